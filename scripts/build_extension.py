@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Build dist/radarsim-VERSION.zip, the extension that Blender 4.3 and later install from disk.
 
-    python scripts/build_extension.py [--out DIR]
+    python scripts/build_extension.py [--out DIR] [--wheels PLATFORM ...]
 
 Built and validated by Blender's own extension tool, which lies in bpy's wheel and needs no Blender
 program. The same sources give the same bytes: entries are sorted and carry one fixed time
-(SOURCE_DATE_EPOCH, else 1980), whoever builds it and wherever.
+(SOURCE_DATE_EPOCH, else 1980), whoever builds it and wherever. With --wheels it builds one zip a
+platform that carries the packages of scripts/extension_wheels.txt, for use without a network.
 
 Exit codes: 0 built and valid, 1 not (the message says why).
 """
@@ -13,8 +14,10 @@ Exit codes: 0 built and valid, 1 not (the message says why).
 from __future__ import annotations
 
 import argparse
+import hashlib
 import importlib.util
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -28,6 +31,12 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "radarsim_addon"
 #: What an extension carries; anything else in the package's folder is not the extension's.
 SUFFIXES = {".py", ".toml", ".json", ".txt", ".csv", ".npz", ".png", ".blend", ".osl", ".typed"}
+#: Platforms whose wheels are all on PyPI, and what their names match.
+PLATFORMS = {
+    "linux-x64": r"manylinux.*_x86_64|none-any",
+    "windows-x64": r"win_amd64|none-any",
+    "macos-arm64": r"macosx.*_arm64|none-any",
+}
 _EPOCH_1980 = 315532800
 
 
@@ -115,35 +124,89 @@ def normalise(source: Path, target: Path) -> None:
     ):
         for name in sorted(n for n in old.namelist() if not n.endswith("/")):
             entry = zipfile.ZipInfo(name, moment)
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            packed = name.endswith(".whl")
+            entry.compress_type = zipfile.ZIP_STORED if packed else zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix, also when built on Windows
             entry.external_attr = 0o100644 << 16
             new.writestr(entry, old.read(name))
     os.replace(temporary, target)
 
 
-def build(out: Path) -> Path:
+def wheels_of(platform: str) -> dict[str, str]:
+    """The wheels that a platform's archive carries: SHA-256 by file name."""
+    lines = (ROOT / "scripts/extension_wheels.txt").read_text(encoding="utf-8").splitlines()
+    listed = (line.split() for line in lines if line and not line.startswith("#"))
+    pattern = re.compile(PLATFORMS[platform])
+    return {name: digest for digest, name in listed if pattern.search(name)}
+
+
+def fetch_wheel(name: str, digest: str) -> Path:
+    """A wheel of the list, downloaded the first time.
+
+    Raises
+    ------
+    BuildError
+        pip cannot download the wheel, or it is not the listed one.
+    """
+    folder = ROOT / ".cache/wheels"
+    path = folder / name
+    if not path.exists():
+        package, version, python, abi, platforms = name.removesuffix(".whl").split("-")
+        number = python.removeprefix("cp").removeprefix("py")
+        words = ["--python-version", f"{number[0]}.{number[1:]}" if number[1:] else "3.13"]
+        for tag in platforms.split("."):
+            words += ["--platform", tag]
+        done = subprocess.run(
+            [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--abi", abi,
+             "--only-binary=:all:", *words, "--dest", str(folder), f"{package}=={version}"],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if not path.exists():
+            raise BuildError(f"pip downloaded no {name}: {(done.stdout + done.stderr)[-500:]}")
+    if hashlib.sha256(path.read_bytes()).hexdigest() != digest:
+        raise BuildError(f"{path} has another SHA-256 than {digest}: remove it, and build again.")
+    return path
+
+
+def add_wheels(stage: Path, platform: str) -> None:
+    """Put a platform's wheels into the staged extension, and name both in its manifest."""
+    wheels = wheels_of(platform)
+    (stage / "wheels").mkdir()
+    for name, digest in wheels.items():
+        shutil.copyfile(fetch_wheel(name, digest), stage / "wheels" / name)
+    path = stage / "blender_manifest.toml"
+    text = re.sub(r"(?m)^platforms = .*$", f'platforms = ["{platform}"]', path.read_text("utf-8"))
+    listed = "".join(f'  "./wheels/{name}",\n' for name in sorted(wheels))
+    path.write_text(text.replace("\n[", f"\nwheels = [\n{listed}]\n\n[", 1), encoding="utf-8")
+
+
+def build(out: Path, platform: str = "") -> Path:
     """Build and validate the extension.
 
     Parameters
     ----------
     out
         Folder for the archive; made when missing.
+    platform
+        The one that the archive is for, with wheels; empty: without wheels, for all.
 
     Returns
     -------
     Path
-        ``out/ID-VERSION.zip``.
+        ``out/ID-VERSION.zip``, or ``out/ID-VERSION-PLATFORM.zip``.
     """
     manifest = read_manifest()
     out.mkdir(parents=True, exist_ok=True)
-    target = out / f"{manifest['id']}-{manifest['version']}.zip"
+    stem = f"{manifest['id']}-{manifest['version']}"
+    target = out / f"{stem}{platform and '-' + platform.replace('-', '_')}.zip"
     with tempfile.TemporaryDirectory(prefix="radarsim-build-") as folder:
         stage = Path(folder) / "source"
         for name in package_files():
             (stage / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(PACKAGE / name, stage / name)
         shutil.copyfile(ROOT / "LICENSE", stage / "LICENSE")
+        if platform:
+            add_wheels(stage, platform)
         raw = Path(folder) / "raw.zip"
         run_tool("build", "--source-dir", str(stage), "--output-filepath", str(raw))
         final = Path(folder) / target.name
@@ -158,13 +221,22 @@ def build(out: Path) -> Path:
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the archive")
+    parser.add_argument(
+        "--wheels", nargs="*", choices=PLATFORMS, metavar="PLATFORM",
+        help=f"build zips with wheels instead, for {', '.join(PLATFORMS)} (without names: all)",
+    )  # fmt: skip
     arguments = parser.parse_args(argv)
+    wanted = [""] if arguments.wheels is None else arguments.wheels or list(PLATFORMS)
     try:
-        target = build(arguments.out)
+        for platform in wanted:
+            target = build(arguments.out, platform)
+            print(f"{target}  ({target.stat().st_size / 1024:.0f} KiB, valid)")
     except (BuildError, OSError) as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 1
-    print(f"{target}  ({target.stat().st_size / 1024:.0f} KiB, valid)")
+    if arguments.wheels is not None:
+        left = sorted(set(read_manifest()["platforms"]) - set(PLATFORMS))  # type: ignore[call-overload]
+        print(f"The plain zip serves {', '.join(left)}: not all wheels exist there.")
     return 0
 
 

@@ -2,9 +2,9 @@
 """The Blender half, and its interface for scripts.
 
 ``add_radar``, ``settings``, ``material``, ``set_clutter``, ``set_clutter_fluctuation``,
-``set_mirror``, ``assign_material``, ``assign_by_name``, ``measure``, ``process``: see
-:mod:`.headless.scripting` and :mod:`.headless.scripting_materials`. They are loaded when they are
-first used: importing this package does not import bpy.
+``set_mirror``, ``set_scattered_lobe``, ``assign_material``, ``assign_by_name``, ``measure``,
+``process``: see :mod:`.headless.scripting` and :mod:`.headless.scripting_materials`. They are
+loaded when they are first used: importing this package does not import bpy.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         set_clutter,
         set_clutter_fluctuation,
         set_mirror,
+        set_scattered_lobe,
     )
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "set_clutter",
     "set_clutter_fluctuation",
     "set_mirror",
+    "set_scattered_lobe",
     "settings",
 ]
 

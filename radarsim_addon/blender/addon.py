@@ -19,11 +19,14 @@ from .ui import (
     operators,
     overlays,
     panels,
+    picking,
+    picture_images,
     preset_menu,
     result_files,
     result_settings,
     results_panel,
     scene_panel,
+    translations,
 )
 from .ui import link_budget_panel as system_panel
 
@@ -33,6 +36,7 @@ CLASSES: tuple[type, ...] = (
     *coverage_operator.CLASSES,
     *preset_menu.CLASSES,
     *results_panel.CLASSES,
+    *picking.CLASSES,
     *result_files.CLASSES,
     *fixes.CLASSES,
     *material_names.CLASSES,
@@ -53,6 +57,7 @@ def register() -> None:
 
     Temporary folders of sessions that have crashed are removed.
     """
+    translations.register_translations()
     rig_settings.register()
     own = session_folder()
     if own is not None:
@@ -64,10 +69,14 @@ def register() -> None:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
     overlays.show_overlays()
+    picture_images.follow_zoom()
+    picking.follow_clicks()
 
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
+    picking.ignore_clicks()
+    picture_images.ignore_zoom()
     overlays.hide_overlays()
     clutter_panel.forget_plots()
     for item in reversed(CLASSES):
@@ -76,3 +85,4 @@ def unregister() -> None:
     result_settings.unregister_results()
     ignore_evaluations()
     rig_settings.unregister()
+    translations.unregister_translations()

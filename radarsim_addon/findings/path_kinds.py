@@ -24,16 +24,18 @@ PATHS = {
     ),
     "clutter-of-several-materials": Kind(
         "caution",
-        "{subjects} have several materials, one of them with a clutter model.",
+        "{subjects} have several materials, one of them with a clutter model or a scattered lobe.",
         "Bistatic echoes and second reflections of their clutter have the albedo towards the "
-        "receiver, not sigma0 of both angles. Backscatter is right.",
-        "Give the surface with the clutter model an object of its own.",
+        "receiver, not sigma0 of both angles. Backscatter of clutter models is right. Scattered "
+        "lobes are Lambert lobes.",
+        "Give the surface with the clutter model or the lobe an object of its own.",
     ),
     "clutter-of-higher-orders": Kind(
         "caution",
         "{fraction:percent} of the received power has more than two reflections, one at least at a "
-        "surface with a clutter model.",
-        "Such paths have the albedo towards the receiver, not sigma0 of both angles.",
+        "surface with a clutter model or a scattered lobe.",
+        "Such paths have the albedo towards the receiver, not sigma0 of both angles, and a Lambert "
+        "lobe in place of a scattered one.",
         "Where they matter, compare with Max reflections of 2.",
     ),
     "clutter-beyond-angles": Kind(
@@ -145,11 +147,12 @@ MIRRORS = {
         "info",
         "{subjects} are mirrors with an RMS height and no slope: paths via these mirrors have the "
         "coherent part of the amplitude.",
-        "The diffuse part of the reflected power is not in the paths via these mirrors. "
+        "The diffuse part of the reflected power is in the paths only if the material has a "
+        "scattered lobe. "
         "A second mirror in a row on the way from the receiver has the reflectance of a smooth "
         "one.",
-        "If the diffuse part matters more than the coherent part, give the surface a correlation "
-        "length too.",
+        "If the diffuse part matters, give the material a scattered lobe: "
+        "radarsim.set_scattered_lobe(material, exponent).",
     ),
     "mirror-curved": Kind(
         "caution",

@@ -29,6 +29,7 @@ from .case import (
     worst_of,
 )
 from .clutter_profiles import level_ground, sea_profile
+from .scattered_lobes import directive_walls, rough_mirrors
 from .scenes import EIRP_W, Plate, acquire, add_plate, lambert, new_scene, wavelength
 
 TABLE = Path(__file__).parents[2] / "tests" / "data" / "clutter.csv"
@@ -260,6 +261,8 @@ GROUP = Group(
         Case("fluctuations", fluctuations, 20.0),
         Case("effective roughness", effective_roughness, 20.0),
         Case("other directions", other_directions, 60.0),
+        Case("directive walls", directive_walls, 60.0),
+        Case("rough mirrors", rough_mirrors, 60.0),
         Case("level ground", level_ground, 30.0),
         Case("sea profile", sea_profile, 30.0),
     ),

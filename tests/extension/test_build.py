@@ -66,6 +66,45 @@ def test_the_same_sources_give_the_same_bytes(
     assert build_extension.build(tmp_path / "dist").read_bytes() == archive.read_bytes()
 
 
+@pytest.mark.parametrize(
+    ("platform", "mark"),
+    [("linux-x64", "x86_64"), ("windows-x64", "win_amd64"), ("macos-arm64", "arm64")],
+)
+def test_wheels_are_of_the_platform_and_for_both_pythons(platform: str, mark: str):
+    found = build_extension.wheels_of(platform)
+    kinds = sorted("-".join((name.split("-")[0], name.split("-")[2])) for name in found)
+    assert kinds == ["finufft-py3", "packaging-py3", "scipy-cp311", "scipy-cp313"]
+    assert all(mark in name for name in found if not name.startswith("packaging"))
+
+
+def test_a_zip_with_wheels_names_them_and_its_platform(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def fetch(name: str, digest: str) -> Path:
+        path = tmp_path / name
+        path.write_bytes(digest.encode())
+        return path
+
+    monkeypatch.setattr(build_extension, "fetch_wheel", fetch)
+    archive = build_extension.build(tmp_path / "dist", "macos-arm64")
+    assert archive.name == f"radarsim-{radarsim_addon.__version__}-macos_arm64.zip"
+    with zipfile.ZipFile(archive) as opened:
+        manifest = tomllib.loads(opened.read("blender_manifest.toml").decode())
+    assert manifest["platforms"] == ["macos-arm64"]
+    listed = {name.removeprefix("./") for name in manifest["wheels"]}
+    assert listed == {f"wheels/{name}" for name in build_extension.wheels_of("macos-arm64")}
+    assert listed <= names(archive)
+
+
+def test_a_wheel_of_another_content_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(build_extension, "ROOT", tmp_path)
+    folder = tmp_path / ".cache/wheels"
+    folder.mkdir(parents=True)
+    (folder / "one-1-py3-none-any.whl").write_bytes(b"changed")
+    with pytest.raises(build_extension.BuildError, match=r"another SHA-256.*remove it"):
+        build_extension.fetch_wheel("one-1-py3-none-any.whl", "0" * 64)
+
+
 def test_a_version_that_differs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     shutil.copytree(build_extension.PACKAGE, tmp_path / "package")
     manifest = tmp_path / "package/blender_manifest.toml"

@@ -154,6 +154,16 @@ def test_the_last_run_is_processed_and_shown(walk: dict[str, Any]):
     assert [name for name in walk["products"] if name.startswith("products/")]
 
 
+def test_a_click_on_a_peak_of_the_map_chooses_its_target(walk: dict[str, Any]):
+    wanted, found = walk["clicked"]
+    assert wanted == found
+
+
+def test_pictures_have_the_size_at_which_they_are_shown(walk: dict[str, Any]):
+    """Blender drops pixels of images that it shows smaller: thin lines become dashed."""
+    assert walk["zoom"] == pytest.approx([1.0, 1.0], abs=2e-3)
+
+
 def test_targets_select_their_objects_and_settings_process_again(walk: dict[str, Any]):
     """A click takes at most 0.2 s of the window's thread, whatever the machine does besides."""
     listed, selected = walk["target"]

@@ -15,6 +15,7 @@ from ..materials import (  # noqa: F401
     set_clutter,
     set_clutter_fluctuation,
     set_mirror,
+    set_scattered_lobe,
 )
 from ..nodes import assign_to
 from ..rig_settings import RADAR_PROPERTY, carrier_hz, migrate_file, register, unregister

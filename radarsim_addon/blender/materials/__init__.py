@@ -17,10 +17,10 @@ from .clutter import (
     clutter_name,
     clutter_of,
     set_clutter,
-    set_clutter_tables,
     table_files,
 )
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
+from .clutter_tables import set_clutter_tables
 from .inside_walls import found_inside, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
@@ -33,7 +33,7 @@ from .mirror_marks import (
     set_mirror,
     set_mirrors,
 )
-from .mirrors import ground_mirror, is_mirror_like, lobe_width, mirror_of
+from .mirrors import LOBE_EXPONENT, ground_mirror, is_mirror_like, lobe_width, mirror_of
 from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
@@ -43,6 +43,7 @@ from .physical_materials import (
     refresh_materials,
     update_materials,
 )
+from .scattered_lobe import ScatteredLobe, scattered_lobe_of, set_scattered_lobe
 from .surface_roughness import is_rough, roughness_of
 from .total_reflection import total_reflections
 from .unrefracted import straight_interiors
@@ -50,9 +51,11 @@ from .wall_modifier import sharpen_edges
 
 __all__ = [
     "EXACT_FACETS",
+    "LOBE_EXPONENT",
     "SURFACE_TYPES",
     "Interiors",
     "MaterialAssignment",
+    "ScatteredLobe",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
@@ -82,6 +85,7 @@ __all__ = [
     "overlapping_shells",
     "refresh_materials",
     "roughness_of",
+    "scattered_lobe_of",
     "separate_averages",
     "set_clutter",
     "set_clutter_fluctuation",
@@ -89,6 +93,7 @@ __all__ = [
     "set_layer_normals",
     "set_mirror",
     "set_mirrors",
+    "set_scattered_lobe",
     "settle_interiors",
     "settle_interiors_far_away",
     "sharpen_edges",

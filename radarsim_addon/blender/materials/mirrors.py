@@ -20,7 +20,9 @@ from .clutter import clutter_of
 from .physical_materials import inputs_at, surface_of
 
 #: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
-_SHARP = 0.0037
+SHARP = 0.0037
+#: Custom property of a material: exponent of its scattered lobe.
+LOBE_EXPONENT = "radarsim_lobe_exponent"
 #: BSDFs with a reflecting lobe of their Roughness.
 _GLOSSY = {
     "ShaderNodeBsdfAnisotropic",
@@ -62,7 +64,7 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
         smooth = roughness <= SMOOTH_BELOW
         return MirrorMaterial(complex(n, kappa), 1.0, True, height_m) if smooth else None
     specularity = group_input(material, SPECULARITY)
-    if specularity is None or specularity.default_value <= 0 or roughness > _SHARP:
+    if specularity is None or specularity.default_value <= 0 or roughness > SHARP:
         return None
     share = float(specularity.default_value)
     return MirrorMaterial(complex(n, kappa), share, False, height_m)
@@ -139,7 +141,7 @@ def is_mirror_like(material: Any) -> bool:
     kind = node.node_tree.get(KIND_PROPERTY)
     if kind == SHEET_KIND:
         return True
-    limit = SMOOTH_BELOW if kind == PHYSICAL_KIND else _SHARP
+    limit = SMOOTH_BELOW if kind == PHYSICAL_KIND else SHARP
     roughness, specularity = (group_input(material, name) for name in (ROUGHNESS, SPECULARITY))
     shiny = specularity is None or specularity.default_value > 0
     return bool(shiny and roughness is not None and roughness.default_value <= limit)
@@ -171,7 +173,7 @@ def _is_sharp(shader: Any) -> bool:
 
     def below(name: str) -> bool:
         socket = shader.inputs[name]
-        return not socket.is_linked and float(socket.default_value) <= _SHARP
+        return not socket.is_linked and float(socket.default_value) <= SHARP
 
     def above_0(name: str) -> bool:
         socket = shader.inputs[name]
@@ -196,6 +198,14 @@ def lobe_width(material: Any) -> float:
         alpha of a Beckmann lobe, sqrt(2) times the RMS slope; infinite for a Lambert surface, 0
         where it is not known.
     """
+    exponent = None if material is None else material.get(LOBE_EXPONENT)
+    if exponent is not None:  # a facet turns the mirrored wave by twice its own angle
+        return min(float(exponent) ** -0.5, _lobe_width(material))
+    return _lobe_width(material)
+
+
+def _lobe_width(material: Any) -> float:
+    """The same without a scattered lobe."""
     node = group_node(material)
     if node is None:
         return _foreign_lobe_width(material)

@@ -32,13 +32,7 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import (
-    Rig,
-    evaluated_poses,
-    instance_name,
-    may_move_at_whole_frames,
-    pose_in_metres,
-)
+from ..scene import Rig, evaluated_poses, instance_name, may_move_at_whole_frames, pose_in_metres
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,

@@ -1,42 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Powers of paths over surfaces with a clutter model: exact where Cycles' lobe is not.
+"""Powers of paths over surfaces whose lobe Cycles does not have: clutter, directive lobes.
 
-The lobe of :mod:`..nodes.clutter_lobe` is exact in backscatter. Into another direction it is a
-Lambert lobe of the albedo that is seen. A vertex with the grazing angles psi_s towards the previous
-vertex (on the receiver's side) and psi_i towards the next one has the weight
-
-    w = (f + sigma_b / (4 pi sin psi_i sin psi_s)) / (f + rho(psi_s) / pi)
-
-with f what the rough interface scatters, and sigma_b = sqrt(sigma0(psi_i) sigma0(psi_s)), which is
-reciprocal. Orders 1 and 2 are weighted at all vertices; of higher ones vertices are unknown.
+Cycles renders a Lambert lobe in place of it, and each vertex there has a weight, see
+:mod:`.surface_lobes`. Orders 1 and 2 are weighted at all vertices; of higher ones vertices are
+unknown.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ...array_types import Indices, Mask, Real
-from ...errors import ConfigError
 from ...findings import Finding, finding
-from ...physics.clutter import ClutterModel
-from ...physics.constants import STANDARD_EARTH_RADIUS_M
-from ...physics.facets import facet_scattering
+from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
 from ...signal.paths import PathRows
 from ...vectors import dots, norms
-from ..materials import EXACT_FACETS, clutter_of
+from ..materials import clutter_of, scattered_lobe_of
 from ..motion import Bodies
 from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
 from ..nodes.group_search import group_input
-from ..nodes.physical_material import EXTINCTION, INDEX, ROUGHNESS, SMOOTH_BELOW
 from .hit_points import HitPoints
+from .rough_mirrors import RoughMirrors
+from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
-#: Cosine between the direction of a mirrored ray and a segment above which a smooth surface has
-#: reflected it like a mirror: 1 minus the square of what Cycles rounds, over 2.
-_MIRRORED = 1 - 1e-9
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
 _ROWS_AT_ONCE = 16384
 #: Rows of a frame from which the findings are told.
@@ -45,25 +33,8 @@ _LOOKED_AT = 4096
 _CURVED_DB = 0.5
 
 
-@dataclass(frozen=True)
-class _Surface:
-    """Of a material with a clutter model: what Cycles renders of it, and its limits."""
-
-    material: str
-    model: ClutterModel
-    table_db: Real
-    index: complex
-    alpha: float
-
-    def sigma0(self, sine: Real) -> Real:
-        """sigma0 as the lobe's table gives it, at sines of grazing angles."""
-        place = np.cbrt(np.arcsin(np.minimum(sine, 1.0)) * 2 / np.pi)
-        known = np.cbrt(table_angles_rad() * 2 / np.pi)
-        return np.asarray(10 ** (np.interp(place, known, self.table_db) / 10))
-
-
 class ClutterWeights:
-    """Weights the rows of a frame whose vertices lie on surfaces with a clutter model.
+    """Weights the rows of a frame whose vertices lie on surfaces with such a lobe.
 
     Parameters
     ----------
@@ -79,22 +50,29 @@ class ClutterWeights:
         self, hits: HitPoints, bodies: Bodies, carrier_hz: float, polarisation: str
     ) -> None:
         self._hits, self._carrier_hz = hits, carrier_hz
-        self._surfaces: list[_Surface] = []
+        wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
+        self._rough = RoughMirrors(hits, bodies, wavelength_m)
+        self._surfaces: list[ClutterLobe | DirectiveLobe] = []
         known: dict[str, int] = {}
         self._several: set[str] = set()
         of_shape = np.zeros(len(bodies.snapshot.shapes), dtype=np.intp)
         for number, shape in enumerate(bodies.snapshot.shapes):
             for material in {one for one in shape.materials if one is not None}:
-                clutter = clutter_of(material)
-                if clutter is None or group_input(material, CLUTTER_ROW) is None:
+                clutter, lobe = clutter_of(material), scattered_lobe_of(material)
+                if group_input(material, CLUTTER_ROW) is None:
+                    clutter = None
+                if clutter is None and lobe is None:
                     continue
                 if len(set(shape.materials)) > 1:
                     self._several.add(shape.original.name_full)
                     continue
                 if material.name_full not in known:
-                    table_db = clutter.sigma0_db(carrier_hz, table_angles_rad(), polarisation)
                     known[material.name_full] = len(self._surfaces) + 1
-                    self._surfaces.append(_surface(material, clutter.model, table_db))
+                    if clutter is not None:
+                        table_db = clutter.sigma0_db(carrier_hz, table_angles_rad(), polarisation)
+                        self._surfaces.append(clutter_lobe(material, clutter.model, table_db))
+                    elif lobe is not None:
+                        self._surfaces.append(DirectiveLobe.of(lobe, polarisation, wavelength_m))
                 of_shape[number] = known[material.name_full]
         #: Number of the surface of each body, from 1; 0: none. Body 0 is unknown.
         self._of_body = np.concatenate([[0], of_shape[bodies.shape]]).astype(np.intp)
@@ -104,13 +82,15 @@ class ClutterWeights:
 
     def apply(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
         """Multiply powers of labelled, refined rows; rays start at `origin_m`, (3,) or (n, 3)."""
+        origins_m = np.broadcast_to(origin_m, (rows.size, 3))
+        self._rough.keep_coherent(rows, origins_m)
         if not self._surfaces:
             return
-        origins_m = np.broadcast_to(origin_m, (rows.size, 3))
+        clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
         for order in (1, 2):
             first, last = (self._of_body[rows[name]] > 0 for name in ("first_body", "last_body"))
             concerned = np.flatnonzero((rows["order"] == order) & (first | last))
-            if order == 1 and np.all(origins_m[concerned] == transmitter_m):
+            if clutter_alone and order == 1 and np.all(origins_m[concerned] == transmitter_m):
                 continue  # backscatter is exact
             for start in range(0, concerned.size, _ROWS_AT_ONCE):
                 part = concerned[start : start + _ROWS_AT_ONCE]
@@ -131,7 +111,7 @@ class ClutterWeights:
     def _weights(
         self, bodies: Indices, vertex_m: Real, before_m: Real, after_m: Real, seen_first: bool
     ) -> Real:
-        """Weights of vertices on bodies between two points, (n,); 1 without a clutter model.
+        """Weights of vertices on bodies between two points, (n,); 1 without such a lobe.
 
         `seen_first`: the receiver sees the vertex itself, and the albedo is not limited.
         """
@@ -149,20 +129,11 @@ class ClutterWeights:
         for number, one in enumerate(self._surfaces, start=1):
             here = np.flatnonzero(surface[chosen] == number)
             n, s, i = normal[here], back[here], onward[here]
-            sine_s, sine_i = dots(n, s), dots(n, i)
-            fits = (sine_s > 0) & (sine_i > 0)  # not through the surface, and with a normal
+            sines = dots(n, s), dots(n, i)
+            fits = (sines[0] > 0) & (sines[1] > 0)  # not through the surface, and with a normal
             if one.alpha == 0:
-                fits &= dots(2 * sine_s[:, None] * n - s, i) < _MIRRORED
-            here, n, s, i = here[fits], n[fits], s[fits], i[fits]
-            sine_s, sine_i = sine_s[fits], sine_i[fits]
-            facets = np.zeros(here.size)
-            if one.alpha > 0:
-                facets = facet_scattering(one.index, one.alpha, n, s, i, EXACT_FACETS)
-            sigma_s, sigma_i = one.sigma0(sine_s), one.sigma0(sine_i)
-            albedo = sigma_s / (4 * sine_s**2)
-            rendered = facets + (albedo if seen_first else np.minimum(albedo, 1.0)) / np.pi
-            true = facets + np.sqrt(sigma_s * sigma_i) / (4 * np.pi * sine_i * sine_s)
-            weight[chosen[here]] = true / rendered
+                fits &= ~is_mirrored(n, s, i)
+            weight[chosen[here[fits]]] = one.weights(n[fits], s[fits], i[fits], seen_first)
         return weight
 
     # -- what to know of the result ----------------------------------------------------------------
@@ -199,7 +170,7 @@ class ClutterWeights:
         range_m = norms(point_m - receiver_m)
         for number, one in enumerate(self._surfaces, start=1):
             mine = (surface == number) & np.isfinite(grazing)
-            if not mine.any():
+            if not isinstance(one, ClutterLobe) or not mine.any():
                 continue
             psi, reach_m = grazing[mine], range_m[mine]
             outside = ~one.model.is_valid(one.model.band_hz[0], psi)
@@ -209,7 +180,7 @@ class ClutterWeights:
         return found
 
 
-def _beyond_angles(one: _Surface, grazing_rad: Real, outside: Mask) -> Finding:
+def _beyond_angles(one: ClutterLobe, grazing_rad: Real, outside: Mask) -> Finding:
     low_deg, high_deg = np.degrees(one.model.grazing_rad)
     return finding(
         "clutter-beyond-angles",
@@ -223,7 +194,7 @@ def _beyond_angles(one: _Surface, grazing_rad: Real, outside: Mask) -> Finding:
     )
 
 
-def _curvature(one: _Surface, grazing_rad: Real, range_m: Real) -> list[Finding]:
+def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Finding]:
     """Find from which range on a level surface would curve away below the ray."""
     curved = np.maximum(grazing_rad - range_m / (2 * STANDARD_EARTH_RADIUS_M), 1e-7)
     error_db = 10 * np.log10(one.sigma0(np.sin(grazing_rad)) / one.sigma0(np.sin(curved)))
@@ -239,24 +210,6 @@ def _curvature(one: _Surface, grazing_rad: Real, range_m: Real) -> list[Finding]
             furthest_m=float(range_m.max()),
         )
     ]
-
-
-def _surface(material: Any, model: ClutterModel, table_db: Real) -> _Surface:
-    def value(name: str) -> float:
-        socket = group_input(material, name)
-        if socket is None:
-            raise ConfigError(
-                f"Material {material.name!r} has a clutter model and a link at {name}, so the "
-                "scattering into other directions is unknown. Remove the link."
-            )
-        return float(socket.default_value)
-
-    roughness = value(ROUGHNESS)
-    index = complex(value(INDEX), value(EXTINCTION))
-    alpha = roughness**2 if roughness > SMOOTH_BELOW else 0.0
-    return _Surface(
-        material.name, model, table_db.astype(np.float32).astype(np.float64), index, alpha
-    )
 
 
 def _unit(vectors: Real) -> Real:

@@ -9,9 +9,7 @@ mirror, and nothing else lies on the way to that point and on from there to the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cache
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,11 +17,10 @@ import numpy as np
 from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding
-from ...physics.mirrors import coherent_reflection
 from ...signal.motion import PathImages
 from ...signal.paths import CURVED_IMAGE_DTYPE, IMAGE_DTYPE, PATH_DTYPE, PathFlag, PathRows
 from ...vectors import are_finite, crosses, distances, dots, norms
-from ..materials import clutter_of, lobe_width, mirror_of
+from ..materials import clutter_of, lobe_width
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
@@ -132,19 +129,15 @@ class MirrorPaths:
         self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
 
     def _read_materials(self, bodies: Bodies) -> None:
-        """Find the lobes and the RMS heights of all bodies."""
+        """Find the lobes of all bodies."""
         materials = [shape.materials for shape in bodies.snapshot.shapes]
         width, clutter = cache(lobe_width), cache(lambda one: clutter_of(one) is not None)
-        height_m = cache(_rms_height_m)
         widths = [min(map(width, every), default=math.inf) for every in materials]
         #: Width of the narrowest lobe by the body's number, from 1; and that of surfaces without a
         #: clutter model, 0 for others.
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
         weighted = np.array([any(map(clutter, every)) for every in materials], dtype=bool)
         self._plain_lobes = np.append(0.0, np.where(weighted, 0.0, widths)[bodies.shape])
-        #: RMS height of slightly rough mirrors by the body's number, from 1; 0: none [m].
-        heights_m = np.array([height_m(tuple(every)) for every in materials], dtype=np.float64)
-        self._heights_m = np.append(0.0, heights_m[bodies.shape])
 
     def _over_mirrors(self, curved: CurvedMirrors, most: int) -> CurvedPaths | None:
         """Paths over curved mirrors; None where they are off, or the antennas are apart."""
@@ -285,10 +278,8 @@ class MirrorPaths:
         because open objects lie on the way [W].
         """
         if self._receiver.kind == "orthographic":
-            self._roughen(rows)
             return rows, 0.0
         rows = rows[~self._seen_directly(rows)]
-        self._roughen(rows)
         images = PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
         if self._back is None:
             through_w = 0.0
@@ -306,19 +297,6 @@ class MirrorPaths:
         _, place, paths = np.unique(every["point"], return_inverse=True, return_counts=True)
         every["point"][paths[place] == 1] = 0
         return every, through_w
-
-    def _roughen(self, rows: PathRows) -> None:
-        """Leave the coherent part of what the receiver sees in slightly rough mirrors."""
-        seen = self._heights_m[rows["first_body"]] > 0
-        seen &= (rows["order"] - rows["mirrors"] > 1) & are_finite(rows["first_scatterer_m"])
-        chosen = np.flatnonzero(seen)
-        bodies, first_m = rows["first_body"][chosen], rows["first_scatterer_m"][chosen]
-        receiver_m = np.broadcast_to(self._receiver_m, first_m.shape)
-        normals = self._hits.normals(bodies, receiver_m, first_m)
-        sine = np.abs(dots(normals, rows["direction"][chosen]))
-        height_m = self._heights_m[bodies]
-        factor = coherent_reflection(height_m, sine, self._wavelength_m) ** 2
-        rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)
 
     def _over_curved(self, curved: CurvedPaths, rows: PathRows) -> tuple[PathRows, float]:
         """Paths to the transmitter over curved mirrors, from the scatterers of direct paths, and
@@ -397,10 +375,3 @@ class MirrorPaths:
         seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
         blocked, through = self._obstacles.block(last_m, ends_m, rows["last_body"])
         return np.asarray(seen & ~blocked & ~through)
-
-
-def _rms_height_m(materials: Sequence[Any]) -> float:
-    """RMS height that all of a body's materials have as mirrors without another lobe; else 0."""
-    mirrors = [None if clutter_of(one) else mirror_of(one) for one in materials]
-    known = {0.0 if one is None or one.share < 1 else one.rms_height_m for one in mirrors}
-    return known.pop() if len(known) == 1 else 0.0

@@ -18,6 +18,7 @@ from ... import contract
 from ...array_types import Indices, Real
 from ...sidecar import file_sha256
 from ..materials import (
+    LOBE_EXPONENT,
     SURFACE_TYPES,
     clutter_name,
     clutter_of,
@@ -374,6 +375,7 @@ def _material_text(material: Any) -> str:
     if material is None or material.node_tree is None:
         return repr(None if material is None else material.name)
     parts = [material.name, *_tree_text(material.node_tree), repr(clutter_of(material))]
+    parts += [repr(material.get(LOBE_EXPONENT))] if LOBE_EXPONENT in material.keys() else []
     parts += [file_sha256(path) for path in table_files(material) if path.is_file()]
     return "\n".join(parts)
 

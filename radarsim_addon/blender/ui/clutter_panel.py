@@ -20,6 +20,7 @@ from ..nodes.group_search import group_input
 from ..rig_settings import MATERIAL_PROPERTY, carrier_hz
 from .fields import wrapped
 from .sigma0_plot import SIDE, draw_sigma0, plot_angles_rad
+from .translations import tr
 
 #: Grazing angles at which the panel gives sigma0 [degrees].
 _SHOWN_DEG = (0.3, 1.0, 3.0, 10.0, 30.0, 60.0)
@@ -68,7 +69,8 @@ class RADARSIM_PT_material_clutter(bpy.types.Panel):
         valid = model.is_valid(carrier, grazing_rad)
         levels = [clutter.sigma0_db(carrier, grazing_rad, side) for side in _SIDES]
         column = layout.column(align=True)
-        column.label(text=f"sigma0 [dB] at {carrier / 1e9:.6g} GHz, HH and VV")
+        text = tr("sigma0 [dB] at {ghz:.6g} GHz, HH and VV", ghz=carrier / 1e9)
+        column.label(text=text)
         # as wide as the panel, in units of a button's height
         units = context.region.width / (20 * context.preferences.system.ui_scale) - 2
         column.template_icon(icon_value=_plot(clutter, carrier), scale=min(max(units, 6.0), 16.0))
@@ -76,7 +78,7 @@ class RADARSIM_PT_material_clutter(bpy.types.Panel):
         for angle, in_range, horizontal, vertical in zip(_SHOWN_DEG, valid, *levels, strict=True):
             text = f"{angle:g}\u00b0:  {horizontal:.1f}   {vertical:.1f}"
             if not in_range:
-                text += "  (outside the model)"
+                text += "  " + tr("(outside the model)")
             column.label(text=text, icon="NONE" if in_range else "ERROR")
 
     def _draw_fluctuation(self, layout: Any, settings: Any) -> None:

@@ -13,8 +13,8 @@ from ...errors import ConfigError, OutputError
 from ...signal.pipeline import write_coverage
 from ..headless import scene_coverage
 from ..plan import CoverageRequest
+from .picture_images import COVERAGE_IMAGE, as_image, show_images
 from .result_pictures import draw_coverage
-from .results import COVERAGE_IMAGE, as_image, show_images
 from .shown_findings import report_findings, reported
 
 

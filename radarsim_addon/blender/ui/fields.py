@@ -69,7 +69,7 @@ def draw_state(panel: Any, text: str) -> None:
     """Draw a panel's state at the right end of its header."""
     row = panel.layout.row()
     row.active = False  # less bright than the panel's name
-    row.label(text=text, translate=False)
+    row.label(text=text)
 
 
 def draw_fields(

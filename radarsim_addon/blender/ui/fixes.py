@@ -17,6 +17,7 @@ from ..plan import Measurement
 from ..rig_settings import set_values, settings
 from ..scene import active_radar
 from .shown_findings import reported
+from .translations import tr
 
 #: Letters of a line of an explanation.
 _LETTERS = 70
@@ -52,18 +53,18 @@ def _values(item: Finding, measurement: Measurement | None) -> tuple[dict[str, A
     if item.code == "scene-beyond-unambiguous-velocity" and measurement is not None:
         prf_hz = numbers["prf_hz"]
         shorter = _shorter_pulse(measurement, prf_hz)
-        label = f"PRF {frequency_text(prf_hz)}"
+        label = tr("PRF {value}", value=frequency_text(prf_hz))
         return ({}, "") if shorter is None else ({"prf_hz": prf_hz, **shorter}, label)
     if item.code == "scene-beyond-range-limits":
         stop_m = float(f"{1.05 * numbers['farthest_m']:.2g}")
-        return {"range_stop_m": stop_m}, f"Stop {length_text(stop_m)}"
+        return {"range_stop_m": stop_m}, tr("Stop {value}", value=length_text(stop_m))
     if item.code == "scene-beyond-unambiguous-range" and numbers.get("limit") == "PRF":
         prf_hz = 299_792_458.0 / (2 * numbers["farthest_m"])
         prf_hz = math.floor(prf_hz / 10 ** (step := math.floor(math.log10(prf_hz)) - 1)) * 10**step
-        return {"prf_hz": float(prf_hz)}, f"PRF {frequency_text(prf_hz)}"
+        return {"prf_hz": float(prf_hz)}, tr("PRF {value}", value=frequency_text(prf_hz))
     if item.code == "ring-step-below-resolution":
         step_m = numbers["range_resolution_m"]
-        return {"ring_step_m": step_m}, f"Step {length_text(step_m)}"
+        return {"ring_step_m": step_m}, tr("Step {value}", value=length_text(step_m))
     return _CONSTANT.get(item.code, ({}, ""))
 
 
@@ -109,7 +110,7 @@ class RADARSIM_OT_set_values(bpy.types.Operator):
     def description(cls, context: Any, properties: Any) -> str:
         values = json.loads(properties.values or "{}")
         texts = (f"{name} = {value}" for name, value in values.items())
-        return f"Set {', '.join(texts)} (SI units)"
+        return tr("Set {values} (SI units)", values=", ".join(texts))
 
     def execute(self, context: Any) -> set[str]:
         with reported(self):

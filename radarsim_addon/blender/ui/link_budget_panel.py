@@ -18,6 +18,7 @@ from ..rig_settings import own_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
 from .fields import ActiveRadarPanel, active_group, draw_fields, draw_state, split, wrapped
 from .shown_findings import reported
+from .translations import tr
 
 
 class RADARSIM_OT_draw_patterns(bpy.types.Operator):
@@ -77,18 +78,18 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         group = active_group(context.scene)
         if not group.use_link_budget:
-            draw_state(self, "light as EIRP")
+            draw_state(self, tr("light as EIRP"))
         elif group.transmitter.kind != "table":  # not read at every redraw
             with contextlib.suppress(RadarSimError):
                 system = scene_system(context.scene)
                 if system is not None:
-                    draw_state(self, f"EIRP {to_db(eirp_w(system)) + 30:.1f} dBm")
+                    draw_state(self, tr("EIRP {dbm:.1f} dBm", dbm=_dbm(eirp_w(system))))
 
     def draw(self, context: Any) -> None:
         layout = split(self.layout)
         group = active_group(context.scene)
         if not group.use_link_budget:
-            text = "The light's power is the EIRP in all directions."
+            text = tr("The light's power is the EIRP in all directions.")
             wrapped(context, layout, text, "INFO")
             return
         draw_fields(layout, group, declared(LinkBudget))
@@ -152,6 +153,10 @@ def eirp_w(system: RadarSystem) -> float:
     return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))
 
 
+def _dbm(watts: float) -> float:
+    return float(to_db(watts)) + 30
+
+
 def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
     """Gains, EIRP, noise, and what 1 m^2 at 1 km brings, at the peaks of both patterns."""
     if system is None:
@@ -165,14 +170,14 @@ def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
         )
     ) / system.loss  # fmt: skip
     found = [
-        f"Peak gains: {to_db(gains[0]):.2f} and {to_db(gains[1]):.2f} dBi",
-        f"EIRP: {eirp_w(system):.4g} W ({to_db(eirp_w(system)) + 30:.2f} dBm)",
-        f"1 m² at 1 km: {to_db(power_w) + 30:.2f} dBm",
+        tr("Peak gains: {one:.2f} and {two:.2f} dBi", one=to_db(gains[0]), two=to_db(gains[1])),
+        tr("EIRP: {watts:.4g} W ({dbm:.2f} dBm)", watts=eirp_w(system), dbm=_dbm(eirp_w(system))),
+        tr("1 m² at 1 km: {dbm:.2f} dBm", dbm=_dbm(power_w)),
     ]
     if noise_w > 0:
         snr = predicted_snr(power_w, radar, system, "hamming", "hamming")
-        found.insert(2, f"Noise: {to_db(noise_w) + 30:.2f} dBm a sample")
-        found.append(f"    in the map: {snr.burst_db:.1f} dB above noise")
+        found.insert(2, tr("Noise: {dbm:.2f} dBm a sample", dbm=_dbm(noise_w)))
+        found.append("    " + tr("in the map: {snr:.1f} dB above noise", snr=snr.burst_db))
     return found
 
 

@@ -18,6 +18,7 @@ from ..nodes.physical_material import EXTINCTION, INDEX
 from ..rig_settings import MATERIAL_PROPERTY, beyond_band, carrier_hz, choose_medium
 from .fields import wrapped
 from .shown_findings import draw_findings
+from .translations import tr
 
 
 class RADARSIM_OT_make_physical(bpy.types.Operator):
@@ -91,18 +92,20 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
-        text = f"n = {values[INDEX]:.5g} + j{values[EXTINCTION]:.4g} at {carrier / 1e9:.6g} GHz"
+        index = f"{values[INDEX]:.5g} + j{values[EXTINCTION]:.4g}"
+        text = tr("n = {index} at {ghz:.6g} GHz", index=index, ghz=carrier / 1e9)
         layout.label(text=text)
         if is_entered(material) and values[EXTINCTION] > 0:
             depth_m = SPEED_OF_LIGHT_MPS / carrier / (4 * math.pi * values[EXTINCTION])
-            layout.label(text=f"Penetration depth (power to 1/e) {depth_m:.3g} m")
+            text = tr("Penetration depth (power to 1/e) {metres:.3g} m", metres=depth_m)
+            layout.label(text=text)
 
     def _draw_surface(self, context: Any, layout: Any, material: Any) -> None:
         surface = pm.surface_of(material)
         if surface is None:
             return
         try:
-            layout.label(text=f"Rms slope {surface.slope:.4g}")
+            layout.label(text=tr("Rms slope {slope:.4g}", slope=surface.slope))
             draw_findings(context, layout, limits_of(material, carrier_hz(context.scene)))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")

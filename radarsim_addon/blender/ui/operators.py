@@ -27,13 +27,15 @@ from ..rig_settings import (
 from ..run import MeasurementJob
 from ..scene import active_radar, setup_rig
 from .interactive import InteractiveRender
+from .picture_images import show_images
 from .placement import radar_pose
 from .preset_menu import preset_choice
 from .result_settings import chosen_processing
-from .results import ProcessingJob, show_images
+from .results import ProcessingJob
 from .shown_findings import findings_text, report_findings, reported
 from .shown_results import show_run
 from .timed_operator import TimedOperator
+from .translations import tr
 
 #: Rays of a run whose time says what a ray costs.
 _MANY_RAYS = 100_000
@@ -164,11 +166,14 @@ class RADARSIM_OT_render_frames(TimedOperator):
     def _conclude(self, context: Any) -> set[str]:
         job, reason = self._run.job, self._run.stop_reason
         if reason:
-            text = f"{job.done} of {job.total} {job.unit} done, {reason}; start again to go on"
+            text = tr(
+                "{done} of {total} {unit} done, {reason}; start again to resume",
+                done=job.done, total=job.total, unit=job.unit, reason=reason,
+            )  # fmt: skip
             self._end(context, text)
             self.report({"WARNING"}, text)
             return {"CANCELLED"}
-        text = f"{job.total} {job.unit} in {job.folder}"
+        text = tr("{total} {unit} in {folder}", total=job.total, unit=job.unit, folder=job.folder)
         if job.summary:
             text = f"{job.summary}. {text}"
         # Some is known only at the end: what was left out, what was not met by any ray.

@@ -35,6 +35,7 @@ from .overlay_lines import (
 )
 from .scene_reading import current_measurement, rig_of, scene_record
 from .shown_results import chosen_target
+from .translations import tr
 
 #: Colours that are readable on light and dark themes (Okabe and Ito), with their opacity.
 _COLOURS = {
@@ -96,7 +97,7 @@ def overlay_lines(context: Any) -> tuple[list[Lines], list[tuple[Label, Any]]]:
         limit_m = measurement.radar.unambiguous_range_m
         ends = segments(arc(limit_m, half_angle))
         found.append(Lines("unambiguous", ends, receiver))
-        text = f"{length_text(float(f'{limit_m:.3g}'))} unambiguous"
+        text = tr("{range} unambiguous", range=length_text(float(f"{limit_m:.3g}")))
         labels.append((Label((0.0, 0.0, -limit_m), text), receiver))
     if shown.overlay_velocities and record is not None:
         world = Matrix.Scale(1 / metres, 4)
@@ -123,8 +124,12 @@ def overlay_lines(context: Any) -> tuple[list[Lines], list[tuple[Label, Any]]]:
 def _cell_at(place: Real, radar: Any, half_angle: float) -> tuple[Real, Label]:
     """Outline of the range cell around a place in the receiver's axes, and what it measures [m]."""
     thick_m = radar.waveform.range_resolution_m
-    text = f"{length_text(float(f'{np.linalg.norm(place):.4g}'))}: cell "
-    text += f"{length_text(float(f'{thick_m:.3g}'))} x {radar.velocity_resolution_mps:.3g} m/s"
+    text = tr(
+        "{range}: cell {thickness} x {rate:.3g} m/s",
+        range=length_text(float(f"{np.linalg.norm(place):.4g}")),
+        thickness=length_text(float(f"{thick_m:.3g}")),
+        rate=radar.velocity_resolution_mps,
+    )
     return range_cell(place, thick_m, half_angle), Label(tuple(place), text)
 
 

@@ -36,6 +36,7 @@ from .results_panel import RADARSIM_PT_results
 from .scene_panel import draw_rows
 from .scene_reading import current_measurement, rig_of, scene_record
 from .shown_findings import read_findings
+from .translations import tr
 
 #: Time beyond which a run is called long [s].
 _LONG_S = 900.0
@@ -142,15 +143,15 @@ def _derived(measurement: Measurement) -> dict[str, list[tuple[str, str]]]:
     """Derived numbers (name, value) by the setting that they stand below."""
     radar = measurement.radar
     waveform = radar.waveform
-    resolution = [("Resolution", _length(waveform.range_resolution_m))]
-    longest = [("Longest Range", _length(radar.unambiguous_range_m))]
+    resolution = [(tr("Resolution"), _length(waveform.range_resolution_m))]
+    longest = [(tr("Longest Range"), _length(radar.unambiguous_range_m))]
     speed = f"±{radar.max_unambiguous_velocity_mps:.4g} m/s"
     burst_ms = radar.burst.pulses / radar.burst.prf_hz * 1e3
     found = {
-        "prf_hz": [("Unambiguous", speed)],
+        "prf_hz": [(tr("Unambiguous"), speed)],
         "pulses": [
-            ("Resolution", f"{radar.velocity_resolution_mps:.3g} m/s"),
-            ("Burst", f"{burst_ms:.4g} ms"),
+            (tr("Resolution"), f"{radar.velocity_resolution_mps:.3g} m/s"),
+            (tr("Burst"), f"{burst_ms:.4g} ms"),
         ],
     }
     below = {
@@ -215,17 +216,19 @@ def _effort(context: Any, measurement: Measurement) -> tuple[str, bool]:
             if not rings and record is not None:
                 rings = automatic_rings(measurement.ring_step_m, record.extent)
             if not rings:
-                return f"{measurement.renders(1)} renders a ring", False
-            return f"{measurement.renders(rings)} renders, {rings} rings", False
+                return tr("{count} renders a ring", count=measurement.renders(1)), False
+            count = measurement.renders(rings)
+            return tr("{count} renders, {rings} rings", count=count, rings=rings), False
         options = read_path_options(active_radar(context.scene))
     except RadarSimError:
-        return "cannot measure", False
+        return tr("cannot measure"), False
     rays = measurement.width_px * measurement.height_px * options.replicates
     per_ray_s = getattr(context.window_manager, PROGRESS_PROPERTY).seconds_per_ray
     looks = len(measurement.frames) * options.visibility_updates
     seconds = looks * (_FRAME_S + rays * options.max_reflections * per_ray_s)
-    words = "at least" if options.refines else "about"
-    return f"{words} {time_text(seconds)}", seconds > _LONG_S
+    text = time_text(seconds)
+    text = tr("at least {time}", time=text) if options.refines else tr("about {time}", time=text)
+    return text, seconds > _LONG_S
 
 
 def time_text(seconds: float) -> str:
@@ -240,7 +243,8 @@ def _draw_progress(context: Any, layout: Any, measurement: Measurement | None) -
     """How far the run is, and its findings."""
     progress = getattr(context.window_manager, PROGRESS_PROPERTY)
     if progress.running:
-        layout.progress(factor=progress.fraction, text=f"{progress.fraction * 100:.0f} %")
+        percent = tr("{percent:.0f} %", percent=progress.fraction * 100)
+        layout.progress(factor=progress.fraction, text=percent)
         layout.label(text=progress.text, translate=False)
         layout.label(text="Esc stops", icon="EVENT_ESC")
     elif progress.text:

@@ -11,12 +11,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real, Single
+from .smooth_lines import FINE, draw_curve
 
 #: Size of the pictures, and margins around the axes for numbers and labels [px].
 WIDTH, HEIGHT = 1200, 800
@@ -30,6 +31,7 @@ _MARK = (0.90, 0.45, 0.0)
 _CHOSEN = (1.0, 1.0, 1.0)
 #: Levels up to this one stand for a power of 0 [dB].
 _NOTHING_DB = -299.0
+_Value = TypeVar("_Value", float, Real)
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,8 @@ def _atlas() -> _Atlas:
 def picture_palette() -> Single:
     """Return at most 256 colours that pictures consist of, (colours, 3), from 0 to 1."""
     greys = np.repeat(np.linspace(_INK[0], 1, 24)[:, None], 3, axis=1)
-    lines = [colour + t * (1 - np.array(colour)) for colour in (_LINE, _MARK) for t in (0, 0.5)]
+    shades = (_LINE, (0, 0.2, 0.4, 0.6, 0.8)), (_MARK, (0, 0.35, 0.7))
+    lines = [colour + t * (1 - np.array(colour)) for colour, parts in shades for t in parts]
     return np.concatenate(
         [_atlas().viridis[np.linspace(0, 255, 224).round().astype(np.intp)], greys, lines]
     )
@@ -148,9 +151,11 @@ class Axes:
     y_high: float
 
     def column(self, x: float) -> float:
+        """Place of a value in the picture [px]."""
         return LEFT + (x - self.x_low) / (self.x_high - self.x_low) * (WIDTH - LEFT - RIGHT - 1)
 
-    def row(self, y: float) -> float:
+    def row(self, y: _Value) -> _Value:
+        """Place of a value, or of an array of them, in the picture [px]."""
         return HEIGHT - BOTTOM - 1 - (y - self.y_low) / (self.y_high - self.y_low) * _area_height()
 
 
@@ -374,18 +379,14 @@ def draw_profile(
 
 
 def _curve(canvas: Single, axes: Axes, level_db: Real) -> None:
-    """Draw a line through evenly spaced values: in each column from the minimum to the maximum."""
+    """Draw a line through evenly spaced values; of more values than columns the peaks remain."""
     columns = WIDTH - LEFT - RIGHT
-    fine = np.interp(
-        np.linspace(0, level_db.size - 1, columns * 8), np.arange(level_db.size), level_db
-    )
-    if level_db.size > columns:  # keep peaks between the columns
-        coarse = resample_max(level_db, columns, 0)
-        fine = np.maximum(fine, np.repeat(coarse, 8))
-    groups = fine.reshape(columns, 8)
-    # Adjacent columns have a common value, so that steep slopes have no gaps.
-    high = np.maximum(groups.max(axis=1), np.append(groups[1:, 0], groups[-1, -1]))
-    low = np.minimum(groups.min(axis=1), np.append(groups[1:, 0], groups[-1, -1]))
-    for column in range(columns):
-        top, bottom = round(axes.row(high[column])), round(axes.row(low[column]))
-        canvas[top - 1 : bottom + 2, LEFT + column : LEFT + column + 2] = _LINE
+    if level_db.size > columns:
+        level_db = resample_max(level_db, columns, 0)
+    # Limits of the axes are at the centres of the outer pixels, values amid their cells.
+    cell_px = (columns - 1) / level_db.size
+    at_px = 0.5 + cell_px * (np.arange(level_db.size) + 0.5)
+    rows = axes.row(level_db) + 0.5 - TOP
+    fine_px = (np.arange(columns * FINE) + 0.5) / FINE
+    area = canvas[TOP : HEIGHT - BOTTOM, LEFT : WIDTH - RIGHT]
+    draw_curve(area, np.interp(fine_px, at_px, rows), _LINE)

@@ -1,21 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that write the pictures of a run into files: one picture, or all frames as a GIF."""
+"""Operators that write the pictures of a run: one as PNG, all frames as GIF or MP4."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import bpy
 from bpy_extras.io_utils import ExportHelper
 
+from ...array_types import Single
 from ...atomic_files import replaced
 from ...errors import OutputError
 from .gif_file import GifWriter
+from .movie_file import MovieWriter
+from .picture_images import save_picture
 from .pictures import HEIGHT, WIDTH, picture_palette
 from .result_pictures import KINDS
-from .results import as_image
 from .shown_findings import reported
 from .shown_results import RESULTS_PROPERTY, picture_of, shown_run, shown_view
 
@@ -61,25 +63,26 @@ class RADARSIM_OT_save_picture(_PictureFile, bpy.types.Operator):
                 raise OutputError(
                     f"There is no {kind.label.lower()} of this frame yet. Press Process Last Run."
                 )
-            image, path = as_image(kind.image, pixels), self.path()
-            image.file_format = "PNG"
-            try:
-                image.save(filepath=str(path), save_copy=True)
-            except RuntimeError as error:
-                raise OutputError(f"{path} cannot be written: {error}") from error
+            path = self.path()
+            save_picture(pixels, path)
             self.report({"INFO"}, f"Saved {path}")
             return {"FINISHED"}
         return {"CANCELLED"}
 
 
 class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
-    """Save the chosen picture of all frames as an animated GIF, each for the time set here [s]"""
+    """Save the chosen picture of all frames as an animated GIF or as an MP4 movie"""
 
     bl_idname = "radarsim.save_animation"
     bl_label = "Save Radar Animation"
     bl_options = {"REGISTER"}
     filename_ext = ".gif"
 
+    movie: bpy.props.BoolProperty(
+        name="MP4",
+        default=False,
+        description="Write a movie by Blender's FFmpeg. Off: a GIF that repeats",
+    )
     seconds: bpy.props.FloatProperty(
         name="Time per Frame [s]",
         default=0.2,
@@ -87,6 +90,14 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
         max=10.0,
         description="Set how long each frame is shown [s]",
     )
+
+    def check(self, context: Any) -> bool:
+        """Follow the choice of the format in the dialog."""
+        before, ending = self.filepath, ".mp4" if self.movie else ".gif"
+        self.filename_ext = ending
+        if Path(before).suffix.lower() in (".mp4", ".gif"):
+            self.filepath = str(Path(before).with_suffix(ending))
+        return self.filepath != before
 
     _timer: Any = None
     _steps: Generator[float, None, None]
@@ -132,9 +143,9 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
         frames = sorted(run.frames)
         if name in _OF_ALL_FRAMES:
             frames = frames[:1]
-        with replaced(path) as temporary, open(temporary, "wb") as stream:
-            writer = GifWriter(stream, WIDTH, HEIGHT, picture_palette(), self.seconds)
-            for done, frame in enumerate(frames):
+
+        def pictures() -> Iterator[Single]:
+            for frame in frames:
                 if shown_run() is not run:
                     raise OutputError("The run was processed again meanwhile; save it again.")
                 picture = picture_of(context, KINDS[name], frame)
@@ -142,10 +153,34 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
                     raise OutputError(
                         f"Frame {frame} has no {KINDS[name].label.lower()}. Press Process Last Run."
                     )
-                for _ in writer.add(picture):
-                    yield done / len(frames)
-            writer.close()
+                yield picture
+
+        write = _write_mp4 if path.suffix.lower() == ".mp4" else _write_gif
+        with replaced(path) as temporary:
+            for done in write(temporary, pictures(), self.seconds):
+                yield done / len(frames)
         self.report({"INFO"}, f"Saved {path}: {len(frames)} frames")
+
+
+def _write_gif(path: Path, pictures: Iterable[Single], seconds: float) -> Iterator[int]:
+    """Write an animation in short steps; yield the number of finished pictures."""
+    with open(path, "wb") as stream:
+        writer = GifWriter(stream, WIDTH, HEIGHT, picture_palette(), seconds)
+        for done, picture in enumerate(pictures):
+            for _ in writer.add(picture):
+                yield done
+        writer.close()
+
+
+def _write_mp4(path: Path, pictures: Iterable[Single], seconds: float) -> Iterator[int]:
+    """Write a movie in short steps; yield the number of finished pictures."""
+    done = 0
+    with MovieWriter(path, seconds) as writer:
+        for done, picture in enumerate(pictures):
+            for _ in writer.add(picture):
+                yield done
+        for _ in writer.close():
+            yield done
 
 
 CLASSES: tuple[type, ...] = (RADARSIM_OT_save_picture, RADARSIM_OT_save_animation)

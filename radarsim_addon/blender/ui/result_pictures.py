@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -63,14 +64,9 @@ def profile_of(view: FrameView) -> FrameProfile:
 
 def _map(shown: Shown) -> Single:
     view, arrays = shown.view, shown.view.arrays
-    per_mps = -2 / view.wavelength_m
-    marks = [
-        Mark(item["map_velocity_mps"] * per_mps, item["map_range_m"])
-        for item in view.detections or ()
-    ]
+    marks = [_mark(view, item) for item in view.detections or ()]
     if shown.chosen is not None:
-        place = shown.chosen["map_velocity_mps"] * per_mps, shown.chosen["map_range_m"]
-        marks.append(Mark(*place, chosen=True))
+        marks.append(_mark(view, shown.chosen)._replace(chosen=True))
     return draw_map(
         arrays["map_range_m"],
         arrays["map_doppler_hz"],
@@ -81,6 +77,41 @@ def _map(shown: Shown) -> Single:
         shown.span_db,
         marks,
     )
+
+
+def _mark(view: FrameView, item: Target) -> Mark:
+    """Place of a target in the map."""
+    return Mark(-2 * item["map_velocity_mps"] / view.wavelength_m, item["map_range_m"])
+
+
+def nearest_target(kind: str, view: FrameView, x_px: float, y_px: float) -> tuple[int, float]:
+    """Return the target next to a place in a picture, and how far away it is drawn.
+
+    Parameters
+    ----------
+    kind
+        "MAP" or "PROFILE", whose targets have one range and no height.
+    view
+        The frame that is shown.
+    x_px, y_px
+        Place from the left and the upper edge [px].
+
+    Returns
+    -------
+    tuple
+        Row of the list of targets, -1 without any, and distance [px].
+    """
+    arrays = view.arrays
+    ranges = cell_edges(arrays["profile_range_m" if kind == "PROFILE" else "map_range_m"])
+    if kind == "PROFILE":
+        across = Axes(*ranges, 0.0, 1.0)
+        away = [abs(across.column(item["range_m"]) - x_px) for item in view.targets]
+    else:
+        axes = Axes(*cell_edges(arrays["map_doppler_hz"]), *ranges)
+        marks = [_mark(view, item) for item in view.targets]
+        away = [math.hypot(axes.column(m.x) - x_px, axes.row(m.y) - y_px) for m in marks]
+    row = int(np.argmin(away)) if away else -1
+    return row, away[row] if away else math.inf
 
 
 def _profile(shown: Shown) -> Single:

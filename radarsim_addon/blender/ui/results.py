@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Process a run inside Blender, and show its pictures as Blender images."""
+"""Process a run inside Blender, in a process of its own where there is a window."""
 
 from __future__ import annotations
 
@@ -16,24 +16,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import bpy
-import numpy as np
-
 from ... import contract, errors
-from ...array_types import Single
 from ...errors import OutputError
 from ...findings import Finding, from_json
 from ...processes import own_folder
 from .frame_views import FrameView, read_view
 from .processing_worker import processing_records
-from .result_pictures import KINDS, FrameProfile, profile_of
-
-COVERAGE_IMAGE = "Radar coverage"
-#: Names of the images of all kinds of pictures.
-_IMAGES = {COVERAGE_IMAGE, *(kind.image for kind in KINDS.values())}
-#: Maximum number of attempts to fit the view of a new editor.
-_MAX_FITS = 30
-_FIT_INTERVAL_S = 0.3
+from .result_pictures import FrameProfile, profile_of
 
 
 @dataclass
@@ -157,84 +146,3 @@ def _copy(stream: Iterable[str], lines: queue.SimpleQueue[str]) -> None:
 def _python() -> str | None:
     """The Python that Blender brings; None where it names another program."""
     return sys.executable if "python" in Path(sys.executable or "").name.lower() else None
-
-
-def as_image(name: str, picture: Single) -> Any:
-    """Return a Blender image with these pixels, packed into the file; one of the name is reused.
-
-    picture: sRGB values in 0 to 1, shape (height, width, 3), top row first.
-    """
-    height, width = picture.shape[:2]
-    image = bpy.data.images.get(name)
-    if image is not None and tuple(image.size) != (width, height):
-        bpy.data.images.remove(image)
-        image = None
-    if image is None:
-        image = bpy.data.images.new(name, width, height, alpha=False)
-    pixels = np.ones((height, width, 4), dtype=np.float32)
-    pixels[:, :, :3] = picture[::-1]  # Blender's rows go up
-    image.pixels.foreach_set(pixels.ravel())
-    image.update()
-    image.pack()
-    return image
-
-
-def _image_editors(context: Any, window: Any, count: int) -> list[Any]:
-    """Split the largest area of a window into Image Editors."""
-    area = max(window.screen.areas, key=lambda item: item.width * item.height)
-    area.type = "IMAGE_EDITOR"
-    if count > 1:
-        known = set(window.screen.areas)
-        with context.temp_override(window=window, area=area, region=area.regions[-1]):
-            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
-        return [area, *(item for item in window.screen.areas if item not in known)]
-    return [area]
-
-
-def show_images(context: Any, images: list[Any]) -> None:
-    """Show images in the open Image Editors; without one, in a new window."""
-    editors = [
-        area
-        for window in context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "IMAGE_EDITOR"
-    ]
-    if not editors and images:
-        before = list(context.window_manager.windows)
-        bpy.ops.wm.window_new()
-        new = [window for window in context.window_manager.windows if window not in before]
-        if new:
-            editors = _image_editors(context, new[0], len(images))
-    for area, image in zip(editors, images, strict=False):
-        area.spaces.active.image = image
-    if not bpy.app.background:
-        left = [_MAX_FITS]
-
-        def fit() -> float | None:
-            left[0] -= 1
-            return None if _fit_images() or not left[0] else _FIT_INTERVAL_S
-
-        # The size of a new editor is known after it was drawn.
-        bpy.app.timers.register(fit, first_interval=_FIT_INTERVAL_S)
-
-
-def _fit_images() -> bool:
-    """Fit the view of all editors with our images; return whether all views fitted before."""
-    fitted = True
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            space = area.spaces.active
-            image = space.image if area.type == "IMAGE_EDITOR" else None
-            if image is None or image.name not in _IMAGES:
-                continue
-            region = next(item for item in area.regions if item.type == "WINDOW")
-            room = min(region.width / image.size[0], region.height / image.size[1])
-            if space.zoom[0] <= room:
-                continue
-            fitted = False
-            with bpy.context.temp_override(
-                window=window, screen=window.screen, area=area, region=region
-            ):
-                bpy.ops.image.view_all(fit_view=True)
-            area.tag_redraw()
-    return fitted

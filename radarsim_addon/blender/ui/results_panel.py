@@ -19,6 +19,7 @@ from .shown_results import (
     shown_run,
     shown_view,
 )
+from .translations import tr
 
 
 class RADARSIM_OT_select_target(bpy.types.Operator):
@@ -35,21 +36,25 @@ class RADARSIM_OT_select_target(bpy.types.Operator):
         return shown_view() is not None
 
     def execute(self, context: Any) -> set[str]:
-        target = choose_row(context, self.row)
-        if target is None:
+        if choose_row(context, self.row) is None:
             self.report({"ERROR"}, f"The list of targets has no row {self.row}.")
             return {"CANCELLED"}
-        item = _object_of(context, target)
-        if item is None:
-            name = target["name"]
-            said = f"{name!r} is not in this view layer" if name else "No object is known there"
-            self.report({"INFO"}, f"{said}; the target is marked in the map.")
-            return {"FINISHED"}
-        for other in context.selected_objects:
-            other.select_set(False)
-        item.select_set(True)
-        context.view_layer.objects.active = item
+        select_chosen(self, context)
         return {"FINISHED"}
+
+
+def select_chosen(operator: Any, context: Any) -> None:
+    """Select the object of the chosen target; an operator's report where that is not possible."""
+    target = chosen_target()
+    item = None if target is None else _object_of(context, target)
+    if item is None:
+        name = "" if target is None else target["name"]
+        said = f"{name!r} is not in this view layer" if name else "No object is known there"
+        operator.report({"INFO"}, f"{said}; the target is marked in the map.")
+        return
+    for other in context.view_layer.objects:
+        other.select_set(other == item)
+    context.view_layer.objects.active = item
 
 
 def _object_of(context: Any, target: Target) -> Any:
@@ -101,7 +106,9 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         view = shown_view()
         if view is not None:
-            draw_state(self, f"frame {view.frame}, {len(view.targets)} targets")
+            draw_state(
+                self, tr("frame {n}, {count} targets", n=view.frame, count=len(view.targets))
+            )
 
     def draw(self, context: Any) -> None:
         layout = split(self.layout)
@@ -158,11 +165,12 @@ def _draw_chosen(layout: Any) -> None:
     if target is None:
         return
     column = layout.column(align=True)
-    draw_number(column, "Target", target["name"] or "no object known")
+    draw_number(column, "Target", target["name"] or tr("no object known"))
     draw_number(column, "Range", f"{target['range_m']:.5g} m")
     draw_number(column, "Range Rate", f"{target['velocity_mps'] + 0.0:+.4g} m/s")
     for label, key, unit in (
-        ("Power", "power_dbm", "dBm"), ("RCS", "rcs_dbsm", "dBsm"), ("SNR in Map", "snr_db", "dB")
+        (tr("Power"), "power_dbm", "dBm"), (tr("RCS"), "rcs_dbsm", "dBsm"),
+        (tr("SNR in Map"), "snr_db", "dB"),
     ):  # fmt: skip
         value = target[key]  # type: ignore[literal-required]
         if value is not None:

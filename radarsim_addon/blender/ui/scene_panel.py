@@ -34,6 +34,7 @@ from .fixes import fixes_of
 from .material_names import draw_suggestions
 from .scene_reading import SceneRecord, current_measurement, quick_findings, scene_record
 from .shown_findings import ICONS, findings_text, read_findings, report_findings, reported
+from .translations import tr
 
 
 class RADARSIM_OT_check_scene(bpy.types.Operator):
@@ -89,7 +90,7 @@ def draw_rows(layout: Any, findings: Iterable[Finding], measurement: Measurement
     """Draw findings: a line of a few words, and buttons that fix, select and explain."""
     for item in findings:
         column = layout.column(align=True)
-        column.label(text=_title(item), icon=ICONS[item.severity])
+        column.label(text=title_of(item.code), icon=ICONS[item.severity])
         for fix in fixes_of(item, measurement):
             button = column.operator(fix.operator, text=fix.label, icon="MODIFIER")
             for name, value in fix.values.items():
@@ -108,9 +109,9 @@ def draw_rows(layout: Any, findings: Iterable[Finding], measurement: Measurement
         button.code, button.message = item.code, item.message
 
 
-def _title(item: Finding) -> str:
-    """A few words that a sidebar has room for: the code's own."""
-    return item.code.removeprefix("scene-").replace("-", " ").capitalize()
+def title_of(code: str) -> str:
+    """Return a few words for a finding that a sidebar has room for: its code's own."""
+    return code.removeprefix("scene-").replace("-", " ").capitalize()
 
 
 def _all_known(context: Any) -> tuple[Measurement | None, SceneRecord | None, str]:
@@ -122,6 +123,13 @@ def _all_known(context: Any) -> tuple[Measurement | None, SceneRecord | None, st
         return None, None, str(error)
 
 
+def _count_text(kind: str, n: int) -> str:
+    """How many findings of a severity there are."""
+    if kind == "error":
+        return tr("1 error") if n == 1 else tr("{n} errors", n=n)
+    return tr("1 caution") if n == 1 else tr("{n} cautions", n=n)
+
+
 class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Scene"
     bl_idname = "RADARSIM_PT_scene"
@@ -129,12 +137,12 @@ class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         measurement, record, _ = _all_known(context)
         if measurement is None:
-            draw_state(self, "cannot measure")
+            draw_state(self, tr("cannot measure"))
             return
         found = known_findings(context, measurement, record)
         counts = {kind: sum(i.severity == kind for i in found) for kind in ("error", "caution")}
-        texts = [f"{n} {kind}{'s' if n > 1 else ''}" for kind, n in counts.items() if n]
-        draw_state(self, ", ".join(texts) or "ok")
+        texts = [_count_text(kind, n) for kind, n in counts.items() if n]
+        draw_state(self, ", ".join(texts) or tr("ok"))
 
     def draw(self, context: Any) -> None:
         layout = self.layout
@@ -148,7 +156,10 @@ class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
             layout.label(text="No object has a surface", icon="ERROR")
         else:
             ready = record.echoing == record.surfaces
-            text = f"{record.echoing} of {record.surfaces} objects have radar materials"
+            text = tr(
+                "{count} of {total} objects have radar materials",
+                count=record.echoing, total=record.surfaces,
+            )  # fmt: skip
             icon = "CHECKMARK" if ready else "INFO"
             layout.label(text=text, icon=icon, translate=False)
         draw_rows(layout, known_findings(context, measurement, record), measurement)
@@ -164,7 +175,7 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         item = context.active_object
         if item is not None and item.type == "MESH":
-            known = "Radar Material" if echoes(item) else "no Radar Material"
+            known = tr("Radar Material") if echoes(item) else tr("no Radar Material")
             draw_state(self, f"{item.name}: {known}")
 
     def draw(self, context: Any) -> None:
@@ -191,9 +202,9 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
             weather = settings(active_radar(context.scene)).record(Weather)
             taken = _attenuation_db_per_km(weather, carrier_hz(context.scene))
         except RadarSimError:
-            draw_state(self, "beyond the models")
+            draw_state(self, tr("beyond the models"))
             return
-        draw_state(self, f"{taken:.3g} dB/km" if taken else "clear")
+        draw_state(self, f"{taken:.3g} dB/km" if taken else tr("clear"))
 
     def draw(self, context: Any) -> None:
         layout, group = split(self.layout), active_group(context.scene)

@@ -11,8 +11,9 @@ import bpy
 
 from ...array_types import Single
 from .frame_views import FrameView, Target
+from .picture_images import as_image, put_image, show_images
 from .result_pictures import KINDS, Kind, Shown
-from .results import ProcessedRun, as_image, show_images
+from .results import ProcessedRun
 from .scene_reading import redraw_panels
 
 #: Where the state of the tab's results hangs on the window manager.
@@ -150,7 +151,7 @@ def show_picture(context: Any, name: str) -> None:
     if not editors:
         show_images(context, images)
     elif not any(area.spaces.active.image == images[0] for area in editors):
-        editors[0].spaces.active.image = images[0]
+        put_image(editors[0], images[0])
 
 
 def choose_row(context: Any, row: int) -> Target | None:

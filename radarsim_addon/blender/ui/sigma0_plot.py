@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Mask, Real, Single
 from .pictures import nice_ticks, text_mask
+from .smooth_lines import FINE, draw_curve
 
 #: Size of the picture and its margins [px]: an icon is as wide as it is high.
 SIDE = 320
@@ -52,13 +53,12 @@ def draw_sigma0(levels_db: Real, valid: Mask) -> Single:
     least_db = max(float(levels_db.min()), top_db - _SPAN_DB)
     bottom_db = min(10.0 * math.floor(least_db / 10), top_db - 10)
 
-    def row(level_db: Real) -> NDArray[np.intp]:
+    def row(level_db: Real) -> Real:
         clipped = np.clip(level_db, bottom_db, top_db)
-        part = (top_db - clipped) / (top_db - bottom_db)
-        return np.asarray(np.rint(part * (rows - 1)), dtype=np.intp)
+        return np.asarray((top_db - clipped) / (top_db - bottom_db) * (rows - 1))
 
     for level_db in nice_ticks(bottom_db, top_db, 5):
-        place = int(row(np.array(level_db)))
+        place = round(float(row(np.array(level_db))))
         area[place] = _GRID
         mask = text_mask(f"{level_db:g}".replace("-", "\u2212"))
         _put(canvas, mask, LEFT - 6 - mask.shape[1], TOP + place - mask.shape[0] // 2)
@@ -69,10 +69,8 @@ def draw_sigma0(levels_db: Real, valid: Mask) -> Single:
         mask = text_mask(f"{angle_deg:g}\u00b0")
         _put(canvas, mask, LEFT + place - mask.shape[1] // 2, SIDE - BOTTOM + 5)
     for levels, colour in zip(levels_db, COLOURS, strict=True):
-        ends = row(levels)
-        ahead = np.append(ends[1:], ends[-1])
-        for column, (one, other) in enumerate(zip(ends.tolist(), ahead.tolist(), strict=True)):
-            area[max(min(one, other) - 1, 0) : max(one, other) + 1, column] = colour
+        at = (np.arange(columns * FINE) + 0.5) / FINE - 0.5
+        draw_curve(area, np.interp(at, np.arange(columns), row(levels)) + 0.5, colour)
     return canvas
 
 

@@ -12,6 +12,7 @@ from ...findings import Finding
 from ..rig_settings import PROGRESS_PROPERTY
 from .scene_reading import redraw_panels
 from .shown_findings import findings_text, reported
+from .translations import tr
 
 #: Seconds between two looks at a running job.
 _TICK_S = 0.01
@@ -41,7 +42,7 @@ class TimedOperator(bpy.types.Operator):
                 progress.running = True
                 context.window_manager.modal_handler_add(self)
             except BaseException:
-                self._end(context, "Failed")
+                self._end(context, tr("Failed"))
                 raise
             return {"RUNNING_MODAL"}
         return {"CANCELLED"}
@@ -54,11 +55,11 @@ class TimedOperator(bpy.types.Operator):
         try:
             ended = self._tick()
         except RadarSimError as error:
-            self._end(context, f"Failed: {error}")
+            self._end(context, tr("Failed: {error}", error=error))
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         except BaseException:
-            self._end(context, "Failed")
+            self._end(context, tr("Failed"))
             raise
         if ended:
             return self._conclude(context)
@@ -67,7 +68,7 @@ class TimedOperator(bpy.types.Operator):
 
     def cancel(self, context: Any) -> None:
         """Blender closes the window or loads another file."""
-        self._end(context, "Stopped; start again to go on")
+        self._end(context, tr("Stopped; start again to resume"))
 
     def execute(self, context: Any) -> set[str]:
         """Do all of it at once."""
@@ -97,7 +98,7 @@ class TimedOperator(bpy.types.Operator):
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         if progress.text != text:
             progress.fraction, progress.text = fraction, text
-            context.workspace.status_text_set(f"{text}  (Esc stops)")
+            context.workspace.status_text_set(tr("{text}  (Esc stops)", text=text))
             redraw_panels(context)
 
     def _end(self, context: Any, text: str) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.ui import pictures
+from radarsim_addon.blender.ui import pictures, smooth_lines
 
 pytestmark = pytest.mark.blender
 
@@ -98,3 +98,45 @@ def test_text_is_as_wide_as_its_letters() -> None:
     assert both == pictures.text_mask("A").shape[1] + pictures.text_mask("B").shape[1]
     assert pictures.text_mask("").shape[1] == 0
     np.testing.assert_array_equal(pictures.text_mask("雷"), pictures.text_mask("?"))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3, 3.0, 25.0])
+def test_a_line_covers_what_a_strip_of_its_width_covers(slope: float) -> None:
+    """Of a strip of width w and slope m a column holds w sqrt(1 + m^2), a row this by m."""
+    area = np.ones((200, 40, 3), dtype=np.float32)
+    columns = (np.arange(40 * smooth_lines.FINE) + 0.5) / smooth_lines.FINE
+    smooth_lines.draw_curve(area, 100.3 + slope * (columns - 20), (0.0, 0.0, 0.0), 2.5)
+    cover = 1 - area[..., 0]
+    chord = 2.5 * np.hypot(1, slope)
+    inner = cover[:, 18:23] if slope < 20 else cover[:, 20:21]
+    np.testing.assert_allclose(inner.sum(axis=0), chord, rtol=0.01)
+    if slope > 1:  # no gaps in a steep flank
+        np.testing.assert_allclose(cover[95:106].sum(axis=1), chord / slope, rtol=0.05)
+
+
+def test_a_profile_passes_through_its_values() -> None:
+    """A rising profile of 10 cells: the line is at each cell's own range and level."""
+    range_m, level_db = np.arange(10.0) + 0.5, np.arange(10) * 6.0 - 100
+    picture = pictures.draw_profile(range_m, 10 ** (level_db / 10), "Steps", span_db=60.0)
+    top_db = 5 * np.ceil((level_db.max() + 1) / 5)
+    rows, columns = pictures.HEIGHT - pictures.TOP - pictures.BOTTOM - 1, 1200 - 110 - 190 - 1
+    for metres, level in zip(range_m[2:], level_db[2:], strict=True):
+        column = round(pictures.LEFT + metres / 10 * columns)
+        blue = picture[pictures.TOP : -pictures.BOTTOM, column]
+        dark = (0.6 - blue[:, 0]).clip(0) * (blue[:, 2] - blue[:, 0] > 0.3)
+        at = (dark * np.arange(dark.size)).sum() / dark.sum()
+        assert at == pytest.approx((top_db - level) / 60 * rows, abs=0.7)
+
+
+def test_smaller_pictures_keep_thin_lines() -> None:
+    """A line of one pixel keeps its darkness, wherever it falls; a larger picture has no steps."""
+    picture = np.ones((80, 120, 3), dtype=np.float32)
+    picture[:, 7::16] = 0.0
+    for width, height in ((75, 50), (41, 27), (119, 79)):
+        small = smooth_lines.resized(picture, width, height)
+        assert small.shape == (height, width, 3)
+        dark = (1 - small).sum(axis=1)
+        np.testing.assert_allclose(dark, 8 * width / 120, rtol=1e-5)
+    ramp = np.broadcast_to(np.linspace(0, 1, 20, dtype=np.float32)[:, None, None], (20, 5, 3))
+    steps = np.diff(smooth_lines.resized(ramp, 5, 40)[2:-2, 0, 0])
+    np.testing.assert_allclose(steps, 1 / 38, rtol=1e-4)

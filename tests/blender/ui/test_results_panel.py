@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from radarsim_addon.blender import addon as addon_module
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import active_radar
+from radarsim_addon.blender.ui import movie_file
 from radarsim_addon.blender.ui import results_panel as rp
 from radarsim_addon.blender.ui import shown_results as sr
 from radarsim_addon.blender.ui.frame_views import COLUMNS, ROWS, shrunk_axis
@@ -143,6 +145,26 @@ def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:
         bpy.ops.radarsim.select_target(row=99)
 
 
+@pytest.mark.parametrize("picture", ["MAP", "PROFILE"])
+def test_a_click_on_a_peak_selects_its_object(state: Any, picture: str) -> None:
+    """The place is read from the picture: what the mark of the chosen target changes there."""
+    view = process()
+    state.picture = picture
+    for row, item in enumerate(view.targets):
+        kind = KINDS[picture]
+        change = np.abs(kind.draw(Shown(view, chosen=item)) - kind.draw(Shown(view))).max(axis=2)
+        y, x = np.argwhere(change > 0.1).mean(axis=0)
+        x, y = (x + 0.5) / WIDTH, 1 - (y + 0.5) / HEIGHT
+        bpy.context.view_layer.objects.active = None
+        done = bpy.ops.radarsim.pick_target(kind=picture, x=x, y=y)
+        assert done == {"FINISHED"} and state.row == row
+        assert chosen() == item["name"] == bpy.context.view_layer.objects.active.name
+        assert bpy.context.selected_objects == [bpy.data.objects[item["name"]]]
+    chosen_before = chosen()
+    assert bpy.ops.radarsim.pick_target(kind=picture, x=0.8, y=0.5) == {"CANCELLED"}
+    assert chosen() == chosen_before
+
+
 def test_paths_of_a_target_go_from_the_radar_to_its_object_and_back(state: Any) -> None:
     view = process()
     for item in view.targets:
@@ -249,6 +271,16 @@ def test_pictures_and_animations_are_saved(state: Any, tmp_path: Path) -> None:
         animation.seek(1)  # frame 7, which the window shows
         found = np.asarray(animation.convert("RGB")) / 255
     assert np.abs(found - window).max() < 0.06
+    path = tmp_path / "map.mp4"
+    assert bpy.ops.radarsim.save_animation(filepath=str(path), seconds=0.5) == {"FINISHED"}
+    clip, first = bpy.data.movieclips.load(str(path)), bpy.data.images.load(str(path))
+    assert clip.fps == 2.0 and clip.frame_duration == 2 and tuple(clip.size) == (WIDTH, HEIGHT)
+    state.frame = 1  # whose picture is the first of the movie
+    values = np.empty(WIDTH * HEIGHT * 4, dtype=np.float32)
+    first.pixels.foreach_get(values)
+    assert np.abs(values - pixels("MAP")).mean() < 0.01
+    state.frame = 7
+    path.unlink()
     for name in ("save_picture", "save_animation"):
         with pytest.raises(RuntimeError, match="does not exist"):
             getattr(bpy.ops.radarsim, name)(filepath=str(tmp_path / "none" / "x"))
@@ -256,6 +288,26 @@ def test_pictures_and_animations_are_saved(state: Any, tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match="no spectrogram of this frame"):
         bpy.ops.radarsim.save_picture(filepath=str(path))
     assert sorted(item.name for item in tmp_path.iterdir()) == ["map.gif", "map.png"]
+
+
+def test_movies_need_blenders_ffmpeg(
+    state: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without FFmpeg, and where the encoder fails, an error says so and no file is left."""
+    process()
+    path = tmp_path / "map.mp4"
+    bad = tmp_path / "bad.py"
+    bad.write_text("raise SystemExit('no such codec')")
+    with monkeypatch.context() as patch:
+        patch.setattr(movie_file, "_ENCODER", bad)
+        with pytest.raises(RuntimeError, match="no such codec"):
+            bpy.ops.radarsim.save_animation(filepath=str(path))
+    options = SimpleNamespace(build_options=SimpleNamespace(codec_ffmpeg=False))
+    with monkeypatch.context() as patch:
+        patch.setattr(movie_file, "bpy", SimpleNamespace(app=options))
+        with pytest.raises(RuntimeError, match="built without FFmpeg"):
+            bpy.ops.radarsim.save_animation(filepath=str(path))
+    assert list(tmp_path.iterdir()) == [bad]
 
 
 def test_a_run_is_forgotten_with_its_files(state: Any) -> None:

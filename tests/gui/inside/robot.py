@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import bpy
+import numpy as np
 
 Steps = Generator[float, None, Any]
 
@@ -60,7 +61,6 @@ class Robot:
         self._last_thread_s = 0.0
         self._own_s: list[float] = []
         self._gaps: list[float] | None = None
-        self._running: list[subprocess.Popen[bytes]] = []
         self._found: dict[str, int] = {}
 
     # -- running ---------------------------------------------------------------------------------
@@ -75,7 +75,7 @@ class Robot:
                 self._quit()
             except BaseException:
                 self.result["error"] = traceback.format_exc()
-                self.shot("error")
+                subprocess.run(["import", "-window", "root", str(self.folder / "error.png")])
                 self._quit()
             return None
 
@@ -101,8 +101,6 @@ class Robot:
         return BEAT_S
 
     def _quit(self) -> None:
-        for process in self._running:
-            process.wait(timeout=60)
         temporary = self.folder / "result.json.part"
         temporary.write_text(json.dumps(self.result, indent=1, default=str), encoding="utf-8")
         os.replace(temporary, self.folder / "result.json")
@@ -114,11 +112,12 @@ class Robot:
         print("robot:", text, flush=True)
 
     # -- looking ---------------------------------------------------------------------------------
-    def shot(self, name: str) -> None:
-        """Take a screenshot of the whole screen, without holding the window up."""
+    def shot(self, name: str) -> Steps:
+        """Take a screenshot of the whole screen; Blender's event loop runs meanwhile."""
         path = self.folder / f"{name}.png"
-        self._running.append(subprocess.Popen(["import", "-window", "root", str(path)]))
+        taken = subprocess.Popen(["import", "-window", "root", str(path)])
         self.result["shots"].append(path.name)
+        yield from self.wait(lambda: taken.poll() is not None, f"screenshot {name}")
 
     def start_watching(self) -> None:
         """Measure from now on how long the event loop does not respond."""
@@ -224,6 +223,16 @@ class Robot:
                 yield 0.4
         raise LookupError(f"no button of the sidebar is {wanted!r}")
 
+    def click_image(self, area: Any, place: tuple[float, float]) -> Steps:
+        """Click in an Image Editor of the window, at a place of its image: fractions from below."""
+        region = next(one for one in area.regions if one.type == "WINDOW")
+        x, y = region.view2d.view_to_region(*place)
+        for step in (1, 0):  # Blender wakes up by a movement
+            self.move(region.x + x - step, region.y + y)
+            yield 0.1
+        subprocess.run(["xdotool", "click", "1"], check=True)
+        yield 0.5
+
     def _leave_sidebar(self) -> Steps:
         view = self.view
         for number in range(100):
@@ -257,3 +266,22 @@ class Robot:
         subprocess.run(["xdotool", "click", "1"], check=True)
         yield 0.3
         return x, y
+
+
+def thread_time_of(state: Any, name: str, value: Any) -> float:
+    """Processor time of this thread for what a setting of the panel does [s]."""
+    start_s = time.thread_time()
+    setattr(state, name, value)
+    return time.thread_time() - start_s
+
+
+def ring_in(image: Any) -> tuple[float, float]:
+    """Place of the white ring in the plotting area of a map: fractions from below."""
+    width, height = image.size
+    pixels = np.empty(width * height * 4, dtype=np.float32)
+    image.pixels.foreach_get(pixels)
+    white = pixels.reshape(height, width, 4).min(axis=2) > 0.95
+    white[: int(0.11 * height)] = white[int(0.88 * height) :] = False
+    white[:, : int(0.1 * width)] = white[:, int(0.83 * width) :] = False
+    y, x = np.argwhere(white).mean(axis=0)
+    return float(x + 0.5) / width, float(y + 0.5) / height

@@ -37,13 +37,11 @@ def script(robot: Any) -> Any:
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "first.blend"))
     yield 1.0
     yield from robot.open_tab("Radar")
-    robot.shot("tutorial_1_tab")
-    yield 1.5
+    yield from robot.shot("tutorial_1_tab")
     yield from robot.click("radarsim.setup_rig")
     yield from robot.wait(lambda: "Radar" in bpy.data.objects, "the radar", 20)
     yield 0.5
-    robot.shot("tutorial_2_radar")
-    yield 1.5
+    yield from robot.shot("tutorial_2_radar")
     for item in bpy.context.view_layer.objects:
         item.select_set(item == cube)
     bpy.context.view_layer.objects.active = cube
@@ -51,8 +49,7 @@ def script(robot: Any) -> Any:
     yield from robot.click("radarsim.assign_material")
     yield from robot.wait(lambda: "Radar" in cube.active_material.name, "the material", 20)
     yield 1.0
-    robot.shot("tutorial_3_material")
-    yield 1.5
+    yield from robot.shot("tutorial_3_material")
     radar = bpy.data.objects["Radar"]
     result["radar_m"] = list(radar.matrix_world.translation)
     result["output_folder"] = radar.radarsim.output_folder
@@ -61,16 +58,14 @@ def script(robot: Any) -> Any:
     )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield 1.0
-    robot.shot("tutorial_4_rendered")
-    yield 1.5
+    yield from robot.shot("tutorial_4_rendered")
     images = {image.name for image in bpy.data.images}
     yield from robot.click("radarsim.process_last_run")
     yield from robot.wait(
         lambda: len({image.name for image in bpy.data.images} - images) >= 2, "the images", 300
     )
     yield 5.0  # the editors fit their images once they were drawn
-    robot.shot("tutorial_5_map")
-    yield 1.5
+    yield from robot.shot("tutorial_5_map")
     result["frame"] = scene.frame_current
 
 

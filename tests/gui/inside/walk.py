@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.util
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 RINGS = 12
 OPERATOR = "RADARSIM_OT_render_frames"
 PROCESS = "RADARSIM_OT_process_last_run"
+IMAGES = "IMAGE_EDITOR"
 
 
 def add_objects() -> list[Any]:
@@ -73,13 +73,6 @@ def select(items: list[Any]) -> None:
     bpy.context.view_layer.objects.active = items[0]
 
 
-def thread_time_of(state: Any, name: str, value: Any) -> float:
-    """Processor time of this thread for what a setting of the panel does [s]."""
-    start_s = time.thread_time()
-    setattr(state, name, value)
-    return time.thread_time() - start_s
-
-
 def script(robot: Any) -> Any:
     result = robot.result
     scene = bpy.context.scene
@@ -89,8 +82,7 @@ def script(robot: Any) -> Any:
     # 1. The tab.
     yield from robot.open_tab("Radar")
     result["tab"] = robot.sidebar.active_panel_category
-    robot.shot("01_tab")
-    yield 1.5
+    yield from robot.shot("01_tab")
 
     # 2. The rig.
     yield from robot.click("radarsim.setup_rig")
@@ -99,15 +91,14 @@ def script(robot: Any) -> Any:
     )
     yield 0.5
     result["rig"] = {item.name: item.type for item in scene.objects if item not in objects}
-    robot.shot("02_rig")
-    yield 1.5
+    yield from robot.shot("02_rig")
 
     # What the scene's materials stand for, by their names.
     yield from robot.click("radarsim.suggest_materials")
     rows = bpy.context.window_manager.radarsim.suggestions
     yield from robot.wait(lambda: len(rows) > 0, "the list", 20)
     yield 0.5
-    robot.shot("03_by_name")
+    yield from robot.shot("03_by_name")
     result["suggested"] = [row.material for row in rows]
     bpy.ops.radarsim.apply_materials(discard=True)
     yield 1.5
@@ -117,7 +108,7 @@ def script(robot: Any) -> Any:
     yield 0.3
     yield from robot.click("radarsim.assign_material")
     yield 1.0
-    robot.shot("03_material")
+    yield from robot.shot("03_material")
     result["materials"] = {
         item.name: [slot.material.name if slot.material else "" for slot in item.material_slots]
         for item in objects
@@ -136,8 +127,7 @@ def script(robot: Any) -> Any:
     region.view_location = (0.0, 45.0, 0.0)
     robot.view.tag_redraw()
     yield 1.5
-    robot.shot("03_overlays")
-    yield 1.5
+    yield from robot.shot("03_overlays")
     region.view_perspective = "PERSP"
     region.view_distance, region.view_rotation, region.view_location = before
     for name in names:
@@ -148,8 +138,7 @@ def script(robot: Any) -> Any:
     settings.prf_hz = 5000.0
     robot.view.tag_redraw()
     yield 2.0
-    robot.shot("04_checklist")
-    yield 1.5
+    yield from robot.shot("04_checklist")
     yield from robot.click("radarsim.set_values")
     yield from robot.wait(lambda: settings.prf_hz > 9e3, "the button of the checklist", 20)
     result["fixed_prf_hz"] = settings.prf_hz
@@ -157,8 +146,7 @@ def script(robot: Any) -> Any:
     yield from robot.click("radarsim.check_scene")
     yield from robot.wait(lambda: bpy.context.window_manager.radarsim.checked, "the check", 60)
     yield 1.0
-    robot.shot("04_checked")
-    yield 1.5
+    yield from robot.shot("04_checked")
 
     # 4. Numbers, and a first run.
     settings.output_folder = str(FOLDER / "run one")
@@ -170,8 +158,7 @@ def script(robot: Any) -> Any:
     settings.samples = 4
     robot.view.tag_redraw()
     yield 0.8
-    robot.shot("04_numbers")
-    yield 1.0
+    yield from robot.shot("04_numbers")
 
     before = snapshot_module.snapshot(scene)
     robot.start_watching()
@@ -180,7 +167,7 @@ def script(robot: Any) -> Any:
     )
     first = FOLDER / "run one"
     yield from robot.wait(lambda: len(list(first.rglob("*.exr"))) >= 4, "the first files", 120)
-    robot.shot("05_rendering")
+    yield from robot.shot("05_rendering")
     result["running_at_shot"] = OPERATOR in robot.modal_operators()
     # The window takes events while it renders: the user zooms the view.
     x, y = robot.view.x + robot.view.width // 3, robot.view.y + robot.view.height // 2
@@ -197,8 +184,7 @@ def script(robot: Any) -> Any:
         "files": files(first),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
-    robot.shot("06_done")
-    yield 1.5
+    yield from robot.shot("06_done")
 
     # 5. A second run, stopped by Esc.
     second = FOLDER / "run zwei é"
@@ -217,8 +203,7 @@ def script(robot: Any) -> Any:
         "files": files(second),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
-    robot.shot("07_cancelled")
-    yield 1.5
+    yield from robot.shot("07_cancelled")
 
     # 6. It goes on where it stopped.
     yield from robot.click_until(
@@ -277,7 +262,7 @@ def script(robot: Any) -> Any:
     )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield 1.0
-    robot.shot("07_paths")
+    yield from robot.shot("07_paths")
     result["paths"] = {
         "files": files(third),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
@@ -310,7 +295,7 @@ def script(robot: Any) -> Any:
     with bpy.context.temp_override(material=material):
         bpy.ops.radarsim.make_physical()
     yield 1.5
-    robot.shot("07_physics")
+    yield from robot.shot("07_physics")
     result["physical"] = material.radarsim.medium
     yield 1.5
     region = next(region for region in properties.regions if region.type == "WINDOW")
@@ -318,8 +303,7 @@ def script(robot: Any) -> Any:
         with bpy.context.temp_override(window=robot.window, area=properties, region=region):
             bpy.ops.view2d.scroll_down(page=True)
         yield 0.5
-    robot.shot("07_material")
-    yield 1.5
+    yield from robot.shot("07_material")
     settings.use_link_budget = False
     bpy.ops.radarsim.remove_patterns()
     bpy.utils.unregister_class(opened)
@@ -337,8 +321,7 @@ def script(robot: Any) -> Any:
     result["images"] = {
         image.name: list(image.size) for image in bpy.data.images if image.name not in images
     }
-    robot.shot("08_processed")
-    yield 1.0
+    yield from robot.shot("08_processed")
     editors = [
         (window, area)
         for window in bpy.context.window_manager.windows
@@ -355,8 +338,7 @@ def script(robot: Any) -> Any:
         with bpy.context.temp_override(window=window, area=area, region=region):
             bpy.ops.image.view_all(fit_view=True)
         yield 1.0
-        robot.shot(f"09_image_{number}")
-        yield 1.5
+        yield from robot.shot(f"09_image_{number}")
     result["products"] = files(second)
 
     # 9. Results of paths: a target of the list, its paths; settings that process again.
@@ -386,35 +368,40 @@ def script(robot: Any) -> Any:
                     bpy.ops.view2d.scroll_down(page=True)
     region_3d = robot.view.spaces.active.region_3d
     region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
-    result["steps_s"] = [thread_time_of(shown, "row", 0)]
+    result["steps_s"] = [robot_module.thread_time_of(shown, "row", 0)]
     yield 1.0
     target = shown.rows[0].name
     result["target"] = [target, bpy.context.view_layer.objects.active.name]
     select(objects[2:3])  # the sphere: Blender tells of the new active object
     yield from robot.wait(lambda: shown.rows[shown.row].name == objects[2].name, "its row", 10)
     yield 1.5
-    robot.shot("10_targets")
-    yield 1.5
+    yield from robot.shot("10_targets")
     for name in ("ECHO", "RANGE_TIME", "MAP"):
-        result["steps_s"].append(thread_time_of(shown, "picture", name))
+        result["steps_s"].append(robot_module.thread_time_of(shown, "picture", name))
         yield 1.0
+    # A click into the map, where the ring of another target was.
+    chosen, editor = shown.row, next(a for a in robot.window.screen.areas if a.type == IMAGES)
+    place = robot_module.ring_in(editor.spaces.active.image)
+    shown.row = 1 if chosen == 0 else 0
+    yield 0.5
+    yield from robot.click_image(editor, place)
+    result["clicked"] = [chosen, shown.row]
+    result["zoom"] = list(editor.spaces.active.zoom)
     shown.cfar = "os"
     yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "processing by itself", 20)
     yield from robot.wait(lambda: PROCESS not in robot.modal_operators(), "its end", 120)
     yield 2.0
-    robot.shot("11_detector")
-    yield 1.5
+    yield from robot.shot("11_detector")
     shown.picture = "SPECTROGRAM"
     name = "Radar spectrogram"
     yield from robot.wait(lambda: name in bpy.data.images, "the spectrogram", 120)
     yield 1.5
-    robot.shot("12_spectrogram")
-    yield 1.5
+    yield from robot.shot("12_spectrogram")
     result["pictures"] = [
         area.spaces.active.image.name
         for window in bpy.context.window_manager.windows
         for area in window.screen.areas
-        if area.type == "IMAGE_EDITOR" and area.spaces.active.image is not None
+        if area.type == IMAGES and area.spaces.active.image is not None
     ]
 
 

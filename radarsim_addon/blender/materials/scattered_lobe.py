@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The directive lobe in which a material scatters what it reflects and does not mirror.
+
+The custom property ``radarsim_lobe_exponent`` of a material holds the exponent of the lobe, which
+takes the place of the Lambert lobe of a simple material. A smooth physical material with an RMS
+height has no other lobe: a run renders one by the table of a clutter model. The rows of the path
+table are weighted, see :mod:`..paths.surface_lobes`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...array_types import Real
+from ...errors import ConfigError
+from ...physics.directive_lobes import lobe_exponent
+from ...physics.fresnel import unpolarised_reflectance
+from ...physics.mirrors import MirrorMaterial, coherent_reflection
+from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
+from ..nodes.group_search import group_input, group_node
+from ..nodes.groups import KIND_PROPERTY
+from ..nodes.physical_material import KIND as PHYSICAL_KIND
+from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from .clutter import clutter_of
+from .mirrors import LOBE_EXPONENT, SHARP, mirror_of
+
+#: Albedo of the rendered lobe where less is scattered: Cycles drops lobes of 1e-5.
+_LEAST_ALBEDO = 1e-4
+
+
+@dataclass(frozen=True)
+class ScatteredLobe:
+    """A directive lobe at the carrier.
+
+    Attributes
+    ----------
+    exponent
+        Of the lobe, see `lobe_exponent`.
+    mirror
+        What the surface mirrors.
+    alpha
+        Width of the glossy lobe in place of the mirror, as of a Beckmann lobe; 0: a mirror.
+    from_table
+        Whether Cycles' lobe has the albedo of a table; else that of a simple material.
+    """
+
+    exponent: int
+    mirror: MirrorMaterial
+    alpha: float
+    from_table: bool
+
+    def scattered(
+        self, to_source: Real, normal: Real, polarisation: str, wavelength_m: float
+    ) -> Real:
+        """Return the fraction of the power that is scattered.
+
+        Parameters
+        ----------
+        to_source, normal
+            Unit vectors from the surface to where waves come from, and across it, (n, 3).
+        polarisation
+            Of the run.
+        wavelength_m
+            Wavelength [m].
+
+        Returns
+        -------
+        ndarray
+            (n,).
+        """
+        every = replace(self.mirror, share=1.0, rms_height_m=0.0)
+        wave = (-to_source, normal, polarisation, wavelength_m)
+        return every.reflection(*wave)[0] - self.mirror.reflection(*wave)[0]
+
+    def table_db(self, wavelength_m: float) -> Real:
+        """Return sigma0 of the Lambert lobe that Cycles renders in its place.
+
+        Parameters
+        ----------
+        wavelength_m
+            Wavelength [m].
+
+        Returns
+        -------
+        ndarray
+            At the angles of a clutter table [dB].
+        """
+        sine = np.sin(table_angles_rad())
+        kept = coherent_reflection(self.mirror.rms_height_m, sine, wavelength_m) ** 2
+        albedo = (1 - kept) * unpolarised_reflectance(self.mirror.index, sine)
+        return np.asarray(10 * np.log10(4 * sine**2 * np.maximum(albedo, _LEAST_ALBEDO)))
+
+
+def scattered_lobe_of(material: Any) -> ScatteredLobe | None:
+    """Return the directive lobe of a material, with its inputs set for the carrier.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    ScatteredLobe or None
+        None without one.
+
+    Raises
+    ------
+    ConfigError
+        The exponent cannot be used, or the material scatters nothing by such a lobe.
+    """
+    value = None if material is None else material.get(LOBE_EXPONENT)
+    if value is None:
+        return None
+    try:
+        return _lobe(material, lobe_exponent(value))
+    except ConfigError as error:
+        raise ConfigError(f"Material {material.name!r}: {error}") from error
+
+
+def _lobe(material: Any, exponent: int) -> ScatteredLobe:
+    """The lobe of a material. Raises ConfigError where it can have none."""
+    if clutter_of(material) is not None:
+        raise ConfigError(
+            "It has a clutter model and a scattered lobe. Take one of the two away: "
+            'set_clutter(material, "none") or set_scattered_lobe(material, None).'
+        )
+    node = group_node(material)
+    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
+    if kind == KIND:
+        sockets.append(group_input(material, SPECULARITY))
+    if kind not in (KIND, PHYSICAL_KIND) or None in sockets:
+        raise ConfigError(
+            "A scattered lobe needs a Radar Material, simple or physical, without the thickness of "
+            "a thin sheet, whose inputs are numbers. Choose such a material, or remove the links."
+        )
+    values = [float(socket.default_value) for socket in sockets if socket is not None]
+    mirror = mirror_of(material)
+    if kind == KIND:
+        specularity, sharp = values[3], values[2] <= SHARP
+        if specularity >= 1:
+            raise ConfigError(
+                "A scattered lobe needs a Specularity below 1: it holds the other part of the "
+                "power. Effective roughness with the parameter S is a Specularity of 1 - S^2."
+            )
+        mirror = mirror or MirrorMaterial(complex(values[0], values[1]), specularity, False)
+        return ScatteredLobe(exponent, mirror, 0.0 if sharp else values[2] ** 2, False)
+    if mirror is None or mirror.rms_height_m == 0:
+        raise ConfigError(
+            "A scattered lobe of a physical material holds what the RMS height of a mirror takes "
+            "from its image: expected an RMS height above 0, and no correlation length and slope."
+        )
+    if group_input(material, CLUTTER_ROW) is None:
+        raise ConfigError(
+            "A scattered lobe needs the Clutter Row of the physical Radar Material as a number: it "
+            "is linked, or the node group is of an earlier version. Assign the material again."
+        )
+    return ScatteredLobe(exponent, mirror, 0.0, True)
+
+
+def set_scattered_lobe(material: Any, exponent: int | None) -> None:
+    """Make a material scatter around the direction of the mirrored wave.
+
+    Parameters
+    ----------
+    material : bpy.types.Material
+        Simple Radar Material with a Specularity below 1, whose Lambert lobe it replaces; or a
+        physical one with an RMS height and without slope.
+    exponent
+        Of the lobe, 1 to 1000: per steradian, ((1 + cos psi) / 2)^exponent, psi the angle to the
+        mirrored wave. (k l)^2 is near the lobe of slight roughness of the correlation length l.
+        None: no directive lobe.
+
+    Raises
+    ------
+    ConfigError
+        Not such a material, or no such exponent. The material stays as it was.
+    """
+    before = material.get(LOBE_EXPONENT)
+    if before is not None:
+        del material[LOBE_EXPONENT]
+    if exponent is None:
+        return
+    try:
+        material[LOBE_EXPONENT] = lobe_exponent(exponent)
+        scattered_lobe_of(material)
+    except ConfigError:
+        if LOBE_EXPONENT in material.keys():
+            del material[LOBE_EXPONENT]
+        if before is not None:
+            material[LOBE_EXPONENT] = before
+        raise

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Moving pictures as MP4, by the FFmpeg that Blender brings, in a Blender process of its own."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ...array_types import Single
+from ...errors import OutputError
+
+_ENCODER = Path(__file__).with_name("movie_encoder.py")
+
+
+class MovieWriter:
+    """Writes pictures of one size into an MP4 file; used as a context.
+
+    Parameters
+    ----------
+    path
+        File to write.
+    seconds
+        How long each picture is shown [s].
+
+    Raises
+    ------
+    OutputError
+        This Blender has no FFmpeg.
+    """
+
+    def __init__(self, path: Path, seconds: float) -> None:
+        if not bpy.app.build_options.codec_ffmpeg:
+            raise OutputError(
+                "This Blender is built without FFmpeg, so it writes no MP4 files. Save the "
+                "animation as GIF: a name that ends in .gif."
+            )
+        self._path, self._seconds, self._count = path, seconds, 0
+        self._folder = tempfile.TemporaryDirectory(prefix="radarsim_movie_")
+        self._encoder: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> MovieWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._encoder is not None:
+            self._encoder.kill()
+            self._encoder.wait()
+        self._folder.cleanup()
+
+    def add(self, picture: Single) -> Iterator[None]:
+        """Take a picture (height, width, 3), sRGB from 0 to 1."""
+        self._count += 1
+        path = Path(self._folder.name, f"{self._count:06d}.png")
+        path.write_bytes(_png(picture))
+        yield
+
+    def close(self) -> Iterator[None]:
+        """Encode the pictures; a step looks whether that has ended. Raises OutputError."""
+        log = Path(self._folder.name, "log.txt")
+        words = ["--", self._folder.name, repr(self._seconds), str(self._path)]
+        with open(log, "wb") as said:
+            self._encoder = subprocess.Popen(
+                [*_blender(), str(_ENCODER), *words],
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+        while self._encoder.poll() is None:
+            yield
+        # A Blender that cannot write a movie may end as if nothing had happened.
+        if self._encoder.returncode or not self._path.stat().st_size:
+            end = log.read_text(encoding="utf-8", errors="replace").strip()[-300:]
+            raise OutputError(
+                f"Blender's FFmpeg wrote no movie: {end or 'no words'}. Save the animation as GIF: "
+                "a name that ends in .gif."
+            )
+
+
+def _blender() -> list[str]:
+    """Command that runs a script with bpy: a Blender without a window, or Python with bpy."""
+    if Path(sys.executable).resolve() == Path(bpy.app.binary_path or sys.executable).resolve():
+        return [sys.executable]
+    return [
+        bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "-P",
+    ]  # fmt: skip
+
+
+def _png(picture: Single) -> bytes:
+    """A picture as PNG, without filters and with fast compression: it is read once."""
+    pixels = np.round(picture * 255).clip(0, 255).astype(np.uint8)
+    height, width = pixels.shape[:2]
+    lines = np.zeros((height, 1 + 3 * width), dtype=np.uint8)
+    lines[:, 1:] = pixels.reshape(height, -1)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        )
+
+    return b"".join((
+        b"\x89PNG\r\n\x1a\n",
+        chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
+        chunk(b"IDAT", zlib.compress(lines.tobytes(), 1)),
+        chunk(b"IEND", b""),
+    ))  # fmt: skip
