@@ -221,8 +221,7 @@ class BurstMotion:
         if smooth or smooth_surfaces:
             whole = plan.whole_frames()
             own = [plan.whole_frames(*frames) for frames in smooth_surfaces.values() if frames]
-            if None in smooth_surfaces.values():
-                own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
+            own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
             for moment in itertools.chain(whole, *own):
                 sampler.take(*moment)
         fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
