@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .array_types import Mask, Real
+from .array_types import Indices, Mask, Real
 
 
 def dots(a: Real, b: Real) -> Real:
@@ -47,3 +47,20 @@ def are_finite(vectors: Real) -> Mask:
     """Return which vectors have finite components alone, (n,)."""
     x, y, z = vectors.T
     return np.asarray(np.isfinite(x) & np.isfinite(y) & np.isfinite(z))
+
+
+def take_rows(vectors: Real, rows: Indices) -> Real:
+    """Return some rows of (n, 3), with contiguous columns."""
+    return np.asarray(vectors.T.take(rows, axis=1).T)
+
+
+def turned(turn: Real, vectors: Real) -> Real:
+    """Matrix, (3, 3) or one each, (3, 3, n), times vectors, (3, n)."""
+    product = np.empty(vectors.shape)
+    for row, factors in zip(product, turn, strict=True):
+        # many poses do not turn at all
+        used = [(f, v) for f, v in zip(factors, vectors, strict=True) if np.any(f)]
+        row[:] = 0.0 if not used else used[0][0] * used[0][1]
+        for factor, vector in used[1:]:
+            row += factor * vector
+    return product

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Copy screenshots of the window's tutorial into docs/images: smaller, with few colours.
+"""Copy screenshots of the window into docs/images: smaller, with few colours.
 
-    make gui-test PYTEST_ARGS="-k tutorial" && python scripts/window_pictures.py
+    make gui-test PYTEST_ARGS="-k 'tutorial or live'" && python scripts/window_pictures.py
 
 tests/gui takes the screenshots in a real Blender window and leaves them in out/gui.
 """
@@ -20,7 +20,8 @@ WIDTH_PX = 1100
 
 
 def main() -> int:
-    shots = sorted((ROOT / "out" / "gui").glob("tutorial_*.png"))
+    folder = ROOT / "out" / "gui"
+    shots = sorted([*folder.glob("tutorial_*.png"), *folder.glob("live_preview.png")])
     if not shots:
         print("No screenshots in out/gui: run `make gui-test` first.", file=sys.stderr)
         return 1

@@ -14,6 +14,7 @@ from .ui import (
     clutter_panel,
     coverage_operator,
     fixes,
+    live_preview,
     material_names,
     material_panel,
     operators,
@@ -65,6 +66,7 @@ def register() -> None:
     remove_abandoned_folders()
     follow_evaluations()
     result_settings.register_results()
+    live_preview.register_live()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
@@ -75,6 +77,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
+    live_preview.unregister_live()
     picking.ignore_clicks()
     picture_images.ignore_zoom()
     overlays.hide_overlays()

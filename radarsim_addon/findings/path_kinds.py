@@ -114,8 +114,7 @@ PATHS = {
 MIRRORS = {
     "mirrors-need-reflections": Kind(
         "info",
-        "{subjects} mirror waves towards the transmitter, and radarsim followed single reflections "
-        "only.",
+        "{subjects} mirror waves, and radarsim followed single reflections only.",
         "Paths via these mirrors are missing: ghosts, and the fading of targets above smooth "
         "ground.",
         "Set Max reflections to 3 if you want them: one for the target, one for a mirror on each "

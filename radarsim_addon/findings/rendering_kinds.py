@@ -307,6 +307,22 @@ SETTINGS = {
         "Echoes from beyond the last ring are missing.",
         "Add rings, or widen the ring step.",
     ),
+    "footprints-too-coarse": Kind(
+        "caution",
+        "{subjects} are seen at grazing incidence: at {range_m:length}, one pixel spans "
+        "{step_m:length} of range, {range_cells:.3g} times the range resolution.",
+        "Between rays so far apart radarsim cannot follow the surface: powers from there are wrong "
+        "by 0.3 dB where a pixel spans 0.3 of its range, by several decibels above 1. With rings, "
+        "such pixels leave gaps in the range profile.",
+        "Raise the resolution, narrow the field of view, or set a Range stop before this range.",
+    ),
+    "objects-below-a-pixel": Kind(
+        "caution",
+        "{subjects} are smaller than a pixel of the rings: {size_px:.2g} of a pixel across.",
+        "A ray may miss such an object; then its echo is missing.",
+        "Raise the resolution, narrow the field of view, or set Sampling mode to Paths, which "
+        "measures small objects with pixels of their own.",
+    ),
     "scene-beyond-unambiguous-range": Kind(
         "caution",
         "The scene reaches {farthest_m:.6g} m, beyond the unambiguous range of "

@@ -23,6 +23,9 @@ from .fresnel import unpolarised_reflectance
 Masking = Literal["none", "smith", "cycles"]
 MASKINGS: tuple[Masking, ...] = ("none", "smith", "cycles")
 
+#: Index of a medium that reflects all but 4e-9 at normal incidence.
+_CONDUCTOR = 1e9
+
 _erfc = np.vectorize(math.erfc, otypes=[np.float64])
 
 
@@ -204,6 +207,38 @@ def sigma0(
     if _masking(masking) == "none":
         return np.asarray(value, dtype=np.float64)
     return np.asarray(value / (1 + 2 * masking_lambda(alpha, safe, masking)), dtype=np.float64)
+
+
+def facet_brightness(
+    slope: ArrayLike, cos_in: ArrayLike, cos_out: ArrayLike, cos_facet: ArrayLike
+) -> Real:
+    """Return how bright facets that reflect everything are, for a transmitter and a receiver.
+
+    4 pi f cos_in = pi D G2 / cos_out, with f the BRDF of a perfect conductor, D the Beckmann
+    distribution at the facet half way, and G2 the masking of Cycles. Times the reflectance at the
+    facet it is the cross section per area that the receiver sees: `sigma0` over cos_out where both
+    antennas are at one place. A Lambert surface has 4 rho cos_in.
+
+    Parameters
+    ----------
+    slope
+        Rms slope m, more than 0.
+    cos_in, cos_out
+        Cosines of the angles from the normal to transmitter and receiver; 0 behind either.
+    cos_facet
+        Cosine of the angle from the normal to the facet half way.
+
+    Returns
+    -------
+    ndarray
+        Brightness [m^2/m^2].
+    """
+    alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
+    ahead = (np.asarray(cos_in) > 0) & (np.asarray(cos_out) > 0)
+    enters, leaves = (np.where(ahead, cosine, 1.0) for cosine in (cos_in, cos_out))
+    masking = sum(masking_lambda(alpha, cosine, "cycles") for cosine in (enters, leaves))
+    single = sigma0(_CONDUCTOR, slope, cos_facet) / (1 + masking) / leaves
+    return np.asarray(np.where(ahead, single, 0.0), dtype=np.float64)
 
 
 def _masking(masking: str) -> str:

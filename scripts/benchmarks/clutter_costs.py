@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cost of a million rows over a clutter surface, and of what their pixels cover."""
+"""Cost of a million rows: hit points in float64, clutter, and what their pixels cover."""
 
 from __future__ import annotations
 
@@ -13,33 +13,62 @@ from unittest import mock
 import numpy as np
 
 from radarsim_addon.signal.paths import PathRows, spread, steps_of
+from radarsim_addon.vectors import take_rows
 
 from .clock import half_range
 
 _REPEATS = 5
+#: Faces along a side of a ground of many: smaller than its pixels far away, larger close by.
+_CELLS = 400
 
 
 def run_clutter(folder: Path, quick: bool = False) -> dict[str, Any]:
-    """Processor seconds: weights of 1e6 bistatic rows, and footprints of 1e6 rows of a ground."""
+    """Processor seconds of 1e6 rows: bistatic weights, hit points of two scenes, footprints."""
     count = 100_000 if quick else 1_000_000
     from radarsim_addon.blender.paths.clutter_weights import ClutterWeights
+    from radarsim_addon.blender.paths.hit_points import Normals
 
     apply = ClutterWeights.apply
     found: dict[str, Any] = {}
 
-    def timed(weights: Any, rows: PathRows, origin_m: Any, transmitter_m: Any) -> None:
+    def timed(weights: Any, rows: PathRows, normals: Any, *places_m: Any) -> None:
         if not found:
-            many = np.resize(rows[rows["order"] == 1], count)
-
-            def weigh() -> None:
-                apply(weights, many, origin_m, transmitter_m)
-
-            found.update(_seconds("rows_s", weigh, count))
-        apply(weights, rows, origin_m, transmitter_m)
+            ones = np.resize(np.flatnonzero(rows["order"] == 1), count)
+            many, known = rows[ones], Normals(count)
+            known.add(np.arange(count), *(take_rows(normal, ones) for normal in normals.all()))
+            found.update(_seconds("rows_s", lambda: apply(weights, many, known, *places_m), count))
+        apply(weights, rows, normals, *places_m)
 
     with mock.patch.object(ClutterWeights, "apply", timed):
         _bistatic_run(folder / "clutter")
+    for name, cells in (("hits_s", 1), ("fine_hits_s", _CELLS)):
+        found |= _hit_points(name, folder / name, cells, count)
     return {**found, **_footprints(count)}
+
+
+def _hit_points(name: str, folder: Path, cells: int, count: int) -> dict[str, float | None]:
+    """Hit points of 1e6 rows on a ground of cells x cells faces, in parts as long as tiles."""
+    from radarsim_addon.blender.paths.hit_points import HitPoints
+
+    refine = HitPoints.refine
+    found: dict[str, float | None] = {}
+
+    def timed(hits: Any, rows: PathRows, *places_m: Any) -> Any:
+        if not found:
+            many = np.resize(rows, count)
+            parts = [many[start : start + rows.size] for start in range(0, count, rows.size)]
+            refine(hits, rows.copy(), *places_m)  # reads the meshes
+
+            def move() -> None:
+                for part in parts:
+                    refine(hits, part, *places_m)
+
+            found.update(_seconds(name, move, count))
+        return refine(hits, rows, *places_m)
+
+    with mock.patch.object(HitPoints, "refine", timed):
+        _bistatic_run(folder, cells)
+    return found
 
 
 def _seconds(name: str, once: Callable[[], None], rows: int) -> dict[str, float | None]:
@@ -52,22 +81,27 @@ def _seconds(name: str, once: Callable[[], None], rows: int) -> dict[str, float 
     return {name: statistics.median(each), f"{name}_error": half_range(each)}
 
 
-def _bistatic_run(folder: Path) -> None:
-    """A level ground 2 m below, and a transmitter to the side of the receiver."""
+def _bistatic_run(folder: Path, cells: int = 1) -> None:
+    """A level ground of cells x cells faces 2 m below, and a transmitter to the receiver's side."""
     import bpy
 
     from radarsim_addon import blender as radarsim
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    radar = radarsim.add_radar()
+    radar = radarsim.add_radar(carrier_hz=77e9)
     radar.rotation_euler.x -= 0.2
     for lamp in (item for item in bpy.data.objects if item.type == "LIGHT"):
         lamp.location.x += 3.0
     mesh = bpy.data.meshes.new("Ground")
-    mesh.from_pydata([(-90, 1, -2), (90, 1, -2), (90, 99, -2), (-90, 99, -2)], [], [(0, 1, 2, 3)])
+    x, y = np.meshgrid(np.linspace(-90, 90, cells + 1), np.linspace(1, 99, cells + 1))
+    corners = np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1)
+    number = np.arange(x.size).reshape(x.shape)
+    parts = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    faces = np.stack([part.ravel() for part in parts], axis=1)
+    mesh.from_pydata(corners.tolist(), [], faces.tolist())
     ground = bpy.data.objects.new("Ground", mesh)
     bpy.context.scene.collection.objects.link(ground)
-    material = radarsim.material("medium_dry_ground")
+    material = radarsim.material("concrete")
     radarsim.set_clutter(material, "constant_gamma")
     mesh.materials.append(material)
     radarsim.measure(radar, folder, width_px=256, height_px=256, replicates=1, max_reflections=1)

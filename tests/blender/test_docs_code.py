@@ -16,7 +16,10 @@ pytestmark = [pytest.mark.blender, pytest.mark.slow]
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 #: Other pages with Python in them, but for those that read the run of `make demo`.
-PAGES = [ROOT / "docs" / f"{name}.md" for name in ("clutter", "headless", "materials", "physics")]
+PAGES = [
+    ROOT / "docs" / f"{name}.md"
+    for name in ("clutter", "headless", "materials", "mirrors", "physics")
+]
 
 
 @pytest.mark.parametrize("page", [*TUTORIALS, *NOTEBOOKS, *PAGES], ids=lambda page: page.stem)

@@ -21,7 +21,7 @@ ROOMS = (
     "", "physics",
     "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
     "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
-    "signal.results", "signal.pictures", "signal.products", "signal.distributed",
+    "signal.draft", "signal.results", "signal.pictures", "signal.products", "signal.distributed",
     "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
     "blender.rig_settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
@@ -31,7 +31,7 @@ ROOMS = (
 ENTRIES = ("radarsim_addon", "radarsim_addon.__main__", "radarsim_addon.frame_worker")
 #: Rooms of signal that the Blender half may use; the last ones only where results are shown.
 FOR_BLENDER = {"radar", "motion", "paths", "decoding", "runs"}
-FOR_WINDOWS = {"pipeline", "detection"}
+FOR_WINDOWS = {"pipeline", "detection", "draft"}
 BLENDER_MODULES = {"bpy", "bpy_extras", "mathutils", "bmesh", "gpu", "blf"}
 
 

@@ -75,7 +75,8 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
         if share.shard is not None:
             job.joins = True
             limit_threads()
-        with job:
+        job.prepare()
+        try:
             _print_findings(job.run_findings, job.frames, stream)
             if arguments.plan_only:
                 return 0
@@ -92,6 +93,8 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
                 progress.show(job.done, job.total, None)
             finally:  # of the frames that are done, whatever ended the run
                 _print_findings(job.frame_findings, job.frames, stream)
+        finally:
+            job.leave()
         if job.summary:
             print(f"radarsim: {job.summary}", file=stream, flush=True)
         print(f"radarsim: wrote {job.folder}", file=stream, flush=True)

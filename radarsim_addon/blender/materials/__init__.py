@@ -21,6 +21,7 @@ from .clutter import (
 )
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .clutter_tables import set_clutter_tables
+from .convex_bodies import convex_objects
 from .inside_walls import found_inside, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
@@ -63,6 +64,7 @@ __all__ = [
     "clutter_key",
     "clutter_name",
     "clutter_of",
+    "convex_objects",
     "delays",
     "doubled_panes",
     "fluctuation_of",

@@ -24,14 +24,8 @@ from ..nodes.physical_material import EXTINCTION, SMOOTH_BELOW
 from ..nodes.radar_material import INDEX, ROUGHNESS
 from ..state import SettingsRestorer, evaluated_objects
 from .assignments import SURFACE_TYPES, assigned_materials
-from .layers import (
-    FACES_LOSS_DB,
-    MAX_LOSS_DB,
-    delays,
-    is_entered,
-    rim_fraction,
-    two_planes,
-)
+from .layer_faces import ALL_FACES, LayerFaces
+from .layers import FACES_LOSS_DB, MAX_LOSS_DB, delays, is_entered
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Standard deviation of a depth, in float32 roundings of the distance (rms of walls at 5 and 20 km,
@@ -209,7 +203,8 @@ def _is_wall(item: Any, depsgraph: Any, loss_db: float) -> bool:
     if attributes.OBJECT_LAYER_THICKNESS not in item:
         return False
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    return loss_db <= FACES_LOSS_DB and two_planes(item, depsgraph, normal) is not None
+    low, _ = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
+    return loss_db <= FACES_LOSS_DB and not np.isnan(low[0])
 
 
 def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
@@ -217,16 +212,15 @@ def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
     roughness = (_value(slot.material, ROUGHNESS) for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
-        rim_fraction(item, depsgraph, normal) > _LEAST_RIM
+        LayerFaces.read([item], depsgraph).rim_fractions(normal[None])[0] > _LEAST_RIM
     )
 
 
 def _middle(item: Any, depsgraph: Any) -> float:
     """Place of a layer's middle along its normal, in the object's own units."""
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    planes = two_planes(item, depsgraph, normal)
-    assert planes is not None
-    return sum(planes) / 2
+    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
+    return float(low[0] + high[0]) / 2
 
 
 class _Boxes:

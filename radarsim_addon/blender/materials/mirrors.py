@@ -200,7 +200,7 @@ def lobe_width(material: Any) -> float:
     """
     exponent = None if material is None else material.get(LOBE_EXPONENT)
     if exponent is not None:  # a facet turns the mirrored wave by twice its own angle
-        return min(float(exponent) ** -0.5, _lobe_width(material))
+        return min(1 / math.sqrt(exponent), _lobe_width(material))
     return _lobe_width(material)
 
 

@@ -19,7 +19,7 @@ from ..state import evaluated_mesh, read_numbers
 #: Maximum difference of the unit normals of parallel faces.
 PARALLEL = 0.02
 #: Least width of a surface over the thickness of a wall behind it.
-_WIDE = 6.0
+WIDE = 6.0
 #: Least cosine between neighbouring faces of one surface.
 _SMOOTH = 0.9
 #: Triangles behind which the depth is measured: all, or the largest ones of more.
@@ -29,7 +29,7 @@ ONE_THICKNESS = 0.01
 #: Distance from a face at which its ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
 #: Points of a triangle, barycentric: their mean of squares is that of the triangle.
-_POINTS = np.full((3, 3), 1 / 6) + np.eye(3) / 2
+TRIANGLE_POINTS = np.full((3, 3), 1 / 6) + np.eye(3) / 2
 
 
 class Depths(NamedTuple):
@@ -119,7 +119,7 @@ def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> De
     chosen = np.argsort(-double, kind="stable")[:most]
     chosen = chosen[double[chosen] > 0]
     inward = -outward[chosen] / double[chosen, None]
-    place = np.einsum("pk,nkx->npx", _POINTS, triangles[chosen])
+    place = np.einsum("pk,nkx->npx", TRIANGLE_POINTS, triangles[chosen])
     tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
     off = _OFF_FACE * float(np.ptp(points, axis=0).max(initial=0.0))
     start = place + off * inward[:, None]
@@ -170,7 +170,7 @@ def find_walls(item: Any, depsgraph: Any) -> WallFaces | None:
     count = len(own)
     straight = np.einsum("nx,nx->n", normal[pairs[0]], normal[pairs[1]]) > _SMOOTH
     width = _widths(depths, _regions(count, pairs[:, straight]))
-    good = depths.parallel & (depths.depth * _WIDE <= width[depths.face])
+    good = depths.parallel & (depths.depth * WIDE <= width[depths.face])
     depth = _medians(depths.face[good], depths.depth[good], count)
     there = depth[depths.face]
     alike = good & (np.abs(depths.depth - there) <= ONE_THICKNESS * there)

@@ -8,7 +8,7 @@ unknown.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,12 +16,12 @@ from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
 from ...signal.paths import PathRows
-from ...vectors import dots, norms
+from ...vectors import dots, norms, take_rows
 from ..materials import clutter_of, scattered_lobe_of
 from ..motion import Bodies
 from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
 from ..nodes.group_search import group_input
-from .hit_points import HitPoints
+from .hit_points import HitPoints, Normals
 from .rough_mirrors import RoughMirrors
 from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
@@ -80,60 +80,86 @@ class ClutterWeights:
     def __bool__(self) -> bool:
         return bool(self._surfaces or self._several)
 
-    def apply(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
-        """Multiply powers of labelled, refined rows; rays start at `origin_m`, (3,) or (n, 3)."""
-        origins_m = np.broadcast_to(origin_m, (rows.size, 3))
-        self._rough.keep_coherent(rows, origins_m)
+    def apply(self, rows: PathRows, normals: Normals, origin_m: Real, transmitter_m: Real) -> None:
+        """Multiply powers of labelled, refined rows with the normals that refining met.
+
+        Rays start at `origin_m`, (3,) or (n, 3).
+        """
+        self._rough.keep_coherent(rows, normals, np.broadcast_to(origin_m, (rows.size, 3)))
         if not self._surfaces:
             return
-        clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
-        for order in (1, 2):
-            first, last = (self._of_body[rows[name]] > 0 for name in ("first_body", "last_body"))
-            concerned = np.flatnonzero((rows["order"] == order) & (first | last))
-            if clutter_alone and order == 1 and np.all(origins_m[concerned] == transmitter_m):
-                continue  # backscatter is exact
-            for start in range(0, concerned.size, _ROWS_AT_ONCE):
-                part = concerned[start : start + _ROWS_AT_ONCE]
-                self._apply_part(rows, part, origins_m[part], transmitter_m, order)
+        known = normals.all()
+        for start in range(0, rows.size, _ROWS_AT_ONCE):
+            some = slice(start, start + _ROWS_AT_ONCE)
+            start_m = origin_m if origin_m.ndim == 1 else origin_m[some]
+            self._apply_part(rows[some], [one[some] for one in known], start_m, transmitter_m)
 
     def _apply_part(
-        self, rows: PathRows, part: Indices, start_m: Real, transmitter_m: Real, order: int
+        self, rows: PathRows, normals: Sequence[Real], origin_m: Real, transmitter_m: Real
     ) -> None:
-        """Multiply powers of some rows of one order, whose rays start at `start_m`, (n, 3)."""
-        mine = rows[part]
-        first_m, last_m = mine["first_scatterer_m"], mine["last_scatterer_m"]
-        before_m = start_m if order == 1 else first_m
-        weight = self._weights(mine["last_body"], last_m, before_m, transmitter_m, order == 1)
-        if order == 2:
-            weight *= self._weights(mine["first_body"], first_m, start_m, last_m, True)
-        rows["power_w"][part] *= weight
+        """Multiply powers of some rows, which have these normals at both ends."""
+        clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
+        ends = [self._of_body.take(rows[name]) > 0 for name in ("first_body", "last_body")]
+        met, orders = ends[0] | ends[1], rows["order"].copy()
+        for order in (1, 2):
+            part = np.flatnonzero((orders == order) & met)
+            start_m = origin_m if origin_m.ndim == 1 else origin_m[part]
+            # backscatter is exact
+            exact = clutter_alone and order == 1 and bool(np.all(start_m == transmitter_m))
+            if exact or not part.size:
+                continue
+            mine, (first_n, last_n) = rows, normals
+            if part.size < rows.size:
+                mine = rows[part]
+                first_n, last_n = (take_rows(each, part) for each in normals)
+            last_m, back = (_column(mine, name) for name in ("last_scatterer_m", "direction"))
+            back *= -1
+            end = mine["last_body"], last_m
+            if order == 1:
+                weight = self._weights(*end, start_m, last_n, back, transmitter_m, True)
+            else:
+                # the last vertex is known along the ray of the transmitter
+                first_m = _column(mine, "first_scatterer_m")
+                before = _unit(first_m - last_m)
+                weight = self._weights(*end, transmitter_m, last_n, before, transmitter_m, False)
+                first = mine["first_body"], first_m
+                weight *= self._weights(*first, start_m, first_n, back, last_m, True)
+            rows["power_w"][part] = mine["power_w"] * weight
 
     def _weights(
-        self, bodies: Indices, vertex_m: Real, before_m: Real, after_m: Real, seen_first: bool
+        self,
+        bodies: Indices,
+        vertex_m: Real,
+        known_from_m: Real,
+        normal: Real,
+        back: Real,
+        after_m: Real,
+        seen_first: bool,
     ) -> Real:
-        """Weights of vertices on bodies between two points, (n,); 1 without such a lobe.
+        """Weights of vertices on bodies, (n,); 1 without such a lobe.
 
-        `seen_first`: the receiver sees the vertex itself, and the albedo is not limited.
+        Rays from `known_from_m` meet them with the normals known, of any length or NaN. `back` are
+        unit vectors towards the vertices before, and those after are at `after_m`. `seen_first`:
+        the receiver sees the vertex itself, and the albedo is not limited.
         """
-        weight, surface = np.ones(bodies.size), self._of_body[bodies]
-        chosen = np.flatnonzero(surface)
-        if not chosen.size:
+        weight, surface = np.ones(bodies.size), self._of_body.take(bodies)
+        bodies = np.where(surface > 0, bodies, 0)
+        if not bodies.any():
             return weight
-        vertex_m, before_m = vertex_m[chosen], before_m[chosen]
-        after_m = np.broadcast_to(after_m, (bodies.size, 3))[chosen]
-        back, onward = _unit(before_m - vertex_m), _unit(after_m - vertex_m)
-        # the first vertex is known along its ray, the last one along that of the transmitter
-        known_from_m = before_m if seen_first else after_m
-        normal = self._hits.normals(bodies[chosen], known_from_m, vertex_m)
-        normal = np.where(dots(normal, back)[:, None] < 0, -normal, normal)
+        normal = self._hits.normals(bodies, known_from_m, vertex_m, normal)
+        onward, sine_s = _unit(after_m - vertex_m), dots(normal, back)
+        normal = normal * np.copysign(1.0, sine_s)[:, None]
+        # not through the surface, and with a normal
+        through = ~(np.abs(sine_s) > 0) | ~(dots(normal, onward) > 0)
         for number, one in enumerate(self._surfaces, start=1):
-            here = np.flatnonzero(surface[chosen] == number)
-            n, s, i = normal[here], back[here], onward[here]
-            sines = dots(n, s), dots(n, i)
-            fits = (sines[0] > 0) & (sines[1] > 0)  # not through the surface, and with a normal
+            fits = (surface == number) & ~through
             if one.alpha == 0:
-                fits &= ~is_mirrored(n, s, i)
-            weight[chosen[here[fits]]] = one.weights(n[fits], s[fits], i[fits], seen_first)
+                fits &= ~is_mirrored(normal, back, onward)
+            if fits.all():
+                return one.weights(normal, back, onward, seen_first)
+            here = np.flatnonzero(fits)
+            n, s, i = (take_rows(vectors, here) for vectors in (normal, back, onward))
+            weight[here] = one.weights(n, s, i, seen_first)
         return weight
 
     # -- what to know of the result ----------------------------------------------------------------
@@ -214,3 +240,8 @@ def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Findi
 
 def _unit(vectors: Real) -> Real:
     return np.asarray(vectors / norms(vectors)[:, None])
+
+
+def _column(rows: PathRows, name: str) -> Real:
+    """A column of vectors, (n, 3), copied with contiguous components."""
+    return np.array(rows[name], order="F")

@@ -96,7 +96,7 @@ class FrameWork:
             folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}", self._dtype
         )
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
-        self._further: list[QualitySums] = []
+        self._beyond = QualitySums()
         self._renders, self._seconds = 0, 0.0
         resolution_m = asked.waveform.range_resolution_m
         reach_m = self._run.plan.rings * asked.ring_step_m
@@ -125,12 +125,12 @@ class FrameWork:
         uniform = tiles = Tile(self._whole).split(self._tile_px())
         if self._options.refines:
             chosen = yield from self._choose(uniform)
-            areas = chosen.areas(self._whole)
-            tiles = add_inset_tiles(uniform, areas, self._whole, self._options)
+            tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, self._options)
         planned = len(Tile(self._whole).split(self._options.tile_px))
         self._progress.add_tiles(len(tiles) - planned)
         for tile in tiles:
             yield from self._measure(tile)
+        yield from self._look_beyond()
         if not self._options.refines:
             return "all tiles"
         return (yield from self._refine())
@@ -140,6 +140,16 @@ class FrameWork:
         side = self._options.tile_px
         many = len(self._motion.bodies) > _MANY_BODIES and not self._options.refines
         return 2 * side if many and side == PathOptions.tile_px else side
+
+    def _look_beyond(self) -> Generator[PathTask, None, None]:
+        """Measure the power beyond the last order, where anything is seen."""
+        found = QualitySums.joined(measured.quality for measured in self._tiles.values())
+        if found.seen - {0}:
+            start_s = time.monotonic()
+            beyond = yield from self._tracer.beyond_tasks(self._whole, found.coloured)
+            self._beyond.add_beyond(beyond, self._run.watts_per_unit, found.strongest_path)
+            self._renders += 1
+            self._seconds += time.monotonic() - start_s
 
     def keep_tiles(self) -> None:
         """Leave the measured tiles on disk."""
@@ -194,10 +204,9 @@ class FrameWork:
         for _ in range(2):
             last_s = time.monotonic()
             yield from self._tracer.look_tasks(0, few)
-        now_s = time.monotonic()
         self._renders += 2
-        self._seconds += now_s - start_s
-        a_tile_s = options.replicates * (now_s - last_s)
+        self._seconds += time.monotonic() - start_s
+        a_tile_s = options.replicates * (time.monotonic() - last_s)
         return min(MOST_TILED, int(_SHARE_FOR_TILES * options.time_limit_s / a_tile_s))
 
     def _refine(self) -> Generator[PathTask, None, str]:
@@ -245,9 +254,7 @@ class FrameWork:
                 for rows in self._parts.replicates(key, record)
             ]
             self._progress.replicates_measured(len(record.rows), earlier=True)
-        quality, further = record.sums()
-        self._tiles[number] = _Measured(tile, key, quality)
-        self._further.append(further)
+        self._tiles[number] = _Measured(tile, key, record.sums())
         self._budget.powers[number] = self._grid.powers(powers)
         self._renders += record.renders
         self._seconds += record.seconds
@@ -258,7 +265,7 @@ class FrameWork:
         """Measure a tile replicate by replicate."""
         start_s = time.monotonic()
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
-        quality, further = QualitySums(), QualitySums()
+        quality = QualitySums()
         powers: list[ReplicatePowers] = []
         rows_of: list[int] = []
         renders = 0
@@ -269,11 +276,9 @@ class FrameWork:
                 )
                 renders += traced.renders
                 quality.add_view(traced, watts_per_unit / count)
-                # One replicate of each tile of the unrefined frame asked for more than its paths.
-                further.add_beyond(traced, watts_per_unit)
                 self._motion.label(rows)
-                self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
-                self._clutter.apply(rows, origin_m, self._tracer.transmitter_m)
+                normals = self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
+                self._clutter.apply(rows, normals, origin_m, self._tracer.transmitter_m)
                 if self._dtype != PATH_DTYPE:  # there are mirrors
                     views = MirrorViews(
                         self._tracer, self._motion, self._hits, self._clutter, self._mirrors
@@ -290,7 +295,6 @@ class FrameWork:
         record = TileRecord(
             rows_of,
             quality.numbers(),
-            further.numbers(),
             sorted(quality.seen),
             sorted(quality.echoing),
             sorted(quality.bodies),
@@ -308,9 +312,7 @@ class FrameWork:
         motion_file = self._motion.write(
             self._folder, self._tracer.instant.time_s, self._run.versions
         )
-        quality = QualitySums.joined(
-            [*(measured.quality for measured in self._tiles.values()), *self._further]
-        )
+        quality = QualitySums.joined([*(m.quality for m in self._tiles.values()), self._beyond])
         table = self._folder / contract.PATHS_TABLE
         record = contract.PathsRecord(
             **self._run.record_fields(),

@@ -8,14 +8,15 @@ space; the hit point tells which triangle was met.
 
 from __future__ import annotations
 
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
-from ...signal.paths import PathFlag, PathRows, TriangleMesh
-from ...vectors import are_finite, crosses, distances, dots, norms
+from ...signal.paths import PathColumns, PathFlag, PathRows, Spaces, TriangleMesh
+from ...vectors import are_finite, crosses, distances, dots, norms, take_rows
 from ..motion import Bodies
 from ..state import Shape, read_triangles
 from .delayed_ways import DelayedWays
@@ -46,6 +47,28 @@ _MOST_MISSED = 0.05
 
 #: Mesh of each shape and its part of it; None without a surface.
 Meshes = WeakKeyDictionary[Shape, tuple[TriangleMesh, int] | None]
+
+
+class Normals:
+    """Normals at the first and the last vertices of a number of rows."""
+
+    def __init__(self, rows: int) -> None:
+        self._rows = rows
+        self._found: list[tuple[Indices, Real, Real]] = []
+
+    def add(self, rows: Indices, first: Real, last: Real) -> None:
+        """Those of some rows, (n, 3), of any length; NaN: unknown."""
+        self._found.append((rows, first, last))
+
+    def all(self) -> tuple[Real, Real]:
+        """Of all rows, (n, 3), of any length; NaN: unknown."""
+        for rows, first, last in self._found:
+            if rows.size == self._rows:
+                return first, last
+        first, last = (np.full((self._rows, 3), np.nan, order="F") for _ in range(2))
+        for rows, one, other in self._found:
+            first[rows], last[rows] = one, other
+        return first, last
 
 
 class HitPoints:
@@ -81,34 +104,41 @@ class HitPoints:
         self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
         self._opaque, self._ways = opaque, ways
 
-    def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> None:
+    def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> Normals:
         """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
 
-        `origin_m` is where the rays start, (3,) or (n, 3).
+        `origin_m` is where the rays start, (3,) or (n, 3). Returns the normals that it met.
         """
+        normals = Normals(rows.size)
         flags = rows["flags"]
         one_path = flags & PathFlag.MIXED == 0
         seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (rows["transparent_depth"] == 0) & one_path
         one = np.flatnonzero((rows["order"] == 1) & seen)
-        self._refine_order_1(rows, one, _of(origin_m, one), transmitter_m)
+        self._refine_order_1(rows, one, _of(origin_m, one), transmitter_m, normals)
         later = np.flatnonzero((rows["order"] > 1) & one_path)
-        self._refine_later(rows, later, _of(origin_m, later), transmitter_m)
+        self._refine_later(rows, later, _of(origin_m, later), transmitter_m, normals)
+        return normals
 
     def _refine_order_1(
-        self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
+        self,
+        rows: PathRows,
+        chosen: Indices,
+        origins_m: Real,
+        transmitter_m: Real,
+        normals: Normals,
     ) -> None:
-        points_m = rows["last_scatterer_m"][chosen]
-        reach_m = _reach_m(points_m, origins_m)
+        mine = PathColumns(rows, chosen)
+        reach_m = _reach_m(mine["last_scatterer_m"], origins_m)
         needed = np.flatnonzero(_LENGTH_OVER_POINT * reach_m > self._tolerance_m)
         if not needed.size:
             return
-        chosen, points_m, origins_m = chosen[needed], points_m[needed], _of(origins_m, needed)
-        mine = rows[chosen]
-        reach_m = reach_m[needed]
-        way_m, normal = self._hit(
-            mine["last_body"], origins_m, mine["direction"], points_m, reach_m
-        )
-        ray_m = way_m[:, None] * mine["direction"]
+        if needed.size < chosen.size:
+            chosen, reach_m = chosen[needed], reach_m[needed]
+            mine, origins_m = PathColumns(rows, chosen), _of(origins_m, needed)
+        points_m, direction = mine["last_scatterer_m"], mine["direction"]
+        way_m, normal = self._hit(mine["last_body"], origins_m, direction, points_m, reach_m)
+        normals.add(chosen, normal, normal)
+        ray_m = way_m[:, None] * direction
         found_m = origins_m + ray_m
         # numbers no larger than the length, wherever the world's origin is
         length_m = way_m + norms(ray_m + (origins_m - transmitter_m))
@@ -116,27 +146,36 @@ class HitPoints:
             # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
             # surface it tells where another one hit, close by. It is too short where Cycles
             # lifts the start of shadow rays off smooth meshes (shadow terminator).
-            cosine = np.abs(dots(mine["direction"], normal)) / norms(normal)
+            cosine = np.abs(dots(direction, normal)) / norms(normal)
             grazed_m = 2 * reach_m / cosine
             slanted = _SLANTED * np.sqrt(np.maximum(cosine**-2 - 1, 0.0))
             delay_m = mine["length_m"] - length_m
             undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
-        encoded = mine["flags"] & PathFlag.ENCODED_LENGTH != 0
+        flags = mine["flags"]
+        encoded = flags & PathFlag.ENCODED_LENGTH != 0
         if self._ways is not None:
             asked = np.flatnonzero(encoded & undelayed)
             undelayed[asked] = ~self._ways.to(points_m[asked])
         hit = np.isfinite(way_m) & (~encoded | undelayed)
-        sure, found_m, length_m = chosen[hit], found_m[hit], length_m[hit]
-        rows["last_scatterer_m"][sure] = rows["first_scatterer_m"][sure] = found_m
-        rows["length_m"][sure] = length_m
         # Behind transparent surfaces a delay below the encoding's noise goes unnoticed.
-        direct = rows["transparent_depth"][sure] == 0
-        sigma_m = np.spacing(length_m) * np.hypot(_STRAIGHT, slanted[hit])
-        rows["length_sigma_m"][sure[direct]] = sigma_m[direct]
-        rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
+        direct = hit & (mine["transparent_depth"] == 0)
+        sigma_m = np.spacing(length_m) * np.hypot(_STRAIGHT, slanted)
+        for name, found, where in (
+            ("last_scatterer_m", found_m, hit),
+            ("first_scatterer_m", found_m, hit),
+            ("length_m", length_m, hit),
+            ("length_sigma_m", sigma_m, direct),
+            ("flags", flags & ~np.uint16(PathFlag.ENCODED_LENGTH), hit),
+        ):
+            _put(rows[name], chosen, found, where)
 
     def _refine_later(
-        self, rows: PathRows, chosen: Indices, origins_m: Real, transmitter_m: Real
+        self,
+        rows: PathRows,
+        chosen: Indices,
+        origins_m: Real,
+        transmitter_m: Real,
+        normals: Normals,
     ) -> None:
         """Orders above 1: the first vertex along its ray, the last one along the last segment."""
         needed = np.flatnonzero(
@@ -145,7 +184,7 @@ class HitPoints:
         if not needed.size:
             return
         chosen, origins_m = chosen[needed], _of(origins_m, needed)
-        mine = rows[chosen]
+        mine = PathColumns(rows, chosen)
         direction, first_m = mine["direction"], mine["first_scatterer_m"]
         coloured_m = _LARGEST_COLOUR_ERROR * mine["length_m"]
         reach_m = coloured_m + _reach_m(first_m, origins_m)
@@ -155,10 +194,11 @@ class HitPoints:
 
         last_m = mine["last_scatterer_m"]
         reach_m = coloured_m + _reach_m(last_m, transmitter_m)
-        start_m = np.broadcast_to(transmitter_m, last_m.shape)
-        share, _ = self._hit(mine["last_body"], start_m, last_m - start_m, last_m, reach_m)
+        segment_m = last_m - transmitter_m
+        share, last = self._hit(mine["last_body"], transmitter_m, segment_m, last_m, reach_m)
+        normals.add(chosen, normal, last)
         lit = np.isfinite(share)
-        last_m = np.where(lit[:, None], start_m + share[:, None] * (last_m - start_m), last_m)
+        last_m = np.where(lit[:, None], transmitter_m + share[:, None] * segment_m, last_m)
         # Where the first surface is a mirror, its ray tells the second vertex better.
         two = seen & lit & (mine["order"] == 2)
         within_m = _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
@@ -194,14 +234,25 @@ class HitPoints:
 
     # -- meshes ------------------------------------------------------------------------------------
 
-    def normals(self, bodies: Indices, starts_m: Real, points_m: Real) -> Real:
-        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown."""
-        reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
-            points_m, starts_m
-        )
-        way, normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)
-        normal = np.where(np.isfinite(way)[:, None], normal, np.nan)
-        return np.asarray(normal / norms(normal)[:, None])
+    def normals(
+        self, bodies: Indices, starts_m: Real, points_m: Real, known: Real | None = None
+    ) -> Real:
+        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown.
+
+        Those that are `known` and not NaN are not looked for, and may have any length.
+        """
+        found = np.full((bodies.size, 3), np.nan, order="F") if known is None else known
+        sought = np.flatnonzero(np.isnan(found[:, 0]))
+        if sought.size:
+            bodies, starts_m = bodies[sought], _of(starts_m, sought)
+            points_m = take_rows(points_m, sought)
+            reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
+                points_m, starts_m
+            )
+            normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)[1]
+            found = found.copy("K")
+            found[sought] = normal
+        return np.asarray(found / norms(found)[:, None])
 
     def _hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
@@ -210,43 +261,37 @@ class HitPoints:
 
         NaN where nothing is hit.
         """
-        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan)
+        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan, order="F")
         known = np.flatnonzero((bodies > 0) & are_finite(near_m))
         if not known.size:
             return found, normals
-        # Foot of each point on its ray: from there on all numbers are small, and what rounding a
-        # pose's inverse does to the place of all points alike has no arm to act on.
-        origins_m, rays = _of(origins_m, known), directions[known]
-        away_m = near_m[known] - origins_m
-        ahead = dots(away_m, rays) / dots(rays, rays)
-        offset_m = ahead[:, None] * rays - away_m
         poses, body = _distinct(bodies[known] - 1)
         inverses, flat = self._inverses(poses)
-        stretch = np.linalg.norm(inverses[:, :3, :3], ord=2, axis=(1, 2))
+        turn, place_m = inverses[:, :3, :3], self._bodies.pose[poses][:, :3, 3]
+        stretch = np.linalg.norm(turn, ord=2, axis=(1, 2))
         for mesh, part in self._meshes_of(self._bodies.shape[poses], flat):
-            # rays that follow one another are of one body then
-            here = np.flatnonzero(part[body] >= 0)
-            here = here[np.argsort(part[body[here]], kind="stable")]
+            kind = part[body]
+            here = np.flatnonzero(kind >= 0)
             if not here.size:
                 continue
+            if np.any(np.diff(kind[here]) < 0):
+                # rays that follow one another are of one body then
+                here = here[np.argsort(kind[here], kind="stable")]
             mine, each = known[here], body[here]
-            parts, reach = part[each], reach_m[mine] * stretch[each]
-            if np.all(each == each[0]):
-                each = each[0]  # one pose for all is much faster
+            parts, reach = kind[here], reach_m[mine] * stretch[each]
             # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
-            turn, place_m = inverses[each][..., :3, :3], self._bodies.pose[poses[each]][..., :3, 3]
-            own_m = np.einsum("...ij,...j->...i", turn, near_m[mine] - place_m)
-            further, normal = mesh.hit(
-                own_m + np.einsum("...ij,...j->...i", turn, offset_m[here]),
-                np.einsum("...ij,...j->...i", turn, rays[here]),
-                own_m,
+            way, normal = mesh.hit(
+                _of(origins_m, mine),
+                take_rows(directions, mine),
+                take_rows(near_m, mine),
                 reach,
                 parts,
+                Spaces(turn, place_m, each),
             )
-            missed = np.bincount(parts, weights=np.isnan(further))
-            further[(missed > _MOST_MISSED * np.bincount(parts))[parts]] = np.nan
-            found[mine] = ahead[here] + further
-            normals[mine] = np.einsum("...ij,...i->...j", turn, normal)
+            missed = np.bincount(parts, weights=np.isnan(way))
+            way[(missed > _MOST_MISSED * np.bincount(parts))[parts]] = np.nan
+            normal[np.isnan(way)] = np.nan
+            found[mine], normals[mine] = way, normal
         return found, normals
 
     def _inverses(self, bodies: Indices) -> tuple[Real, Mask]:
@@ -309,6 +354,14 @@ def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
 def _of(origins_m: Real, rows: Indices) -> Real:
     """Where the rays of these rows start, of one place for all, (3,), or of one each, (n, 3)."""
     return origins_m if origins_m.ndim == 1 else origins_m[rows]
+
+
+def _put(column: NDArray[Any], rows: Indices, values: NDArray[Any], where: Mask) -> None:
+    """Set a column of these rows where told."""
+    if rows.size == len(column) and where.all():
+        column[...] = values
+    else:
+        column[rows[where]] = values[where]
 
 
 def _reach_m(points_m: Real, start_m: Real) -> Real:

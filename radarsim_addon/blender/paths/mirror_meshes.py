@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -40,6 +41,32 @@ class MirroringMesh:
         """Return the materials of mirroring triangles."""
         found = (self.slots[own] for own in self.slot[triangles].tolist())
         return [one for one in found if one is not None]
+
+
+def mirroring_objects(obstacles: Obstacles) -> list[str]:
+    """Return the names of the objects whose meshes `mirroring_meshes` has, each once.
+
+    Meshes are read only where some of an object's materials mirror and others do not.
+    """
+    bodies = obstacles.bodies
+    mirrors = cache(lambda one: mirror_of(one) is not None or is_mirror_like(one))
+    named: dict[int, bool] = {}
+    for index in range(len(bodies.shape)):
+        number = int(bodies.shape[index])
+        if number in named:
+            continue
+        shape = bodies.snapshot.shapes[number]
+        smooth = np.array([mirrors(one) for one in shape.materials], dtype=bool)
+        named[number] = bool(smooth.any()) and mirror_choice(shape.original) != "never"
+        if named[number] and not smooth.all():
+            mesh = obstacles.mesh(index)
+            slots = () if mesh is None else np.minimum(mesh.slots, smooth.size - 1)
+            named[number] = mesh is not None and bool(smooth[slots].any())
+        elif named[number]:
+            with bodies.snapshot.mesh(shape) as surface:
+                named[number] = surface is not None and len(surface.polygons) > 0
+    shapes = bodies.snapshot.shapes
+    return list(dict.fromkeys(shapes[n].original.name_full for n, yes in named.items() if yes))
 
 
 def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:

@@ -36,7 +36,8 @@ from .image_chains import (
     second_images,
     ways_over,
 )
-from .mirrors import find_mirrors
+from .mirror_meshes import mirroring_objects
+from .mirrors import Mirror, find_mirrors
 from .obstacles import BodyMesh, Obstacles
 from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
 from .ways_back import WaysBack, receiver_chains
@@ -88,18 +89,19 @@ class MirrorPaths:
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
-        self.mirrors, self._findings = find_mirrors(
-            self._obstacles, transmitter_m, self._wavelength_m, most
-        )
-        curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
-        self._findings += said
+        self.mirrors: list[Mirror] = []
+        curved: CurvedMirrors | None = None
         if self._reflections == 1:
-            names = [name for item in self._findings for name in item.subjects]
-            names += () if curved is None else curved.objects
+            names = mirroring_objects(self._obstacles)
             self._findings = [finding("mirrors-need-reflections", *names)] if names else []
-        elif self._reflections == 2 and (self.mirrors or curved is not None):
-            names = [name for mirror in self.mirrors for name in mirror.objects]
-            names += () if curved is None else curved.objects
+        else:
+            self.mirrors, self._findings = find_mirrors(
+                self._obstacles, transmitter_m, self._wavelength_m, most
+            )
+            curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
+            self._findings += said
+        if self._reflections == 2 and (self.mirrors or curved is not None):
+            names = [name for one in (*self.mirrors, curved) if one for name in one.objects]
             self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
         rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
         rough += () if curved is None else curved.rough_objects
@@ -123,7 +125,7 @@ class MirrorPaths:
         self._own_images: list[ImageChain] = []
         if receiver.kind == "orthographic" and self.mirrors:
             self._findings.append(finding("mirror-ways-not-in-phase"))
-        elif not self._one_place:
+        elif self._reflections > 1 and not self._one_place:
             self._find_ways_back(most)
         #: Places of the images, (n, 3) [m].
         self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
@@ -167,11 +169,9 @@ class MirrorPaths:
             self._obstacles, self._receiver_m, self._wavelength_m, most
         )
         told = {item.code for item in self._findings}
-        if self._reflections > 1:
-            self._findings += [item for item in findings if item.code not in told]
-        pairs = self._reflections > 2
+        self._findings += [item for item in findings if item.code not in told]
         chains, self._own_images = receiver_chains(
-            mirrors, self._receiver_m, self.images, self._wavelength_m, most, pairs
+            mirrors, self._receiver_m, self.images, self._wavelength_m, most, self._reflections > 2
         )
         self.mirrors += mirrors
         self._back = WaysBack(

@@ -50,8 +50,8 @@ class MirrorViews:
             )
             renders += traced.renders
             self.motion.label(found)
-            self.hits.refine(found, origin_m, place_m)
-            self.clutter.apply(found, origin_m, place_m)
+            normals = self.hits.refine(found, origin_m, place_m)
+            self.clutter.apply(found, normals, origin_m, place_m)
             found = self.mirrors.number(found, traced, image)
             found, through_w = self.mirrors.choose(image, found)
             quality.through_mirrored_w += through_w

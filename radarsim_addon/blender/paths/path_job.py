@@ -260,6 +260,11 @@ class PathJob(MeasurementJob):
             self.unrestored += restore()
         super().restore()
 
+    def leave(self) -> None:
+        """Let go of files alone."""
+        self.path_scene.remove_files()
+        super().leave()
+
     # -- one radar frame ---------------------------------------------------------------------------
 
     def _frame_tasks(self, frame: int) -> Generator[PathTask, None, None]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...findings import Finding, finding
 from ...signal.paths import PathFlag, PathRows
-from ..views import TracedReplicate
+from ..views import PowerBeyond, TracedReplicate
 
 #: Fraction of the power that may be in flawed rows before the run says so, and the relative error
 #: that nobody minds if none was asked for: 0.2 dB.
@@ -35,6 +35,8 @@ class QualitySums:
         self.total_w = self.truncated_reflections_w = self.truncated_transparency_w = 0.0
         self.truncated_reflections_variance_w2 = self.strongest_ray_w = 0.0
         self.mixed_w = self.unranged_w = self._row_w = 0.0
+        #: Power of the strongest path [W per square Blender unit].
+        self.strongest_path = 0.0
         #: Power of paths over mirrors that go through something open on the way: left out.
         self.through_mirrored_w = 0.0
         self._bias_wm = self._sigma2_wm2 = 0.0
@@ -48,17 +50,22 @@ class QualitySums:
         self.total_w += traced.total * watts_per_unit
         self.truncated_reflections_w += traced.truncated_reflections * watts_per_unit
         self.truncated_transparency_w += traced.truncated_transparency * watts_per_unit
+        self.strongest_path = max(self.strongest_path, traced.strongest)
         self.coloured |= traced.coloured
         if traced.open_view is not None and traced.open_view.object_index is not None:
             self.seen.update(_numbers(traced.open_view.object_index))
 
-    def add_beyond(self, traced: TracedReplicate, watts_per_unit: float) -> None:
-        """Add what a view found beyond the last order, as far as it was asked for."""
-        beyond_w = traced.beyond * watts_per_unit
+    def add_beyond(
+        self, beyond: PowerBeyond, watts_per_unit: float, strongest_path: float = 0.0
+    ) -> None:
+        """Add the power beyond the last order; `strongest_path` is that of a followed one."""
+        beyond_w = beyond.power * watts_per_unit
         self.total_w += beyond_w
         self.truncated_reflections_w += beyond_w
-        self.truncated_reflections_variance_w2 += traced.beyond_variance * watts_per_unit**2
-        self.strongest_ray_w = max(self.strongest_ray_w, traced.strongest_ray * watts_per_unit)
+        self.truncated_reflections_variance_w2 += beyond.variance * watts_per_unit**2
+        # paths that no ray met may be as strong as those that were followed
+        strongest = max(beyond.strongest_ray, beyond.pixels_per_ray * strongest_path)
+        self.strongest_ray_w = max(self.strongest_ray_w, strongest * watts_per_unit)
 
     def add_rows(self, rows: PathRows) -> None:
         """Add the rows of a view."""
@@ -101,8 +108,8 @@ class QualitySums:
             for name, value in vars(part).items():
                 if isinstance(value, set):
                     getattr(total, name).update(value)
-                elif name == "strongest_ray_w":
-                    total.strongest_ray_w = max(total.strongest_ray_w, value)
+                elif name.startswith("strongest"):
+                    setattr(total, name, max(getattr(total, name), value))
                 else:
                     setattr(total, name, getattr(total, name) + value)
         total.coloured = bool(total.coloured)

@@ -15,7 +15,7 @@ from ...signal.paths import PathRows
 from ...vectors import are_finite, dots, norms
 from ..materials import clutter_of, mirror_of, scattered_lobe_of
 from ..motion import Bodies
-from .hit_points import HitPoints
+from .hit_points import HitPoints, Normals
 from .surface_lobes import is_mirrored
 
 
@@ -37,8 +37,10 @@ class RoughMirrors:
         self._scatters = np.append(False, scatters[bodies.shape])
         self._any = bool(self._heights_m.any())
 
-    def keep_coherent(self, rows: PathRows, origins_m: Real) -> None:
-        """Multiply powers of labelled, refined rows; rays start at `origins_m`, (n, 3).
+    def keep_coherent(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
+        """Multiply powers of labelled, refined rows with the normals that refining met.
+
+        Rays start at `origins_m`, (n, 3).
 
         With more than two reflections it is unknown whether the mirror has scattered or mirrored:
         both are in such rows as if nothing were taken from the image, so their sum is reduced.
@@ -49,7 +51,8 @@ class RoughMirrors:
         chosen = np.flatnonzero(seen & are_finite(rows["first_scatterer_m"]))
         mine = rows[chosen]
         bodies, first_m, along = mine["first_body"], mine["first_scatterer_m"], mine["direction"]
-        normals = self._hits.normals(bodies, origins_m[chosen], first_m)
+        known = found.all()[0][chosen]
+        normals = self._hits.normals(bodies, origins_m[chosen], first_m, known)
         sine = np.abs(dots(normals, along))
         factor = coherent_reflection(self._heights_m[bodies], sine, self._wavelength_m) ** 2
         lobe, two = self._scatters[bodies], mine["order"] == 2

@@ -18,9 +18,11 @@ the table of a slightly rough mirror.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...array_types import Mask, Real
 from ...errors import ConfigError
@@ -30,7 +32,7 @@ from ...physics.facets import facet_scattering
 from ...physics.fresnel import unpolarised_reflectance
 from ...vectors import dots
 from ..materials import EXACT_FACETS, ScatteredLobe
-from ..nodes.clutter_lobe import table_angles_rad
+from ..nodes.clutter_lobe import TABLE_WIDTH
 from ..nodes.group_search import group_input
 from ..nodes.physical_material import EXTINCTION, INDEX, ROUGHNESS, SMOOTH_BELOW
 
@@ -43,8 +45,8 @@ _CONDUCTOR = complex(1e12)
 
 def is_mirrored(normal: Real, back: Real, onward: Real) -> Mask:
     """Whether a smooth surface mirrors unit vectors from a vertex into each other, (n,)."""
-    mirrored = 2 * dots(normal, back)[:, None] * normal - back
-    return np.asarray(dots(mirrored, onward) >= _MIRRORED)
+    cosine = 2 * dots(normal, back) * dots(normal, onward) - dots(back, onward)
+    return np.asarray(cosine >= _MIRRORED)
 
 
 @dataclass(frozen=True)
@@ -53,15 +55,30 @@ class _Table:
 
     table_db: Real
 
+    @cached_property
+    def _steps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """ln sigma0 half a column before each and after the last, and steps to the next."""
+        levels = np.pad(self.table_db * (np.log(10) / 10), 1, mode="edge").astype(np.float32)
+        return levels[:-1], np.diff(levels)
+
+    def log_sigma0(self, sine: Real) -> NDArray[np.float32]:
+        """Natural logarithm at sines of grazing angles, (n,), as the image gives it: linear.
+
+        float32 is within 1e-4 dB of the same line in float64.
+        """
+        angle = np.arcsin(np.minimum(sine, 1.0)) * (2 / np.pi * TABLE_WIDTH**3)
+        column = np.cbrt(angle.astype(np.float32)) + np.float32(0.5)
+        left = column.astype(np.intp)
+        levels, steps = self._steps
+        return np.asarray(levels.take(left) + (column - left.astype(np.float32)) * steps.take(left))
+
     def sigma0(self, sine: Real) -> Real:
         """At sines of grazing angles."""
-        place = np.cbrt(np.arcsin(np.minimum(sine, 1.0)) * 2 / np.pi)
-        known = np.cbrt(table_angles_rad() * 2 / np.pi)
-        return np.asarray(10 ** (np.interp(place, known, self.table_db) / 10))
+        return np.exp(self.log_sigma0(sine), dtype=np.float64)
 
-    def albedo(self, sine: Real, seen_first: bool) -> Real:
+    def albedo(self, sigma0: Real, sine: Real, seen_first: bool) -> Real:
         """Of the rendered lobe, which is limited beyond the first vertex."""
-        found = self.sigma0(sine) / (4 * sine**2)
+        found = sigma0 / (4 * sine**2)
         return found if seen_first else np.minimum(found, 1.0)
 
 
@@ -80,12 +97,17 @@ class ClutterLobe(_Table):
         `seen_first`: the receiver sees the vertex itself, and the albedo is not limited.
         """
         sine_s, sine_i = dots(normal, back), dots(normal, onward)
-        facets = np.zeros(sine_s.size)
+        level_s, level_i = self.log_sigma0(sine_s), self.log_sigma0(sine_i)
+        # what the lobe is to be over a Lambert lobe of the albedo that is seen
+        ratio = np.exp((level_i - level_s) / 2) * sine_s / sine_i
+        if self.alpha == 0 and seen_first:
+            return ratio
+        seen = np.exp(level_s, dtype=np.float64)
+        lambert, rendered = (self.albedo(seen, sine_s, both) / np.pi for both in (True, seen_first))
+        facets: Real | float = 0.0
         if self.alpha > 0:
             facets = facet_scattering(self.index, self.alpha, normal, back, onward, EXACT_FACETS)
-        rendered = facets + self.albedo(sine_s, seen_first) / np.pi
-        both = np.sqrt(self.sigma0(sine_s) * self.sigma0(sine_i))
-        return (facets + both / (4 * np.pi * sine_i * sine_s)) / rendered
+        return np.asarray((facets + lambert * ratio) / (facets + rendered))
 
 
 @dataclass(frozen=True)
@@ -114,7 +136,7 @@ class DirectiveLobe(_Table):
         lobe, sine_s = self.lobe, dots(normal, back)
         facets = np.zeros(sine_s.size)
         if self.table_db.size:
-            albedo = self.albedo(sine_s, seen_first)
+            albedo = self.albedo(self.sigma0(sine_s), sine_s, seen_first)
         else:
             seen = unpolarised_reflectance(lobe.mirror.index, np.minimum(sine_s, 1.0))
             albedo = (1 - lobe.mirror.share) * seen

@@ -38,14 +38,12 @@ _MOST_HELD, _LONGEST_HELD_S = 192 << 20, 5.0
 class TileRecord:
     """What is known of a measured tile besides its rows.
 
-    rows counts them replicate by replicate; quality and further are the sums of `QualitySums` (of
-    the rows, and of what lies beyond the last order); renders and seconds are what it cost; sha256
-    is that of the file of its rows.
+    rows counts them replicate by replicate; quality are the sums of `QualitySums`; renders and
+    seconds are what it cost; sha256 is that of the file of its rows.
     """
 
     rows: list[int]
     quality: dict[str, float]
-    further: dict[str, float]
     seen: list[int] = field(default_factory=list)
     echoing: list[int] = field(default_factory=list)
     bodies: list[int] = field(default_factory=list)
@@ -55,12 +53,11 @@ class TileRecord:
     schema: str = "radarsim/tile"
     schema_version: int = contract.SCHEMA_VERSION
 
-    def sums(self) -> tuple[QualitySums, QualitySums]:
-        """Quality of the rows, and what lies beyond the last order."""
-        quality = QualitySums.from_numbers(
+    def sums(self) -> QualitySums:
+        """Quality of the rows."""
+        return QualitySums.from_numbers(
             self.quality, seen=self.seen, echoing=self.echoing, bodies=self.bodies
         )
-        return quality, QualitySums.from_numbers(self.further)
 
 
 @dataclass

@@ -25,11 +25,13 @@ from ..plan import Instant, Measurement, PathOptions, Plan
 from ..views import (
     PathClass,
     PathScene,
+    PowerBeyond,
     RenderRequest,
     TracedReplicate,
     TraceLimits,
     View,
     ViewWindow,
+    look_beyond,
     ray_origins,
     replicate_seed,
     rows_of_replicate,
@@ -185,6 +187,24 @@ class ViewTracer:
         view = yield from self._render(number, 0, RenderRequest(PathClass(order_max=1)))
         return receiver, view
 
+    def beyond_tasks(
+        self, whole: ViewWindow, coloured: bool
+    ) -> Generator[PathTask, None, PowerBeyond]:
+        """Render the whole frame with few rays, for the power beyond the last order."""
+        run, window = self.run, whole.with_few_rays()
+        run.scene.lamps.shine(0)
+        seed = replicate_seed(run.measurement.seed, window, 0)
+        receiver = run.scene.look(window, (0.0, 0.0), seed)
+        rays = pixel_rays(receiver, window.width_px, window.height_px)
+        shared = whole.width_px * whole.height_px / rays.solid_angle_sr.size
+        asked = look_beyond(self._limits(), rays.solid_angle_sr, shared, coloured)
+        view = yield from self._render(0, 0, next(asked))
+        try:
+            asked.send(view)
+        except StopIteration as stop:
+            found: PowerBeyond = stop.value
+        return found
+
     def replicate_tasks(
         self, number: int, tile: Tile, replicate: int, image: int = 0
     ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
@@ -199,15 +219,14 @@ class ViewTracer:
         seed = replicate_seed(run.measurement.seed, window, replicate)
         receiver = run.scene.look(window, replicate_offset_px(replicate), seed)
         rays = pixel_rays(receiver, window.width_px, window.height_px)
-        # Power beyond the last order is asked for once: finer tiles would ask for it again.
-        limits = self._limits(replicate == 0 and tile.level == 0 and image == 0)
+        limits = self._limits()
         if image:
             limits = dataclasses.replace(limits, max_reflections=limits.max_reflections - 1)
         trace = trace_replicate(limits, rays.solid_angle_sr)
         request = next(trace)
         while True:
             view = yield from self._render(number, replicate, request)
-            if tile.own is not None and not request.probe:
+            if tile.own is not None:
                 view = view.only(tile.own)
             try:
                 request = trace.send(view)
@@ -245,7 +264,7 @@ class ViewTracer:
         together = apart_m <= _ONE_PLACE * run.plan.extent.from_receiver_m
         return 2 if together and self.receiver.kind != "orthographic" else 0
 
-    def _limits(self, probe: bool) -> TraceLimits:
+    def _limits(self) -> TraceLimits:
         run = self.run
         return TraceLimits(
             max_reflections=run.options.max_reflections,
@@ -254,7 +273,6 @@ class ViewTracer:
             deterministic_transmission=run.deterministic,
             world_encoding=run.world_encoding,
             amplitude_channel=run.options.amplitude_channel,
-            probe=probe,
             polarised_from=self._polarised_from(),
             opaque=run.scene.opaque,
             all_opaque=run.scene.all_opaque,

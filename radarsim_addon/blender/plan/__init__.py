@@ -11,6 +11,7 @@ from .coverage_arguments import (
 )
 from .measurement import POLARISATIONS, Measurement, parse_frames
 from .path_options import FINEST_PITCH, PathOptions
+from .pixel_findings import find_coarse_pixels
 from .presets import DEFAULT_PRESET, PRESETS, RadarPreset, radar_preset
 from .records import fingerprint, run_record
 from .render_arguments import given_settings, parse_render_arguments, render_settings
@@ -48,6 +49,7 @@ __all__ = [
     "check_unit_scale",
     "config_findings",
     "coverage_request",
+    "find_coarse_pixels",
     "fingerprint",
     "given_settings",
     "instant_at",

@@ -395,3 +395,7 @@ class MeasurementJob:
         if not self._followed:
             ignore_evaluations()
         self._shared.close()
+
+    def leave(self) -> None:
+        """Let go of files alone, where the process ends and nobody needs the user's scene."""
+        self._shared.close()

@@ -4,7 +4,14 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .closing_speeds import VELOCITY_FRAMES, ClosingSpeeds, keyed_speeds, keyed_step
+from .closing_speeds import (
+    VELOCITY_FRAMES,
+    ClosingSpeeds,
+    keyed_move,
+    keyed_speeds,
+    keyed_step,
+    nothing_moves,
+)
 from .driver_checks import (
     disabled_drivers,
     driven_by_whole_frames,
@@ -25,6 +32,7 @@ from .mesh_checks import check_meshes
 from .no_echo import no_echo_findings
 from .optical_materials import replace_material, suggest_materials
 from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
+from .pixel_spans import PixelSpans, measure_pixel_spans
 from .poses import receiver_record, rigid_pose, transmitter_record
 from .projections import NEAR_CLIP_UNITS, aim, camera_kind, frame_edges
 from .radar_ground import GroundBelow, ground_below
@@ -63,6 +71,7 @@ __all__ = [
     "ClosingSpeeds",
     "GroundBelow",
     "InstancePose",
+    "PixelSpans",
     "Poses",
     "Rig",
     "action_curves",
@@ -93,10 +102,13 @@ __all__ = [
     "is_simulated_body",
     "is_transmitter",
     "isolate",
+    "keyed_move",
     "keyed_speeds",
     "keyed_step",
     "may_move_at_whole_frames",
+    "measure_pixel_spans",
     "no_echo_findings",
+    "nothing_moves",
     "pose_in_metres",
     "radar_of",
     "radars",

@@ -220,6 +220,57 @@ def keyed_step(item: Any, frame: float) -> Real | None:
     return np.asarray((worlds[1] - worlds[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
 
 
+def keyed_move(item: Any, frame: float) -> Real | None:
+    """Return what F-curves move an object by in `VELOCITY_FRAMES`.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        Object; nothing is evaluated.
+    frame
+        Blender frame.
+
+    Returns
+    -------
+    ndarray or None
+        Matrix in world space, (4, 4) [Blender units]; the identity where nothing moves the object
+        and its parents, None where something else than F-curves may.
+    """
+    worlds = [keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES)]
+    if worlds[0] is None or worlds[1] is None:
+        return None
+    return np.asarray(worlds[1] @ np.linalg.pinv(worlds[0]) if _is_keyed(item) else np.eye(4))
+
+
+def nothing_moves(item: Any) -> bool:
+    """Return whether an object and its parents have nothing that could move them: quick.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+    """
+    while item is not None:
+        if item.animation_data is not None or item.rigid_body is not None or item.constraints:
+            return False
+        if item.parent is not None and item.parent_type != "OBJECT":
+            return False
+        item = item.parent
+    return True
+
+
+def _is_keyed(item: Any) -> bool:
+    """Whether an object or a parent of it has an action."""
+    while item is not None:
+        if item.animation_data is not None and item.animation_data.action is not None:
+            return True
+        item = item.parent
+    return False
+
+
 def keyed_speeds(
     found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
 ) -> dict[str, float]:
@@ -248,33 +299,24 @@ def keyed_speeds(
     snapshot, layout = found.snapshot, found.snapshot.layout
 
     def poses_of(item: Any, now: Real) -> Real | None:
-        worlds = [keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES)]
-        if worlds[0] is None or worlds[1] is None:
-            return None
         # In float32 both are rounded alike by Blender; what F-curves add is the difference.
-        return np.stack([now, worlds[1] @ np.linalg.pinv(worlds[0]) @ now])
-
-    def is_keyed(item: Any) -> bool:
-        while item is not None:
-            if item.animation_data is not None and item.animation_data.action is not None:
-                return True
-            item = item.parent
-        return False
+        move = keyed_move(item, frame)
+        return None if move is None else np.stack([now, move @ now])
 
     places = []
     for item in antennas:
         now = np.array(item.evaluated_get(snapshot.depsgraph).matrix_world, dtype=np.float64)
-        poses = poses_of(item, now) if is_keyed(item) else None
+        poses = poses_of(item, now) if _is_keyed(item) else None
         places.append([now[:3, 3]] * 2 if poses is None else poses[:, :3, 3])
     both = np.array(places).transpose(1, 0, 2)
     still = np.array_equal(both[0], both[1])
     speeds: dict[str, float] = {}
     for row in found.rows[layout.instancer[found.rows] < 0].tolist():
         shape = snapshot.shapes[layout.shape[row]]
-        if still and not is_keyed(shape.original):
+        if still and not _is_keyed(shape.original):
             continue
         now = snapshot.matrices[row]
-        poses = poses_of(shape.original, now) if is_keyed(shape.original) else np.stack([now, now])
+        poses = poses_of(shape.original, now) if _is_keyed(shape.original) else np.stack([now, now])
         if poses is not None:
             points = outermost_points(snapshot, shape)
             interval_s = VELOCITY_FRAMES / fps

@@ -8,7 +8,7 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ...array_types import Indices, Real
 from ...findings import Finding, finding
 from ...vectors import crosses
+from ..materials import convex_objects
 from ..nodes.materials import has_interior
 from ..state import Snapshot, read_numbers, take_snapshot
 
@@ -34,6 +35,8 @@ _MOST_FACES = 4000
 _TEST_S, _LONG_S = 2e-9, 2.0
 #: Maximum number of objects with an interior for the check of nesting.
 _MOST_BOXES = 4000
+#: Pairs of boxes that are compared at once, about.
+_MOST_PAIRS = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -76,28 +79,39 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         return []
     count = int(snapshot.of_shapes(_face_counts(snapshot), np.intp)[rows].astype(bool).sum())
     near = _near_an_interior(snapshot.corners[rows], entered)
+    rows, entered = rows[near], entered[near]
+    corners = snapshot.corners[rows]
+    reach = float(np.abs(corners).max())
+    pairs = _overlapping(corners.min(axis=1), corners.max(axis=1), _COINCIDENT * reach)
+    alone = np.ones(len(rows), dtype=bool)
+    alone[pairs[entered[pairs].any(axis=1)]] = False
+    # What is convex and touches nothing is known to be sound.
+    convex = convex_objects(depsgraph)
+    sound = snapshot.of_shapes([shape.own and shape.original in convex for shape in shapes])[rows]
     read: dict[int, _Shape | None] = {}
-    found = []
-    for row, inside in zip(rows[near].tolist(), entered[near].tolist(), strict=True):
+    found, names = [], []
+    for row, inside, known in zip(
+        rows.tolist(), entered.tolist(), (alone & sound).tolist(), strict=True
+    ):
         number = int(layout.shape[row])
-        if number not in read:
-            with snapshot.mesh(shapes[number]) as mesh:
-                read[number] = None if mesh is None else _shape(mesh, inside)
-        shape = read[number]
         name = shapes[number].original.name_full + (
             " (instance)" if layout.instancer[row] >= 0 else ""
         )
-        faces = None if shape is None else _faces(shape, snapshot.matrices[row], name, inside)
-        if faces is not None:
+        if not known:
+            if number not in read:
+                with snapshot.mesh(shapes[number]) as mesh:
+                    read[number] = None if mesh is None else _shape(mesh, inside)
+            shape = read[number]
+            faces = None if shape is None else _faces(shape, snapshot.matrices[row], name, inside)
+            if faces is None:
+                continue
             found.append(faces)
+        if inside:
+            names.append(name)
+    slow = _slow_for_cycles(names, count)
     if not found:
-        return []
-    return [
-        *_defects(found),
-        *_coincident_faces(found, float(np.abs(snapshot.corners[rows]).max())),
-        *_nested_too_deep(found),
-        *_slow_for_cycles(found, count),
-    ]
+        return slow
+    return [*_defects(found), *_coincident_faces(found, reach), *_nested_too_deep(found), *slow]
 
 
 def _face_counts(snapshot: Snapshot) -> list[int]:
@@ -205,9 +219,8 @@ def _inside_out(at_corner: Real, start: Indices) -> str:
     return "inside out" if volume < 0 else ""
 
 
-def _slow_for_cycles(found: list[Faces], total: int) -> list[Finding]:
+def _slow_for_cycles(entered: list[str], total: int) -> list[Finding]:
     """Find whether Cycles, which tests each object against each interior, takes long to begin."""
-    entered = [item.name for item in found if item.entered]
     seconds = len(entered) * total * _TEST_S
     if seconds < _LONG_S:
         return []
@@ -278,7 +291,7 @@ def _pairs_in_plane(
     low = np.minimum.reduceat(boxes[members, 0], start)
     high = np.maximum.reduceat(boxes[members, 1], start)
     faces = np.split(members, start[1:])
-    for i, j in _overlapping(low, high, tolerance):
+    for i, j in _overlapping(low, high, tolerance).tolist():
         a, b = sorted((int(owners[i]), int(owners[j])))
         if not (entered[a] or entered[b]) or (a, b) in pairs:
             continue
@@ -295,18 +308,25 @@ def _pairs_in_plane(
             pairs.add((a, b))
 
 
-def _overlapping(low: Real, high: Real, tolerance: float) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of boxes (n, 3) that overlap, by a sweep along the axis where they spread."""
+def _overlapping(low: Real, high: Real, tolerance: float) -> Indices:
+    """Return the pairs of boxes (n, 3) that overlap, (k, 2): a sweep along the longest axis."""
     axis = int(np.ptp(low, axis=0).argmax())
     order = np.argsort(low[:, axis])
     low, high = low[order], high[order]
+    place = np.arange(len(order))
     end = np.searchsorted(low[:, axis], high[:, axis] + tolerance, side="right")
-    for index in range(len(order) - 1):
-        after = slice(index + 1, end[index])
-        meets = np.all(low[after] <= high[index] + tolerance, axis=1)
-        meets &= np.all(high[after] >= low[index] - tolerance, axis=1)
-        for other in np.flatnonzero(meets) + index + 1:
-            yield int(order[index]), int(order[other])
+    ahead = np.maximum(end - place - 1, 0)
+    before = np.cumsum(ahead)
+    found = [np.empty((0, 2), dtype=np.intp)]
+    parts = np.searchsorted(before, np.arange(0, int(before[-1:].sum()), _MOST_PAIRS))
+    for start, stop in itertools.pairwise([*parts.tolist(), len(order)]):
+        counts = ahead[start:stop]
+        first = np.repeat(place[start:stop], counts)
+        second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
+        meets = np.all(low[second] <= high[first] + tolerance, axis=1)
+        meets &= np.all(high[second] >= low[first] - tolerance, axis=1)
+        found.append(order[np.stack([first[meets], second[meets]], axis=1)])
+    return np.concatenate(found)
 
 
 def _nested_too_deep(found: list[Faces]) -> list[Finding]:

@@ -65,6 +65,11 @@ def _values(item: Finding, measurement: Measurement | None) -> tuple[dict[str, A
     if item.code == "ring-step-below-resolution":
         step_m = numbers["range_resolution_m"]
         return {"ring_step_m": step_m}, tr("Step {value}", value=length_text(step_m))
+    if item.code in ("footprints-too-coarse", "objects-below-a-pixel") and numbers["width_px"]:
+        sides = {name: int(numbers[name]) for name in ("width_px", "height_px")}
+        return sides, tr(
+            "Resolution {width} x {height}", width=sides["width_px"], height=sides["height_px"]
+        )
     return _CONSTANT.get(item.code, ({}, ""))
 
 

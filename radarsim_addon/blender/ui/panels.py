@@ -31,6 +31,7 @@ from .fields import (
     split,
     wrapped,
 )
+from .live_preview import LIVE_PROPERTY
 from .preset_menu import RADARSIM_PT_presets
 from .results_panel import RADARSIM_PT_results
 from .scene_panel import draw_rows
@@ -203,6 +204,7 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
             # An error of the operator says more; a file that was never saved is the usual cause.
             layout.label(text="No place for the run yet", icon="ERROR")
             layout.operator("wm.save_mainfile", text="Save the File...", icon="FILE_TICK")
+        layout.prop(context.window_manager, LIVE_PROPERTY)
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
         _draw_progress(context, layout, measurement)
 

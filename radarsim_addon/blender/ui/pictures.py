@@ -56,6 +56,11 @@ def _atlas() -> _Atlas:
         return _Atlas(letters, data["viridis"].astype(np.float32) / 255, height)
 
 
+def viridis() -> Single:
+    """Return the colour table, from low to high, (256, 3), from 0 to 1."""
+    return _atlas().viridis
+
+
 def picture_palette() -> Single:
     """Return at most 256 colours that pictures consist of, (colours, 3), from 0 to 1."""
     greys = np.repeat(np.linspace(_INK[0], 1, 24)[:, None], 3, axis=1)

@@ -5,10 +5,8 @@ from __future__ import annotations
 
 import functools
 import json
-import os
 import queue
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterable, Iterator, Sequence
@@ -23,6 +21,7 @@ from ...processes import own_folder
 from .frame_views import FrameView, read_view
 from .processing_worker import processing_records
 from .result_pictures import FrameProfile, profile_of
+from .worker_process import python_program, start_worker
 
 
 @dataclass
@@ -63,7 +62,7 @@ class ProcessingJob:
         own_folder(views)
         self._worker: subprocess.Popen[str] | None = None
         self._waiting: Iterator[dict[str, Any] | None]
-        if apart and _python() is not None:
+        if apart and python_program() is not None:
             self._waiting = self._records_of_worker(folder, views, words)
         else:
             self._waiting = processing_records(folder, views, words)
@@ -111,17 +110,16 @@ class ProcessingJob:
         self, folder: Path, views: Path, words: Sequence[str]
     ) -> Iterator[dict[str, Any] | None]:
         """Records as they come; None while there is none."""
-        root = Path(errors.__file__).parent
-        name = f"{root.name}.blender.ui.processing_worker"
         complaints = Path(views, "errors.txt")
         with open(complaints, "w", encoding="utf-8") as stderr:
-            self._worker = subprocess.Popen(
-                [str(_python()), "-m", name, str(folder), str(views), *words],
+            self._worker = start_worker(
+                "blender.ui.processing_worker",
+                str(folder),
+                str(views),
+                *words,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 encoding="utf-8",
-                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(root.parent), *sys.path])},
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
             )
         lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         stream = self._worker.stdout
@@ -141,8 +139,3 @@ class ProcessingJob:
 def _copy(stream: Iterable[str], lines: queue.SimpleQueue[str]) -> None:
     for line in stream:
         lines.put(line)
-
-
-def _python() -> str | None:
-    """The Python that Blender brings; None where it names another program."""
-    return sys.executable if "python" in Path(sys.executable or "").name.lower() else None

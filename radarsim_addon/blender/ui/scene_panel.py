@@ -82,7 +82,7 @@ _QUICK = {
     "scene-beyond-sampled-band", "scene-beyond-range-limits", "scene-beyond-rings",
     "no-radar-material", "medium-beyond-band", "one-range-cell", "low-time-bandwidth-product",
     "wavelength-exceeds-scene", "burst-exceeds-animation", "ring-step-below-resolution",
-    "single-snapshot", "short-snapshot-interval",
+    "single-snapshot", "short-snapshot-interval", "footprints-too-coarse", "objects-below-a-pixel",
 }  # fmt: skip
 
 

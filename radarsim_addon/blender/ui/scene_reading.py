@@ -21,6 +21,7 @@ from ..plan import (
     automatic_rings,
     check_unit_scale,
     config_findings,
+    find_coarse_pixels,
     shortest_decimal,
 )
 from ..rig_settings import (
@@ -31,13 +32,16 @@ from ..rig_settings import (
     settings,
 )
 from ..scene import (
+    PixelSpans,
     Rig,
     active_radar,
     antennas_of,
     echoing_boxes,
     find_rig,
+    frame_edges,
     keyed_speeds,
     keyed_step,
+    measure_pixel_spans,
     scene_extent,
 )
 from ..state import Snapshot, take_snapshot
@@ -62,6 +66,8 @@ class SceneRecord:
         Number of objects and instances with a surface that renders.
     echoing
         How many of them have radar materials.
+    pixels
+        What pixels span of the flat surfaces in view; None without a perspective.
     bare
         Names of those objects that have none; only where these do not echo.
     """
@@ -72,6 +78,7 @@ class SceneRecord:
     surfaces: int
     echoing: int
     bare: tuple[str, ...]
+    pixels: PixelSpans | None = None
 
 
 _records: WeakKeyDictionary[Snapshot, dict[Any, SceneRecord]] = WeakKeyDictionary()
@@ -134,6 +141,7 @@ def _key(scene: Any) -> Any:
         fps / render.frame_map_new,
         view.pulses / view.prf_hz,
         scene.frame_current_final,
+        view.width_px / view.height_px,
     )
 
 
@@ -151,7 +159,7 @@ def any_material_echoes(radar: Any) -> bool:
 
 def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
     """Walk through the scene."""
-    (radar, *_), scale, any_material, fps, span_s, frame = key
+    (radar, *_), scale, any_material, fps, span_s, frame, _ = key
     rig = rig_of(scene, radar)
     extent = scene_extent(depsgraph, rig, scale, any_material=any_material)
     boxes = echoing_boxes(depsgraph, any_material=any_material)
@@ -169,7 +177,18 @@ def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
         len(surfaces.rows),
         len(echoing.rows),
         tuple(sorted(names)),
+        _pixel_spans(radar, rig, boxes, scale),
     )
+
+
+def _pixel_spans(radar: Any, rig: Rig, boxes: Any, metres: float) -> PixelSpans | None:
+    """What pixels span of the flat surfaces in view."""
+    camera, view = rig.camera, settings(radar)
+    if camera.data.type != "PERSP":
+        return None
+    edges = frame_edges(camera.data, view.width_px, view.height_px, metres)
+    matrix = np.array(camera.matrix_world, dtype=np.float64)
+    return measure_pixel_spans(boxes, matrix, edges, metres)
 
 
 def _moving(
@@ -207,6 +226,14 @@ def quick_findings(
         (scene.frame_end - scene.frame_start) * frame_s,
         {} if record is None else record.speeds_mps,
     )
+    if record is not None and record.pixels is not None:
+        across, pixels = measurement.width_px, record.pixels
+        limit_m = measurement.range_stop_m or np.inf
+        if measurement.radar.waveform.kind == "fmcw":  # beyond, nothing is received
+            limit_m = min(limit_m, measurement.radar.unambiguous_range_m)
+        sizes_px = {name: size * across / pixels.width for name, size in pixels.sizes.items()}
+        steps_m = pixels.longest_m(across, limit_m)
+        found += find_coarse_pixels(measurement, view.sampling_mode, steps_m, sizes_px)
     found += media_beyond_their_band(carrier_hz(scene), view.beyond_band)
     if record is not None and record.bare:
         found.append(finding("no-radar-material", *record.bare))

@@ -4,7 +4,7 @@
 In: a window of the receiver's image. Out: rows of the path table.
 """
 
-from .path_classes import TracedReplicate, TraceLimits, trace_replicate
+from .path_classes import PowerBeyond, TracedReplicate, TraceLimits, look_beyond, trace_replicate
 from .requests import PathClass, RenderRequest, View
 from .rows import pixel_numbers, ray_origins, rows_of_replicate
 from .view_scene import PathScene
@@ -13,11 +13,13 @@ from .window import ViewWindow, replicate_seed
 __all__ = [
     "PathClass",
     "PathScene",
+    "PowerBeyond",
     "RenderRequest",
     "TraceLimits",
     "TracedReplicate",
     "View",
     "ViewWindow",
+    "look_beyond",
     "pixel_numbers",
     "ray_origins",
     "replicate_seed",

@@ -16,7 +16,6 @@ a closed form in tests.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -24,16 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from .requests import PathClass, Region, RenderRequest, View, bounding_region, coarse_variance
+from .requests import PathClass, Region, RenderRequest, View, bounding_region, variance_of_sum
 
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.
 _GREY_TOLERANCE = 1e-5
 #: Orders above the limit whose power is measured, without following their paths.
 _PROBED_ORDERS = 4
-#: Pixels per side of the blocks that have one such ray, at most, and rays that are enough: five
-#: reflections cost several times as much as one.
-_PROBE_COARSE, _PROBE_RAYS = 4, 4096
 #: Transparent surfaces after which it is asked whether anything worth following is left.
 _TAIL_EVERY = 4
 #: Differences of renders below this fraction of the minuend are float32 rounding.
@@ -74,12 +70,8 @@ class TracedReplicate:
         Power of all orders up to the limit.
     truncated_reflections, truncated_transparency
         Parts of it in higher orders and behind more transparent surfaces that were not followed.
-    beyond, beyond_variance
-        Power of the orders above the limit, and the square of its standard error; 0 unless asked
-        for.
-    strongest_ray
-        Most power that one of the rays for `beyond` brought, or would bring if it met the strongest
-        path of the others.
+    strongest
+        Power of the strongest path.
     renders
         Number of renders.
     coloured
@@ -91,9 +83,7 @@ class TracedReplicate:
     total: float = 0.0
     truncated_reflections: float = 0.0
     truncated_transparency: float = 0.0
-    beyond: float = 0.0
-    beyond_variance: float = 0.0
-    strongest_ray: float = 0.0
+    strongest: float = 0.0
     renders: int = 0
     coloured: bool = False
 
@@ -117,8 +107,6 @@ class TraceLimits:
         too.
     amplitude_channel
         Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
-    probe
-        One more render says how much power is in the next `_PROBED_ORDERS` orders.
     polarised_from
         Transparent surfaces from which on both polarisations are carried through all of them at
         order 1, with `deterministic_transmission`; None: each surface takes the mean.
@@ -134,7 +122,6 @@ class TraceLimits:
     deterministic_transmission: bool = False
     world_encoding: bool = False
     amplitude_channel: str = "mean"
-    probe: bool = False
     polarised_from: int | None = None
     opaque: frozenset[int] = frozenset()
     all_opaque: bool = False
@@ -191,22 +178,53 @@ def trace_replicate(
             yield from tracer.depths_of(order, base, view if encoded else None)
         left = left - base
     found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
-    if limits.probe:
-        path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
-        view = yield RenderRequest(
-            path_class,
-            encoded=not limits.world_encoding,
-            coarse=min(max(math.isqrt(weight.size // _PROBE_RAYS), 1), _PROBE_COARSE),
-            probe=True,
-        )
-        found.renders += 1
-        probed = tracer.amplitude(view) * weight
-        found.beyond = float(np.sum(probed))
-        found.beyond_variance = coarse_variance(probed, view.coarse)
-        seen = [layer.amplitude * weight for layer in found.layers]
-        strongest = max(float(np.max(power, initial=0.0)) for power in (probed, *seen))
-        found.strongest_ray = view.coarse**2 * strongest
+    powers = (np.max(layer.amplitude * weight, initial=0.0) for layer in found.layers)
+    found.strongest = float(max(powers, default=0.0))
     return found
+
+
+@dataclass(frozen=True)
+class PowerBeyond:
+    """Power of the orders above the limit: W per square Blender unit.
+
+    Attributes
+    ----------
+    power, variance
+        Their power, and the square of its standard error.
+    strongest_ray
+        Most power that one ray brought.
+    pixels_per_ray
+        Pixels of the frame that share a ray.
+    """
+
+    power: float = 0.0
+    variance: float = 0.0
+    strongest_ray: float = 0.0
+    pixels_per_ray: float = 1.0
+
+
+def look_beyond(
+    limits: TraceLimits, weight: Real, pixels_per_ray: float, coloured: bool
+) -> Generator[RenderRequest, View, PowerBeyond]:
+    """Measure the power of the next `_PROBED_ORDERS` orders, whose paths are not followed.
+
+    Yields its only render; `weight` as for `trace_replicate`, and `coloured` as that found the
+    scene.
+    """
+    path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
+    view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
+    power = _amplitude(view, limits.amplitude_channel if coloured else "B") * weight
+    strongest = float(power.max(initial=0.0))
+    return PowerBeyond(float(power.sum()), variance_of_sum(power), strongest, pixels_per_ray)
+
+
+def _amplitude(view: View, channel: str) -> Real:
+    """The channel that is the amplitude: "R", "G", "B" or "mean"."""
+    if channel == "mean":
+        red, green, blue = view.channels()
+        return np.asarray((red + green + blue) / 3)
+    planes = {"R": view.red, "G": view.green, "B": view.blue}
+    return planes[channel].astype(np.float64)
 
 
 class _Tracer:
@@ -222,12 +240,7 @@ class _Tracer:
 
     def amplitude(self, view: View) -> Real:
         """The channel that is the amplitude; blue, unless the scene is coloured."""
-        channel = self._limits.amplitude_channel
-        if self._found.coloured and channel == "mean":
-            red, green, blue = view.channels()
-            return np.asarray((red + green + blue) / 3)
-        planes = {"R": view.red, "G": view.green, "B": view.blue}
-        return planes[channel if self._found.coloured else "B"].astype(np.float64)
+        return _amplitude(view, self._limits.amplitude_channel if self._found.coloured else "B")
 
     def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
         """What the path classes must add up to; also tells whether the scene is coloured."""

@@ -67,25 +67,19 @@ class RenderRequest:
         The transmitter's colours tell where it shines: the last vertex.
     region
         The only pixels that can hold something (the others are 0 in the view); None: all.
-    coarse
-        Pixels per side of the blocks that have one ray, for sums that need no more.
     all_channels
         Range encoding in blue, too.
     by_polarisation
         Red, green and blue are the two polarisations instead of the range encoding: see
         `attributes.ATTR_BY_POLARISATION`.
-    probe
-        Asks for more than the paths, of all pixels whosever they are.
     """
 
     path_class: PathClass
     encoded: bool = True
     vertex: bool = False
     region: Region | None = None
-    coarse: int = 1
     all_channels: bool = False
     by_polarisation: bool = False
-    probe: bool = False
 
 
 @dataclass(frozen=True)
@@ -100,8 +94,6 @@ class View:
         First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
     object_index
         Its object's number in the run's list, 0 where there is none.
-    coarse
-        Pixels a side that shared one ray.
     """
 
     red: Real | Single
@@ -109,7 +101,6 @@ class View:
     blue: Real | Single
     position: Real | Single | None = None
     object_index: NDArray[np.int32] | None = None
-    coarse: int = 1
 
     def only(self, pixels: NDArray[np.bool_]) -> View:
         """Return the view without the light outside these pixels; what is seen there stays."""
@@ -126,28 +117,19 @@ class View:
         return np.stack([plane.take(pixels) for plane in planes], dtype=np.float64)
 
 
-def coarse_variance(power: Real, coarse: int) -> float:
-    """Variance of the sum of an image whose blocks of `coarse` pixels a side share one ray.
+def variance_of_sum(power: Real) -> float:
+    """Variance of the sum of an image with one ray a pixel, (h, w).
 
-    Neighbouring blocks have nearly the same expectation, so half the squared difference of two is
+    Neighbouring pixels have nearly the same expectation, so half the squared difference of two is
     the variance of one, or more (successive differences: Wolter, Introduction to Variance
-    Estimation, 2007, ch. 8, for systematic samples). A single block may be wrong by all of itself.
+    Estimation, 2007, ch. 8, for systematic samples). A single pixel may be wrong by all of itself.
     """
-    rows, cols = power.shape
-    blocks = np.add.reduceat(power, _starts(rows, coarse), axis=0)
-    blocks = np.add.reduceat(blocks, _starts(cols, coarse), axis=1)
-    if blocks.size == 1:
-        return float(blocks[0, 0] ** 2)
-    steps = [np.diff(blocks, axis=axis) for axis in (0, 1)]
+    if power.size == 1:
+        return float(power[0, 0] ** 2)
+    steps = [np.diff(power, axis=axis) for axis in (0, 1)]
     pairs = sum(step.size for step in steps)
     squares = sum(float(np.sum(step**2)) for step in steps)
-    return blocks.size * squares / (2 * pairs)
-
-
-def _starts(count: int, coarse: int) -> NDArray[np.intp]:
-    """First pixel of each block, as a coarse render is spread over the pixels."""
-    blocks = -(-count // coarse)
-    return np.flatnonzero(np.diff(np.arange(count) * blocks // count, prepend=-1))
+    return power.size * squares / (2 * pairs)
 
 
 def bounding_region(pixels: NDArray[np.bool_]) -> Region | None:

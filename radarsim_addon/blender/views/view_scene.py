@@ -82,15 +82,12 @@ class PathScene:
         self._world_encoding = world_encoding
         self._recorder = SettingsRestorer()
         self._folder = temporary_folder()
-        self._recorder.on_restore(
-            "temporary files", lambda: shutil.rmtree(self._folder, ignore_errors=True)
-        )
+        self._recorder.on_restore("temporary files", self.remove_files)
         self._view: Any = None
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
         self._threads = ("AUTO", 0)
-        self._coarse = 1
         self._request = RenderRequest(PathClass())
         self.lamps = ImageLamps(self._recorder, scene, transmitter)
         self.objects: list[str] = []
@@ -133,6 +130,10 @@ class PathScene:
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
         return self._recorder.restore()
+
+    def remove_files(self) -> None:
+        """Remove the temporary files."""
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     # -- antennas at the scene's present time ------------------------------------------------------
 
@@ -195,7 +196,7 @@ class PathScene:
         """
         scene, path_class = self._scene, request.path_class
         self._request = request
-        self._set_frame(request.region, request.coarse)
+        self._set_frame(request.region)
         scene[attributes.ATTR_ORDER_MIN] = path_class.order_min - 0.5
         scene[attributes.ATTR_ORDER_MAX] = (
             0.0 if path_class.order_max is None else path_class.order_max + 0.5
@@ -232,13 +233,10 @@ class PathScene:
         if tuple(socket.default_value) != colour:  # Blender compiles the world's shader again
             socket.default_value = colour
 
-    def _set_frame(self, region: Region | None, coarse: int) -> None:
+    def _set_frame(self, region: Region | None) -> None:
         """Resolution, and the border that leaves out pixels that hold nothing."""
         render, (width, height) = self._scene.render, self._canvas
-        self._coarse = coarse if min(self._size) >= _LEAST_PX * coarse else 1
-        if self._coarse > 1:
-            width, height = -(-width // coarse), -(-height // coarse)
-        elif region is None and self._canvas != self._size:
+        if region is None and self._canvas != self._size:
             region = Region(0, self._size[0], 0, self._size[1])
         render.resolution_x, render.resolution_y = width, height
         mode, threads = self._threads
@@ -313,15 +311,11 @@ class PathScene:
             blue,
             position=position,
             object_index=number,
-            coarse=self._coarse,
         )
 
     def _whole(self, plane: Single) -> Single:
-        """A channel over the whole view: 0 outside the region, coarse pixels repeated."""
+        """A channel over the whole view: 0 outside the region."""
         (width, height), region = self._size, self._request.region
-        if self._coarse > 1:
-            rows = np.arange(height) * plane.shape[0] // height
-            plane = plane[rows][:, np.arange(width) * plane.shape[1] // width]
         expected = (height, width)
         if region is not None:
             expected = (region.bottom - region.top, region.right - region.left)

@@ -6,7 +6,10 @@ from __future__ import annotations
 import hashlib
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+#: Rays that are enough for a sum, and pixels per side of those that share a ray, at most.
+_ENOUGH_RAYS, _MOST_SHARED = 4096, 4
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,14 @@ class ViewWindow:
     def pitch(self) -> float:
         """Largest true step of a pixel."""
         return max(self.step_u * self.stretch, self.step_v)
+
+    def with_few_rays(self) -> ViewWindow:
+        """Return the window with as many pixels as are enough for a sum."""
+        rays = self.width_px * self.height_px
+        side = min(max(math.isqrt(rays // _ENOUGH_RAYS), 1), _MOST_SHARED)
+        return replace(
+            self, width_px=-(-self.width_px // side), height_px=-(-self.height_px // side)
+        )
 
 
 def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:

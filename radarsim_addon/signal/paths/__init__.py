@@ -46,7 +46,7 @@ from .table_files import (
     usable,
 )
 from .table_footprints import TableFootprints
-from .triangles import TriangleMesh
+from .triangles import Spaces, TriangleMesh
 
 __all__ = [
     "COLUMN_GROUPS",
@@ -63,6 +63,7 @@ __all__ = [
     "PathRows",
     "Paths",
     "Points",
+    "Spaces",
     "Steps",
     "TableFootprints",
     "TriangleMesh",

@@ -4,8 +4,8 @@
 Renders give hit points to float32. The ray and the mesh are known better, and the point tells which
 triangles may have been hit. Triangles lie in grids of cells, one grid for each power of two of
 their extent, so that no triangle is in more than eight cells and no cell has many. Neighbouring
-pixels mostly see the same triangle: one ray of several looks for its triangle in the cells, and the
-others try those of the rays next to them first.
+pixels mostly see the same triangle: one ray of many looks for its triangle in the cells, and the
+others, more and more of them, try those of the rays next to them first.
 
 Many small meshes are parts of one, so that their rays are treated together; a ray meets its own
 part only, and each part may have axes of its own.
@@ -22,16 +22,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
-from ...vectors import crosses, dots, largest, norms
+from ...vectors import crosses, dots, largest, norms, take_rows, turned
+from .triangle_cells import CellLevel
 
 #: Rays that are treated at once: a few megabytes of arrays.
 _BLOCK = 1 << 15
-#: One ray of so many looks for its triangle in the cells.
-_EVERY = 8
+#: One ray of the first number looks for its triangle in the cells; one of each further number tries
+#: the triangles of the rays before.
+_EVERY = 64, 8, 1
 #: Fraction of the others that must hit a neighbour's triangle for the next block to try, too.
 _WORTHWHILE = 0.3
-#: Factors that spread cells over buckets (Teschner et al. 2003), and one for parts.
-_SPREAD, _SPREAD_PARTS = (73856093, 19349663, 83492791), 2654435761
 #: Least reach as a fraction of the mesh's extent: boxes are kept in float32.
 _LEAST_REACH = 1e-6
 #: What a unit of distance from the plane counts, against one outside the triangle.
@@ -63,21 +63,25 @@ class TriangleMesh:
         self, vertices: Real, triangles: NDArray[np.int32], parts: Indices | None = None
     ) -> None:
         places = np.asfortranarray(vertices, dtype=np.float64)
-        a, b, c = (_rows(places, corner) for corner in triangles.T)
+        a, b, c = (take_rows(places, corner) for corner in triangles.T)
         normal = crosses(b - a, c - a)
         with np.errstate(invalid="ignore"):
             kept = np.flatnonzero(dots(normal, normal) > 0)
-        a, b, c, normal = (_rows(each, kept) for each in (a, b, c, normal))
+        a, b, c, normal = (take_rows(each, kept) for each in (a, b, c, normal))
         self._low, self._high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
         self._part = np.zeros(len(kept), dtype=np.intp) if parts is None else parts[kept]
         self._count = 1 if parts is None else int(parts.max(initial=0)) + 1
         farthest = np.maximum(largest(self._low), largest(self._high))
         self._least_reach = _LEAST_REACH * _largest_of_parts(farthest, self._part, self._count)
         sizes = np.stack([norms(normal), np.maximum(norms(b - a), norms(c - a))])
-        #: First corner, the two edges from it, normal, its length, longer edge; (14, m).
-        self._shape = np.concatenate([a.T, (b - a).T, (c - a).T, normal.T, sizes])
+        # Products of these with a place in the plane, from the first corner, tell the share of each
+        # edge in it.
+        across = crosses(c - a, normal), crosses(normal, b - a)
+        across_1, across_2 = (one.T / dots(normal, normal) for one in across)
+        #: First corner, what tells the shares of both edges, normal, its length, longer edge.
+        self._shape = np.concatenate([a.T, across_1, across_2, normal.T, sizes])
         self._reach = np.full(self._count, -1.0)
-        self._levels: list[_Level] = []
+        self._levels: list[CellLevel] = []
 
     def __len__(self) -> int:
         return int(self._shape.shape[1])
@@ -89,6 +93,7 @@ class TriangleMesh:
         near: Real,
         reach: Real | float,
         parts: Indices | None = None,
+        spaces: Spaces | None = None,
     ) -> tuple[Real, Real]:
         """Return where rays hit the mesh near known points.
 
@@ -107,6 +112,9 @@ class TriangleMesh:
             as a hit.
         parts
             Part that each ray meets, (n,); None: the first.
+        spaces
+            Ways from the space of origins, directions and points into the mesh's own, in which
+            `reach` is; None: they are the same.
 
         Returns
         -------
@@ -115,9 +123,9 @@ class TriangleMesh:
         normal
             Normal of the triangle that was hit, of any length, (n, 3); arbitrary if `way` is NaN.
         """
-        way, triangle = np.full(len(near), np.nan), np.zeros(len(near), dtype=np.intp)
+        way, normals = np.full(len(near), np.nan), np.full((3, len(near)), np.nan)
         if not len(self):
-            return way, np.full((len(near), 3), np.nan)
+            return way, normals.T
         origins, reach = np.asarray(origins), np.broadcast_to(reach, len(near))
         part = np.broadcast_to(0, len(near)) if parts is None else parts
         self._prepare(_largest_of_parts(reach, part, self._count))
@@ -125,12 +133,16 @@ class TriangleMesh:
         for start in range(0, len(near), _BLOCK):
             some = slice(start, start + _BLOCK)
             begin = origins if origins.ndim == 1 else origins[some]
-            rays = _Rays.towards(begin, directions[some], near[some], reach[some], part[some])
+            space = None if spaces is None else spaces.of(some)
+            rays = _Rays.towards(
+                begin, directions[some], near[some], reach[some], part[some], space
+            )
             best = _Best(len(rays.ahead))
             follow = self._find(rays, best, follow)
-            way[some] = (rays.ahead + best.way) / rays.length
-            triangle[some] = best.triangle
-        return way, self._shape[9:12].take(triangle, axis=1).T
+            way[some] = rays.ahead + best.way / rays.length
+            normal = self._shape[9:12].take(best.triangle, axis=1)
+            normals[:, some] = normal if space is None else turned(space[0].swapaxes(0, 1), normal)
+        return way, normals.T
 
     def _prepare(self, reach: Real) -> None:
         """Sort the triangles into cells; again where points are less well known than before.
@@ -149,8 +161,8 @@ class TriangleMesh:
         self._levels = []
         for size in sizes[np.argsort(-count, kind="stable")]:
             here = np.flatnonzero(exponent == size)
-            boxes = _rows(low, here), _rows(high, here)
-            self._levels.append(_Level(2.0 ** int(size), *boxes, self._part[here], here))
+            boxes = take_rows(low, here), take_rows(high, here)
+            self._levels.append(CellLevel(2.0 ** int(size), *boxes, self._part[here], here))
 
     def _find(self, rays: _Rays, best: _Best, follow: bool) -> bool:
         """Find what all rays hit; with `follow`, most try their neighbours' triangles first.
@@ -158,17 +170,18 @@ class TriangleMesh:
         Returns whether neighbours are worth a try.
         """
         every = np.arange(len(rays.ahead))
-        if not follow:
-            self._search(rays, best, every)
-            return False
-        seeds = every[::_EVERY]
-        self._search(rays, best, seeds)
-        tried = left = every[every % _EVERY > 0]
-        for offset in (0, 1):
-            neighbour = np.minimum(left // _EVERY + offset, seeds.size - 1)
-            left = left[self._miss(rays, best, left, best.triangle[seeds[neighbour]])]
-        self._search(rays, best, left)
-        return left.size <= (1 - _WORTHWHILE) * tried.size
+        first, *further = _EVERY
+        known, worthwhile = every[:: first if follow else 1], follow
+        self._search(rays, best, known)
+        for step in further if follow else ():
+            left = tried = every[::step][every[::step] % first > 0]
+            for offset in (0, 1):
+                neighbour = np.minimum(left // first + offset, known.size - 1)
+                left = left[self._miss(rays, best, left, best.triangle[known[neighbour]])]
+            self._search(rays, best, left)
+            worthwhile = left.size <= (1 - _WORTHWHILE) * tried.size
+            first, known = step, every[::step]
+        return worthwhile
 
     def _miss(self, rays: _Rays, best: _Best, chosen: Indices, triangles: Indices) -> Mask:
         """Try one triangle for each chosen ray; returns those that do not surely hit it."""
@@ -183,7 +196,7 @@ class TriangleMesh:
     def _search(self, rays: _Rays, best: _Best, chosen: Indices) -> None:
         """Find what the chosen rays hit among the triangles in the cells of their points."""
         touched = np.zeros(len(rays.ahead), dtype=bool)
-        near, part = _rows(rays.near, chosen), rays.part[chosen]
+        near, part = take_rows(rays.near, chosen), rays.part[chosen]
         places = near.T.astype(np.float32)
         for level in self._levels:
             points, triangles = self._candidates(level, near, part)
@@ -191,6 +204,8 @@ class TriangleMesh:
                 at = place[points]
                 inside = np.flatnonzero((at >= low[triangles]) & (at <= high[triangles]))
                 points, triangles = points[inside], triangles[inside]
+            if not points.size:
+                continue
             points = chosen[points]
             outside, off_plane, way = self._intersect(rays, points, triangles)
             # A ray that meets a triangle beats one that passes by it. Of triangles that it meets,
@@ -208,8 +223,8 @@ class TriangleMesh:
         """Look further along rays that miss what their points lie on: past the limb of a body."""
         if not lost.size:
             return
-        along, part = _rows(rays.along, lost), rays.part[lost]
-        feet = _rows(rays.near, lost) + _rows(rays.start, lost)
+        along, part = take_rows(rays.along, lost), rays.part[lost]
+        feet = take_rows(rays.near, lost) + take_rows(rays.start, lost)
         for level in self._levels:
             for step in _STEPS * level.cell:
                 points, triangles = self._candidates(level, feet + step * along, part)
@@ -220,7 +235,7 @@ class TriangleMesh:
                 cost = np.where(met, np.arctan(np.abs(way)) - math.pi, np.inf)
                 best.offer(points, cost, way, triangles, ~met)
 
-    def _candidates(self, level: _Level, near: Real, part: Indices) -> tuple[Indices, Indices]:
+    def _candidates(self, level: CellLevel, near: Real, part: Indices) -> tuple[Indices, Indices]:
         """Pairs of points and of triangles of their parts that may be near, ordered by point."""
         points, triangles = level.candidates(near, part)
         if self._count == 1:
@@ -236,28 +251,51 @@ class TriangleMesh:
         One triangle for each chosen ray. NaN or infinite where a ray is parallel to the plane.
         """
         shape = self._shape.take(triangles, axis=1)
-        edge_1, edge_2, normal = (shape[i : i + 3].T for i in (3, 6, 9))
-        along = _rows(rays.along, chosen)
+        across_1, across_2, normal = (shape[i : i + 3].T for i in (3, 6, 9))
+        along = take_rows(rays.along, chosen)
         # From the point on the ray on all numbers are small.
-        corner = shape[:3].T - _rows(rays.near, chosen)
-        arm = _rows(rays.start, chosen) - corner
-        # Moeller and Trumbore 1997, with the normal known
-        swept = crosses(arm, along)
+        corner = shape[:3].T - take_rows(rays.near, chosen)
+        arm = take_rows(rays.start, chosen) - corner
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = -1 / dots(along, normal)
-            u, v = dots(edge_2, swept) * scale, -dots(edge_1, swept) * scale
+            way = -dots(arm, normal) / dots(along, normal)
+            arm += way[:, None] * along
+            u, v = dots(arm, across_1), dots(arm, across_2)
             outside = -np.minimum(np.minimum(u, v), 1 - u - v) - _ROUNDING
             outside = np.maximum(outside, 0.0) * shape[13]
             off_plane = np.abs(dots(corner, normal)) / shape[12]
-            return outside, off_plane, dots(arm, normal) * scale
+            return outside, off_plane, way
+
+
+@dataclass(frozen=True)
+class Spaces:
+    """Ways into the spaces of meshes: by turn @ (x - place).
+
+    Attributes
+    ----------
+    turn, place
+        Of each space, shapes (k, 3, 3) and (k, 3).
+    each
+        Number of the space that each ray is to come into, (n,).
+    """
+
+    turn: Real
+    place: Real
+    each: Indices
+
+    def of(self, some: slice) -> tuple[Real, Real]:
+        """Turn and place of some rays; of one each, (3, 3, n) and (n, 3), where they differ."""
+        each = self.each[some]
+        if each.size and np.all(each == each[0]):  # much faster
+            return self.turn[each[0]], self.place[each[0]]
+        return self.turn.transpose(1, 2, 0).take(each, axis=2), self.place[each]
 
 
 @dataclass(frozen=True)
 class _Rays:
     """Rays by unit vectors `along`, and points `near` their hits, known to `reach`.
 
-    `length` is that of the direction given; `ahead` the way to the foot of the point on the ray,
-    which is at `start` from the point; `part` what each ray meets.
+    `length` is that of the direction given, in the mesh's space; `ahead` the ray parameter of the
+    foot of the point on the ray, which is at `start` from the point; `part` what each ray meets.
     """
 
     along: Real
@@ -270,16 +308,27 @@ class _Rays:
 
     @classmethod
     def towards(
-        cls, origins: Real, directions: Real, near: Real, reach: Real, part: Indices
+        cls,
+        origins: Real,
+        directions: Real,
+        near: Real,
+        reach: Real,
+        part: Indices,
+        space: tuple[Real, Real] | None,
     ) -> _Rays:
         """Make rays of any directions from origins, (n, 3) or (3,)."""
         directions, near = np.asfortranarray(directions), np.asfortranarray(near)
-        length = norms(directions)
-        along = directions / length[:, None]
+        # From the foot on all numbers are small, and what rounding a pose's inverse does to the
+        # place of all points alike has no arm to act on.
         away = near - origins
-        ahead = dots(away, along)
-        start = origins + ahead[:, None] * along - near
-        return cls(along, length, near, ahead, start, reach, part)
+        ahead = dots(away, directions) / dots(directions, directions)
+        start = ahead[:, None] * directions - away
+        if space is not None:
+            turn, place = space
+            near = turned(turn, (near - place).T).T
+            start, directions = turned(turn, start.T).T, turned(turn, directions.T).T
+        length = norms(directions)
+        return cls(directions / length[:, None], length, near, ahead, start, reach, part)
 
 
 class _Best:
@@ -313,66 +362,13 @@ class _Best:
         self.triangle[ray], self.passed[ray] = triangles[better], passed[better]
 
 
-class _Level:
-    """Triangles of about one extent, by the cells that their boxes touch.
-
-    Cells share buckets by chance: who takes candidates from them compares boxes.
-    """
-
-    def __init__(
-        self, cell: float, low: Real, high: Real, part: Indices, triangles: Indices
-    ) -> None:
-        self.cell = cell
-        bits = max(int(triangles.size).bit_length() + 2, 6)
-        self._mask = (1 << bits) - 1
-        first, last = (np.floor(corner.T / cell).astype(np.int64) for corner in (low, high))
-        further = last > first
-        buckets, owners = [], []
-        for corner in np.ndindex(2, 2, 2):
-            touched = np.flatnonzero(further[np.flatnonzero(corner)].all(axis=0))
-            cells = first.take(touched, axis=1) + np.array(corner)[:, None]
-            buckets.append(self._bucket(cells, part[touched]))
-            owners.append(triangles[touched])
-        owner = np.concatenate(owners)
-        bucket = np.concatenate(buckets)
-        self._starts = np.append(0, np.cumsum(np.bincount(bucket, minlength=1 << bits)))
-        self._triangles = owner[_sorted_places(bucket, 1 << bits)]
-
-    def _bucket(self, cells: NDArray[np.int64], part: Indices) -> NDArray[np.int64]:
-        """Number of the bucket of each cell, from (3, n), of a part."""
-        x, y, z = (one * factor for one, factor in zip(cells, _SPREAD, strict=True))
-        return np.asarray((x ^ y ^ z ^ (part * _SPREAD_PARTS)) & self._mask)
-
-    def candidates(self, points: Real, part: Indices) -> tuple[Indices, Indices]:
-        """Pairs of points and of triangles in the buckets of their cells, ordered by point."""
-        bucket = self._bucket(np.floor(points.T / self.cell).astype(np.int64), part)
-        starts = self._starts[bucket]
-        count = self._starts[bucket + 1] - starts
-        total = np.cumsum(count)
-        number = np.arange(total[-1] if total.size else 0)
-        number += np.repeat(starts - total + count, count)
-        return np.repeat(np.arange(len(points)), count), self._triangles[number]
-
-
-def _rows(vectors: Real, rows: Indices) -> Real:
-    """Some rows of (n, 3), with contiguous columns."""
-    return np.asarray(vectors.T.take(rows, axis=1).T)
-
-
 def _largest_of_parts(values: Real, part: Indices, count: int) -> Real:
     """Return the largest of the positive values of each part, 0 where it has none."""
     largest_of = np.zeros(count)
-    if count == 1:
+    if count == 1 or not part.size:
         largest_of[0] = values.max(initial=0.0)
     else:
-        np.maximum.at(largest_of, part, values)
+        # many times faster than one by one, where neighbours are of one part
+        begins = np.flatnonzero(np.diff(part, prepend=-1))
+        np.maximum.at(largest_of, part[begins], np.maximum.reduceat(values, begins))
     return largest_of
-
-
-def _sorted_places(bucket: NDArray[np.int64], count: int) -> Indices:
-    """Return the stable order of bucket numbers below `count`, at most 2**32."""
-    # numpy sorts 16 bits by counting, many times faster than more of them
-    order = np.argsort(bucket.astype(np.uint16), kind="stable")
-    if count > 1 << 16:
-        order = order[np.argsort((bucket >> 16).astype(np.uint16)[order], kind="stable")]
-    return np.asarray(order)

@@ -17,7 +17,7 @@ from mathutils import Matrix
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.materials import media_beyond_their_band
 from radarsim_addon.blender.materials import physical_materials as pm
-from radarsim_addon.blender.materials.layers import layer_normal, object_layer_normal
+from radarsim_addon.blender.materials.layer_faces import LayerFaces, layer_normals
 from radarsim_addon.blender.materials.material_limits import limits_of
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.materials import group_node, lets_nothing_through
@@ -202,24 +202,27 @@ def test_layer_normals() -> None:
     cube = rh.add_box((0, 0, 0), (1, 1, 1), physical_material(2, 0))
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    assert np.abs(object_layer_normal(wall, depsgraph)) == pytest.approx([0, 1, 0], abs=1e-6)
-    assert object_layer_normal(cube, depsgraph) is None
+    normals = LayerFaces.read([cube, wall], depsgraph).layer_normals()
+    assert np.isnan(normals[0]).all()
+    assert np.abs(normals[1]) == pytest.approx([0, 1, 0], abs=1e-6)
     # Aslant in its own axes, then stretched: the normal stays that of its own faces.
     wall.data.transform(Matrix.Rotation(0.5, 4, "Z"))
     bpy.context.view_layer.update()
-    found = object_layer_normal(wall, bpy.context.evaluated_depsgraph_get())
-    assert found is not None
+    faces = LayerFaces.read([wall], bpy.context.evaluated_depsgraph_get())
+    (found,) = faces.layer_normals()
     assert np.abs(found @ [-math.sin(0.5), math.cos(0.5), 0]) == pytest.approx(1, abs=1e-6)
+    low, high = faces.planes(np.stack([found]), 0.9)
+    assert high - low == pytest.approx(0.2, abs=1e-6)
     rng = np.random.default_rng(1)
     sphere = rng.normal(size=(4000, 3))
     sphere /= np.linalg.norm(sphere, axis=1)[:, None]
-    assert layer_normal(sphere, np.ones(4000)) is None
     tilted = np.array([0.6, 0.0, 0.8])
     rough = np.concatenate([tilted + rng.normal(scale=1e-4, size=(50, 3)), [[0.0, 1.0, 0.0]] * 5])
     rough /= np.linalg.norm(rough, axis=1)[:, None]
-    found = layer_normal(np.concatenate([rough, -rough]), np.ones(110))
-    assert found is not None
-    assert abs(found @ tilted) == pytest.approx(1, abs=1e-6)
+    of = np.repeat([2, 0], [4000, 110])  # a surface without faces is between them
+    found = layer_normals(np.concatenate([sphere, rough, -rough]), np.ones(4110), of, 3)
+    assert np.isnan(found[1:]).all()
+    assert abs(found[0] @ tilted) == pytest.approx(1, abs=1e-6)
 
 
 def test_target_behind_an_oblique_wall(tmp_path: Path) -> None:

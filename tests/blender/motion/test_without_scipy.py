@@ -13,7 +13,7 @@ pytest.importorskip("bpy")
 from radarsim_addon.blender.motion.bodies import _pairs_within
 from radarsim_addon.errors import MissingDependencyError
 from radarsim_addon.signal.motion import smooth_poses
-from radarsim_addon.signal.paths.triangles import _sorted_places
+from radarsim_addon.signal.paths.triangle_cells import sorted_places
 
 
 @pytest.fixture
@@ -37,9 +37,9 @@ def test_points_near_boxes_are_the_same(request: pytest.FixtureRequest) -> None:
 
 def test_triangles_lie_in_the_same_buckets(request: pytest.FixtureRequest) -> None:
     bucket = np.random.default_rng(2).integers(0, 64, 3000)
-    found = _sorted_places(bucket, 64)
+    found = sorted_places(bucket, 64)
     request.getfixturevalue("no_scipy")
-    np.testing.assert_array_equal(_sorted_places(bucket, 64), found)
+    np.testing.assert_array_equal(sorted_places(bucket, 64), found)
     assert np.all(np.diff(bucket[found]) >= 0)
 
 

@@ -20,7 +20,7 @@ from radarsim_addon.blender.paths.error_budget import (
 )
 from radarsim_addon.blender.paths.quality import QualitySums
 from radarsim_addon.blender.plan import PathOptions
-from radarsim_addon.blender.views import TracedReplicate
+from radarsim_addon.blender.views import PowerBeyond
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.findings import merge
@@ -205,8 +205,7 @@ def test_standard_error_of_truncated_reflections_in_watts() -> None:
         for _ in range(400):
             sums = QualitySums()
             for beyond in rng.normal(mean, sigma, tiles):
-                traced = TracedReplicate(beyond=float(beyond), beyond_variance=sigma**2)
-                sums.add_beyond(traced, unit)
+                sums.add_beyond(PowerBeyond(float(beyond), sigma**2), unit)
             powers.append(sums.truncated_reflections_w)
             # without other power the fraction is of the truncated power itself
             reported.append(sums.truncated_reflections_stderr * sums.total_w)

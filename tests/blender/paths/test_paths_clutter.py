@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import bpy
 import numpy as np
@@ -23,7 +24,11 @@ from radarsim_addon.blender.materials import (
     set_clutter_fluctuation,
 )
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
+from radarsim_addon.blender.nodes.clutter_lobe import table_angles_rad
+from radarsim_addon.blender.paths.hit_points import HitPoints, Normals
+from radarsim_addon.blender.paths.surface_lobes import ClutterLobe
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.clutter import clutter_model
 from radarsim_addon.signal import open_run
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -132,6 +137,49 @@ def test_second_reflections_are_reciprocal_and_those_of_an_integral(
     part = sigma * lambert / (low_m[:, None] * high_m[None, :] * d) ** 2
     expected = LINK / (4 * math.pi) * part.sum() * low_area * high_area
     assert 10 * np.log10(found / expected) == pytest.approx(np.zeros(2), abs=0.2)
+
+
+def test_normals_are_those_that_hit_points_were_moved_along(tmp_path: Path) -> None:
+    """At 77 GHz hit points are refined: the same powers as with normals that are looked for."""
+    rs.new_scene()
+    corners, _ = ground(8.0, 12.0, 2.0, 1.0)
+    ph.quad("Ground", corners, ground_material(gamma_db=GAMMA_DB))
+    wall = [(-2.0, 12.0, -1.0), (2.0, 12.0, -1.0), (2.0, 12.0, 2.0), (-2.0, 12.0, 2.0)]
+    ph.quad("Wall", wall, ph.lambert(0.6))
+    ph.field_of_view(34.0)
+    move_transmitter((3.0, 4.0, 2.0))
+    options = {"max_reflections": 2}
+    asked = {"width_px": 32, "height_px": 32, "options": options,
+             "waveform": rs.Waveform(77e9, 150e6, 2.5e-6, 180e6)}  # fmt: skip
+    looked_for: list[int] = []
+    hit = HitPoints._hit
+
+    def count(self: HitPoints, bodies: Any, *rays: Any) -> Any:
+        looked_for[-1] += int((bodies > 0).sum())
+        return hit(self, bodies, *rays)
+
+    rows = []
+    for number, add in enumerate((Normals.add, lambda *_: None)):
+        looked_for.append(0)
+        with mock.patch.object(HitPoints, "_hit", count), mock.patch.object(Normals, "add", add):
+            rows.append(ph.run_paths(tmp_path / str(number), **asked).table())
+    np.testing.assert_array_equal(rows[0]["order"], rows[1]["order"])
+    np.testing.assert_allclose(rows[0]["power_w"], rows[1]["power_w"], rtol=1e-6)
+    clutter = (rows[0]["last_object"] == 1) | (rows[0]["first_object"] == 1)
+    assert looked_for[1] - looked_for[0] >= 0.9 * clutter.sum()
+    assert set(np.unique(rows[0]["order"][clutter])) == {1, 2}
+
+
+def test_the_table_of_a_lobe_is_read_as_a_line() -> None:
+    """A model that falls by 60 dB from zenith to grazing, against numpy's own interpolation."""
+    angles = table_angles_rad()
+    table_db = -60 * (1 - angles * 2 / np.pi) ** 4 - 40 * np.cos(angles) ** 2
+    lobe = ClutterLobe(table_db, "Ground", clutter_model("nrl_sea"), 2.0 + 0j, 0.0)
+    angle = np.concatenate([np.geomspace(1e-9, 1.5, 20_001), np.linspace(1.5, np.pi / 2, 5001)])
+    u, known = (np.cbrt(one * 2 / np.pi) for one in (angle, angles))
+    line_db = np.interp(u, known, table_db)
+    found_db = 10 * np.log10(lobe.sigma0(np.sin(angle)))
+    assert np.abs(found_db - line_db).max() < 1e-4
 
 
 def test_angles_beyond_the_model_and_the_curved_earth_are_said(tmp_path: Path) -> None:

@@ -16,13 +16,16 @@ from radarsim_addon.blender.paths.quality import QualitySums
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import (
     PathClass,
+    PowerBeyond,
     RenderRequest,
     TracedReplicate,
     TraceLimits,
     View,
+    ViewWindow,
+    look_beyond,
     trace_replicate,
 )
-from radarsim_addon.blender.views.requests import coarse_variance
+from radarsim_addon.blender.views.requests import variance_of_sum
 from radarsim_addon.errors import ConfigError
 
 SHAPE = (3, 4)
@@ -205,11 +208,20 @@ def test_what_is_left_out_is_told(
         max_depth=max_depth,
         max_unfollowed_fraction=1e-9,
         deterministic_transmission=deterministic_transmission,
-        probe=True,
     )
     assert found.truncated_reflections <= 1e-9 * found.total
-    assert found.beyond == pytest.approx(power(lambda p: p.order > max_reflections), abs=1e-9)
-    assert found.total + found.beyond == pytest.approx(power(lambda p: True))
+    limits = TraceLimits(max_reflections=max_reflections)
+    asked = look_beyond(limits, weight, 16.0, coloured=False)
+    with pytest.raises(StopIteration) as stop:
+        asked.send(Tracer(paths).render(next(asked)))
+    beyond: PowerBeyond = stop.value.value
+    further = [p.amplitude * weight[p.row, p.col] for p in paths if p.order > max_reflections]
+    assert beyond.power == pytest.approx(sum(further), abs=1e-9)
+    assert beyond.strongest_ray >= max(further, default=0.0) * (1 - 1e-9)
+    assert beyond.pixels_per_ray == 16.0
+    assert found.total + beyond.power == pytest.approx(power(lambda p: True))
+    strongest = max(float(np.max(layer.amplitude * weight)) for layer in found.layers)
+    assert found.strongest == pytest.approx(strongest)
     too_deep = power(lambda p: p.order <= max_reflections and p.depth > max_depth)
     assert found.truncated_transparency == pytest.approx(too_deep, abs=1e-9)
     in_layers = sum(float(np.sum(layer.amplitude * weight)) for layer in found.layers)
@@ -222,7 +234,7 @@ def test_further_reflections_in_watts_have_their_error_in_watts() -> None:
     """2 +- 3 units of half a watt each, beside 9 W: 10 % +- 15 % of all."""
     sums = QualitySums()
     sums.add_view(TracedReplicate(total=18.0), 0.5)
-    sums.add_beyond(TracedReplicate(beyond=2.0, beyond_variance=9.0), 0.5)
+    sums.add_beyond(PowerBeyond(power=2.0, variance=9.0), 0.5)
     fields = QualitySums.joined([sums]).record_fields(0.05)
     assert fields["total_power_w"] == pytest.approx(10.0)
     assert fields["truncated_reflections_fraction"] == pytest.approx(0.1)
@@ -240,14 +252,9 @@ def test_rare_further_reflections_have_an_upper_bound() -> None:
         hits = rng.random(rays) < chance
         sums = QualitySums()
         probed = hits * strength
-        traced = TracedReplicate(
-            total=1.0,
-            beyond=float(probed.sum()),
-            beyond_variance=coarse_variance(probed.reshape(32, 32), 1),
-            strongest_ray=strength,
-        )
-        sums.add_view(traced, 1.0)
-        sums.add_beyond(traced, 1.0)
+        sums.add_view(TracedReplicate(total=1.0), 1.0)
+        variance = variance_of_sum(probed.reshape(32, 32))
+        sums.add_beyond(PowerBeyond(float(probed.sum()), variance, strength), 1.0)
         fields = QualitySums.joined([sums, QualitySums()]).record_fields(0.05)
         seen_none += fields["truncated_reflections_fraction"] == 0.0
         bounded += fields["truncated_reflections_upper"] >= share / (1 + share)
@@ -260,9 +267,12 @@ def test_the_bound_of_rare_paths_takes_the_strongest_one_of_all_tiles() -> None:
     parts = []
     for strongest in (0.5, 2.0, 1.0):
         part = QualitySums()
-        part.add_view(TracedReplicate(total=100.0), 1.0)
-        part.add_beyond(TracedReplicate(strongest_ray=strongest), 1.0)
+        part.add_view(TracedReplicate(total=100.0, strongest=strongest / 16), 1.0)
         parts.append(QualitySums.from_numbers(part.numbers()))
+    beyond = QualitySums()
+    found = QualitySums.joined(parts)
+    beyond.add_beyond(PowerBeyond(pixels_per_ray=16.0), 1.0, found.strongest_path)
+    parts.append(beyond)
     joined = QualitySums.joined(parts)
     more = -math.log(0.05) * 2.0
     assert joined.truncated_reflections_upper == pytest.approx(more / (300 + more), rel=1e-3)
@@ -271,28 +281,30 @@ def test_the_bound_of_rare_paths_takes_the_strongest_one_of_all_tiles() -> None:
     assert said.severity == "info" and "at most 2 %" in said.text
 
 
-@pytest.mark.parametrize("coarse", [1, 4])
 @pytest.mark.parametrize("slope", [0.0, 0.02])
-def test_variance_of_a_coarse_image(coarse: int, slope: float) -> None:
+def test_variance_of_the_sum_of_an_image(slope: float) -> None:
     """Rays that lots are drawn for, over a surface that brightens across: by trial."""
     rng = np.random.default_rng(2)
-    height, width = 38, 53  # no multiple of the blocks
-    rows = np.arange(height) * -(-height // coarse) // height
-    cols = np.arange(width) * -(-width // coarse) // width
-    expected = (1 + slope * np.arange(cols[-1] + 1)) * np.ones((rows[-1] + 1, 1))
+    expected = (1 + slope * np.arange(14)) * np.ones((10, 1))
     sums, variances = [], []
     for _ in range(400):
         # one ray in twenty meets something, and is that much brighter
         rays = expected * (rng.random(expected.shape) < 0.05) / 0.05
-        image = rays[rows][:, cols]
-        sums.append(image.sum())
-        variances.append(coarse_variance(image, coarse))
+        sums.append(rays.sum())
+        variances.append(variance_of_sum(rays))
     assert np.mean(variances) == pytest.approx(np.var(sums), rel=0.2)
 
 
-def test_variance_of_a_single_block() -> None:
-    assert coarse_variance(np.full((3, 4), 2.0), 4) == 24.0**2
-    assert coarse_variance(np.zeros((8, 8)), 4) == 0.0
+def test_variance_of_a_single_ray() -> None:
+    assert variance_of_sum(np.full((1, 1), 24.0)) == 24.0**2
+    assert variance_of_sum(np.zeros((8, 8))) == 0.0
+
+
+@pytest.mark.parametrize(("size", "few"), [((2000, 1000), (500, 250)), ((65, 63), (65, 63))])
+def test_few_rays_fill_the_whole_window(size: tuple[int, int], few: tuple[int, int]) -> None:
+    window = ViewWindow(-1.0, 1.0, -0.5, 0.5, *size).with_few_rays()
+    assert (window.width_px, window.height_px) == few
+    assert (window.left, window.right, window.bottom, window.top) == (-1.0, 1.0, -0.5, 0.5)
 
 
 def test_the_residual_ends_it() -> None:

@@ -35,7 +35,7 @@ def add(tiles: TileCheckpoints, seed: int, seconds: float = 0.0) -> str:
     with tiles.writer(key) as part:
         for rows in rows_of(seed):
             part.add(rows)
-    tiles.keep(key, TileRecord(list(COUNTS), {}, {}, seconds=seconds))
+    tiles.keep(key, TileRecord(list(COUNTS), {}, seconds=seconds))
     return key
 
 

@@ -14,7 +14,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.ui import results
+from radarsim_addon.blender.ui import worker_process
 from radarsim_addon.blender.ui.result_pictures import KINDS, Shown
 from radarsim_addon.blender.ui.results import ProcessingJob
 from radarsim_addon.errors import FrameFileError, OutputError
@@ -87,7 +87,7 @@ def test_a_worker_that_fails_is_named(
     broken = tmp_path / "python"
     broken.write_text("#!/bin/sh\necho 'no numpy here' >&2\nexit 3\n")
     broken.chmod(broken.stat().st_mode | stat.S_IXUSR)
-    monkeypatch.setattr(results, "_python", lambda: str(broken))
+    monkeypatch.setattr(worker_process, "python_program", lambda: str(broken))
     job = ProcessingJob(tmp_path / "run", apart=True)
     with contextlib.closing(job), pytest.raises(OutputError, match="code 3: no numpy here"):
         while not job.step():

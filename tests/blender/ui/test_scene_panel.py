@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.ui.fixes import fixes_of
 from radarsim_addon.blender.ui.panels import time_text
 from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene
-from radarsim_addon.findings import finding
+from radarsim_addon.blender.ui.scene_reading import quick_findings, scene_record
+from radarsim_addon.findings import Finding, finding
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
@@ -38,6 +40,12 @@ def listed() -> dict[str, recording.Button]:
         code = button.values.get("code")
         found[code or button.text or button.operator] = button
     return found
+
+
+def quick() -> list[Finding]:
+    """What the panel finds by itself."""
+    measurement = read_measurement(bpy.context.scene)
+    return quick_findings(bpy.context.scene, measurement, scene_record(recording.context()))
 
 
 def press(button: recording.Button) -> None:
@@ -112,6 +120,53 @@ def test_fixes_of_rings_and_ranges(scene: Any, values: dict[str, Any], code: str
     for button in fixes:
         press(button)
     assert code not in listed()
+
+
+def test_ground_at_grazing_incidence_gets_finer_pixels_by_a_press(scene: Any) -> None:
+    """2 m above ground a pixel of angle a spans a R^2 / 2 m of range: 0.3 R at most."""
+    rig = radarsim.add_radar(
+        preset="automotive_77ghz", width_px=64, height_px=32, range_stop_m=50.0
+    )
+    camera = bpy.data.objects["Radar Receiver"].data
+    camera.angle = 1.0
+    wall = rs.add_plate(40.0, 30.0)
+    assert "footprints-too-coarse" not in listed()  # at normal incidence
+    ground = rs.add_plate(0.0, 400.0, 90.0)
+    ground.name, ground.location.z = "Ground", -2.0
+    (found,) = (item for item in quick() if item.code == "footprints-too-coarse")
+    assert found.subjects == ("Ground",) and wall.name not in found.subjects
+    pixel, range_m = 2 * math.tan(0.5) / 64, found.numbers["range_m"]
+    assert isinstance(range_m, float) and 40.0 < range_m <= 50.0
+    assert found.numbers["step_m"] == pytest.approx(pixel * range_m**2 / 2, rel=0.02)
+    before = listed()
+    (fix,) = (button for text, button in before.items() if text.startswith("Resolution "))
+    press(fix)
+    assert "footprints-too-coarse" not in listed()
+    view = settings(rig)
+    needed = 64 * pixel * range_m / 2 / 0.3
+    assert needed <= view.width_px < needed + 9
+    assert view.width_px == pytest.approx(2 * view.height_px, abs=16)
+    # For a radar that lies on the ground no resolution is proposed.
+    ground.location.z = -0.005
+    after = listed()
+    assert "footprints-too-coarse" in after
+    assert not [text for text in after if text.startswith("Resolution ")]
+
+
+def test_objects_below_a_pixel_of_rings_get_finer_pixels_by_a_press(scene: Any) -> None:
+    rig = radarsim.add_radar(preset="paper", sampling_mode="rings", width_px=32, height_px=32)
+    bpy.data.objects["Radar Receiver"].data.angle = 1.0
+    rs.add_plate(47.0, 0.5).name = "Small"
+    (found,) = (item for item in quick() if item.code == "objects-below-a-pixel")
+    diagonal_px = 0.5 * math.sqrt(2) / 47.0 * 32 / (2 * math.tan(0.5))
+    assert found.numbers["size_px"] == pytest.approx(diagonal_px, rel=1e-3)
+    (fix,) = (button for text, button in listed().items() if text.startswith("Resolution "))
+    press(fix)
+    assert settings(rig).width_px == settings(rig).height_px == 8 * math.ceil(8 / diagonal_px)
+    assert "objects-below-a-pixel" not in listed()
+    settings(rig).width_px = settings(rig).height_px = 32
+    settings(rig).sampling_mode = "paths"  # with pixels of their own
+    assert "objects-below-a-pixel" not in listed()
 
 
 def flipped_cube() -> Any:

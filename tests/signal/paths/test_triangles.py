@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths import TriangleMesh
-from radarsim_addon.signal.paths.triangles import _sorted_places
+from radarsim_addon.signal.paths import Spaces, TriangleMesh
+from radarsim_addon.signal.paths.triangle_cells import sorted_places
 
 Array = np.ndarray[Any, Any]
 
@@ -129,6 +129,39 @@ def test_own_space_of_a_scaled_and_sheared_instance() -> None:
     assert np.mean(error < 1e-11) > 0.98
 
 
+def test_rays_of_several_poses_of_one_mesh() -> None:
+    """World rays, each into the space of its pose, against all triangles in the world."""
+    vertices, triangles = sphere(12)
+    turns = np.array(
+        [np.diag([1.0, 2.0, 0.5]), [[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.3, 0.0, 1.5]]]
+    )
+    places, count, noise = np.array([[5e3, 0.0, 9.0], [5e3, 8.0, 9.0]]), 400, 1e-4
+    origin = np.array([5e3 - 50.0, 4.0, 30.0])
+    each = np.random.default_rng(4).integers(0, 2, count)
+    directions, exact = np.empty((count, 3)), np.empty(count)
+    for number, (turn, place) in enumerate(zip(turns, places, strict=True)):
+        mine = each == number
+        directions[mine] = beam(origin - place, 0.3, int(mine.sum()))
+        exact[mine] = first_hits(vertices @ turn.T + place, triangles, origin, directions[mine])
+    assert np.isfinite(exact).all()
+    inverses = np.linalg.inv(turns)
+    stretch = np.linalg.norm(inverses, 2, axis=(1, 2))
+    points = seen(origin, directions, exact, noise)
+    for order in (np.arange(count), np.argsort(each, kind="stable")):
+        way, normal = TriangleMesh(vertices, triangles).hit(
+            origin,
+            directions[order],
+            points[order],
+            7 * noise * stretch[each[order]],
+            spaces=Spaces(inverses, places, each[order]),
+        )
+        np.testing.assert_allclose(way, exact[order], rtol=1e-13)
+        # away from the middle of its own ellipsoid
+        away = origin + way[:, None] * directions[order] - places[each[order]]
+        cosine = (normal * away).sum(axis=1) / np.linalg.norm(normal, axis=1)
+        assert np.all(np.abs(cosine) > 0.3 * np.linalg.norm(away, axis=1))
+
+
 def test_wall_of_two_sheets() -> None:
     """The point tells which sheet was seen, far more closely than the sheets lie apart."""
     front, triangles = plane(3)
@@ -233,4 +266,4 @@ def test_buckets_are_sorted_stably(bits: int) -> None:
     bucket = np.random.default_rng(bits).integers(0, 1 << bits, 3000)
     bucket[1000:2000] = bucket[:1000]
     expected = sorted(range(bucket.size), key=lambda place: int(bucket[place]))
-    assert _sorted_places(bucket, 1 << bits).tolist() == expected
+    assert sorted_places(bucket, 1 << bits).tolist() == expected

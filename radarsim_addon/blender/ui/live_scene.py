@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The evaluated scene as the live preview needs it, read in parts that take a few milliseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ...array_types import Real
+from ...errors import SceneError
+from ...signal.draft import DraftPolygons, DraftScene, Message, mesh_message, scene_message
+from ..plan import check_unit_scale, shortest_decimal
+from ..rig_settings import own_link_budget, read_measurement, settings
+from ..scene import (
+    VELOCITY_FRAMES,
+    active_radar,
+    echoing_boxes,
+    keyed_move,
+    nothing_moves,
+    receiver_record,
+    scene_extent,
+    transmitter_record,
+)
+from ..state import Shape, Snapshot, read_numbers, read_triangles, take_snapshot
+from .live_materials import LiveMaterial, live_material
+from .scene_reading import any_material_echoes, rig_of
+from .translations import tr
+
+#: Range limits may exceed the scene's extent by this factor, as those of a run.
+_RANGE_MARGIN = 1.25
+#: Types of objects whose surface Blender does not give as a mesh.
+_MESHLESS = {"CURVES", "POINTCLOUD"}
+#: Objects whose F-curves are read in one part.
+_OWNERS = 256
+
+
+@dataclass(frozen=True)
+class LiveScene:
+    """A scene ready to be sent.
+
+    message: to the process that drafts. notes: what the draft leaves out of this scene.
+    """
+
+    message: Message
+    notes: tuple[str, ...]
+
+    def same(self, other: LiveScene | None) -> bool:
+        """Whether another one would give the same draft."""
+        if other is None or self.message.fields != other.message.fields:
+            return False
+        arrays = other.message.arrays
+        return all(np.array_equal(a, arrays[name]) for name, a in self.message.arrays.items())
+
+
+class LiveReader:
+    """Reads scenes; meshes that were read are not read again before they change."""
+
+    def __init__(self) -> None:
+        self._keys: WeakKeyDictionary[Shape, int] = WeakKeyDictionary()
+        self._next = 0
+
+    def read(self, context: Any) -> Iterator[Message | LiveScene | None]:
+        """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
+
+        None after a part of a mesh. Stop where the scene changes before the end.
+        """
+        scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
+        rows = echoing_boxes(depsgraph, any_material=True).rows
+        snapshot = take_snapshot(depsgraph)
+        meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
+        rows, left_out = rows[~meshless], int(meshless.sum())
+        for index in np.unique(snapshot.layout.shape[rows]).tolist():
+            shape = snapshot.shapes[index]
+            if shape not in self._keys:
+                for part in _polygons(snapshot, shape):
+                    yield None if part is None else mesh_message(self._next, part)
+                self._keys[shape], self._next = self._next, self._next + 1
+        yield from self._scene(scene, depsgraph, snapshot, rows.tolist(), left_out)
+
+    def _scene(
+        self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int], left_out: int
+    ) -> Iterator[LiveScene | None]:
+        radar, rig = active_radar(scene), rig_of(scene, active_radar(scene))
+        if rig.camera.data.type != "PERSP":
+            raise SceneError(
+                f"Camera {rig.camera.name!r} is of type {rig.camera.data.type}, but the live "
+                "preview draws perspective views only. Set Camera > Lens > Type to Perspective, or "
+                "switch Live Preview off."
+            )
+        measurement, render = read_measurement(scene), scene.render
+        metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+        shapes, layout = snapshot.shapes, snapshot.layout
+        owners = [_owner(snapshot, row) for row in rows]
+        yield None
+        frame = scene.frame_current_final
+        moves, unknown = yield from _moves([*owners, rig.camera, rig.emitter], frame, metres)
+        used = [shapes[layout.shape[row]] for row in rows]
+        # the other process forgets what a scene does not use
+        self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in used})
+        slots = [shape.materials or (None,) for shape in used]
+        materials = dict.fromkeys(chain.from_iterable(slots))
+        number = {material: index for index, material in enumerate(materials)}
+        any_material = any_material_echoes(radar)
+        how = measurement.waveform.carrier_hz, settings(radar).beyond_band, measurement.polarisation
+        found = [live_material(material, *how, any_material) for material in materials]
+        yield None
+        matrices = snapshot.matrices[rows].reshape(-1, 4, 4).copy()
+        matrices[:, :3] *= metres
+        start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
+        if not stop_m:
+            extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
+            stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
+        fps = render.fps / shortest_decimal(render.fps_base)
+        size = measurement.width_px, measurement.height_px
+        drafted = DraftScene(
+            radar=measurement.radar,
+            link_budget=own_link_budget(radar),
+            weather=measurement.weather,
+            receiver=receiver_record(rig, depsgraph, metres, *size),
+            transmitter=transmitter_record(rig, depsgraph, metres),
+            range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
+            surfaces=[one.surface for one in found],
+            meshes=[self._keys[shape] for shape in used],
+            matrices=matrices,
+            slots=[[number[material] for material in one] for one in slots],
+            moves=moves,
+            interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
+        )
+        places = (rig.camera.matrix_world.translation, rig.emitter.matrix_world.translation)
+        apart = not np.allclose(*places)
+        yield LiveScene(scene_message(drafted), _notes(found, unknown, left_out, apart))
+
+
+def _owner(snapshot: Snapshot, row: int) -> Any:
+    """The object whose F-curves move a row: of an instance, its instancer."""
+    index = int(snapshot.layout.instancer[row])
+    if index >= 0:
+        return snapshot.layout.instancers[index]
+    return snapshot.shapes[snapshot.layout.shape[row]].original
+
+
+def _moves(
+    owners: list[Any], frame: float, metres: float
+) -> Generator[None, None, tuple[Real, int]]:
+    """What moves objects, as `keyed_move`, in metres, and how many of them move by other means."""
+    moves = np.tile(np.eye(4), (len(owners), 1, 1))
+    unknown = set()
+    for index, owner in enumerate(owners):
+        if index % _OWNERS == 0:
+            yield None
+        if nothing_moves(owner):
+            continue
+        move = keyed_move(owner, frame)
+        if move is None:
+            unknown.add(owner)
+        else:
+            moves[index] = move
+    moves[:, :3, 3] *= metres
+    return moves, len(unknown)
+
+
+def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None]:
+    """Yield the evaluated mesh of a shape, before that None after each part that takes long.
+
+    Blender may free a mesh between two parts of an older snapshot, but not of the last one.
+    """
+    none, flat = np.zeros(0, dtype=np.int32), np.zeros((0, 3), dtype=np.float32)
+    found = False
+    with snapshot.mesh(shape) as mesh:
+        if mesh is not None and len(mesh.polygons):
+            found = True
+            points = read_numbers(mesh.vertices, "co", 3)
+            starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
+            smooth = mesh.normals_domain != "FACE"
+            many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
+    if not found:
+        yield DraftPolygons(flat, none, none, none, flat)
+        return
+    yield None
+    with snapshot.mesh(shape) as mesh:
+        if many_sides:
+            triangles = read_triangles(mesh)[1]
+            corners, starts = triangles.ravel(), 3 * np.arange(len(triangles), dtype=np.int32)
+        else:  # attributes are copied whole, properties one by one
+            data = mesh.attributes[".corner_vert"].data
+            corners = read_numbers(data, "value", dtype=np.int32)[:, 0]
+    yield None
+    with snapshot.mesh(shape) as mesh:
+        slots = none
+        if many_sides:
+            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
+        elif "material_index" in mesh.attributes:
+            data = mesh.attributes["material_index"].data
+            slots = read_numbers(data, "value", dtype=np.int32)[:, 0]
+    yield None
+    with snapshot.mesh(shape) as mesh:
+        normals = flat
+        if smooth and many_sides:
+            normals = read_numbers(mesh.loop_triangles, "split_normals", 9).reshape(-1, 3)
+        elif smooth:
+            normals = read_numbers(mesh.corner_normals, "vector", 3)
+    yield DraftPolygons(points, corners, starts, slots, normals)
+
+
+def _notes(
+    materials: list[LiveMaterial], unknown: int, left_out: int, apart: bool
+) -> tuple[str, ...]:
+    """What a draft of these materials leaves out."""
+    guessed = sum(one.guessed for one in materials)
+    mirrors = sum(one.mirrors for one in materials)
+    lobes = sum(one.lobe for one in materials)
+    texts = (
+        (mirrors, tr("mirror-like materials, which return nothing: {count}", count=mirrors)),
+        (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
+        (guessed, tr("materials guessed as diffuse: {count}", count=guessed)),
+        (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),
+        (left_out, tr("hair and point clouds, which are left out: {count}", count=left_out)),
+        (apart, tr("shadows of the transmitter are left out")),
+    )
+    return tuple(text for count, text in texts if count)

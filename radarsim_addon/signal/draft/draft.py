@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Profile and map of a draft: the expected power of its paths, as of a rendered frame.
+
+The rays of a draft become a path table in memory, so footprints, antennas, weather, tapers and
+standard errors are those of the processing. Only the paths differ: one reflection, seen without
+refraction, by few rays.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, NoReturn, cast
+
+import numpy as np
+
+from ...array_types import Real
+from ...contract import PathsRecord
+from ..decoding import FrameInput, FrameTable
+from ..detection import FrameBudget
+from ..maps import expected_power, map_noise_gain, range_noise_gain
+from ..paths import PathRows
+from ..radar import Radar
+from ..runs import RadarFrame
+from .scene import DraftScene, SceneTriangles, draft_rows
+
+#: Most cells of a draft's map: more take longer than an update may.
+MOST_CELLS = 1 << 19
+#: Cells of range per sample of the echo.
+_CELLS_PER_SAMPLE = 2
+
+
+class DraftLevel(NamedTuple):
+    """How fine a draft is.
+
+    Attributes
+    ----------
+    rays
+        Rays of a replicate, about.
+    replicates
+        Number of grids of rays.
+    """
+
+    rays: int
+    replicates: int
+
+
+#: From the first draft after a change to the last one of a scene that does not change.
+LEVELS = (DraftLevel(4096, 2), DraftLevel(16384, 2), DraftLevel(16384, 8))
+
+
+@dataclass(frozen=True)
+class Draft:
+    """Expected power of the paths of one reflection.
+
+    Attributes
+    ----------
+    range_m
+        One-way range, (ranges,) [m].
+    profile_w, profile_error_w
+        Power and its standard error, (ranges,) [W].
+    velocity_mps
+        Range rate of each row of the map, ascending, receding positive, (pulses,) [m/s].
+    map_w
+        (pulses, ranges) [W].
+    pulses
+        Pulses of the map: fewer than the burst has where the map would have too many cells.
+    rays
+        Rays that met a surface which returns power, in all replicates.
+    noise_w, map_noise_w
+        Mean thermal noise of a range bin of one pulse, and of a cell of the whole burst's map [W];
+        0 without a link budget.
+    gaps_from_m
+        Range from which on rays are further apart than range cells [m]; infinite for none.
+    """
+
+    range_m: Real
+    profile_w: Real
+    profile_error_w: Real
+    velocity_mps: Real
+    map_w: Real
+    pulses: int
+    rays: int
+    gaps_from_m: float
+    noise_w: float = 0.0
+    map_noise_w: float = 0.0
+
+    @property
+    def peak_error_db(self) -> float:
+        """Standard error at the strongest range; infinite where it is as large as the power."""
+        peak = int(np.argmax(self.profile_w))
+        power_w, error_w = float(self.profile_w[peak]), float(self.profile_error_w[peak])
+        return 10 * math.log10(1 + error_w / power_w) if power_w > 0 else 0.0
+
+
+def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) -> Draft:
+    """Return profile and map of a scene.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    triangles
+        Its triangles, of `SceneTriangles.of`.
+    level
+        How fine.
+
+    Returns
+    -------
+    Draft
+
+    Raises
+    ------
+    ConfigError
+        A clutter model cannot be evaluated, or the waveform has too few range cells.
+    """
+    edges = scene.receiver
+    aspect = (edges.right - edges.left) / (edges.top - edges.bottom)
+    rows = max(round(math.sqrt(level.rays / aspect)), 1)
+    columns = max(round(level.rays / rows), 1)
+    table = draft_rows(scene, triangles, columns, rows, level.replicates)
+    start_m, stop_m = scene.range_limits_m
+    step_m = scene.radar.waveform.sample_spacing_m / _CELLS_PER_SAMPLE
+    ranges = (min(stop_m, scene.radar.waveform.unambiguous_range_m) - start_m) / step_m
+    pulses = min(scene.radar.burst.pulses, max(int(MOST_CELLS / max(ranges, 1)), 1))
+    radar = scene.radar if pulses == scene.radar.burst.pulses else scene.radar.with_pulses(pulses)
+    frame = _frame(scene, radar, table, level.replicates)
+    budget = FrameBudget(frame, scene.weather)
+    found = expected_power(frame, cells_per_sample=_CELLS_PER_SAMPLE, link=budget.link)
+    sample_w = 0.0
+    if budget.system is not None:
+        sample_w = budget.system.noise_power_w(radar.waveform.sampling_rate_hz)
+    velocity_mps = -found.doppler_hz * radar.waveform.wavelength_m / 2
+    return Draft(
+        found.range_m,
+        found.profile,
+        found.profile_error,
+        velocity_mps[::-1],
+        found.map[::-1],
+        pulses,
+        table.size,
+        found.gaps_from_m,
+        sample_w * range_noise_gain(scene.radar),
+        sample_w * map_noise_gain(scene.radar),
+    )
+
+
+def _frame(scene: DraftScene, radar: Radar, table: PathRows, replicates: int) -> FrameInput:
+    """A frame that is in no run."""
+    record = PathsRecord(
+        frame=0,
+        time_s=0.0,
+        metres_per_unit=1.0,
+        range_encoding_length_m=0.0,
+        extinction_length_m=0.0,
+        range_encoding="materials",
+        coloured=False,
+        amplitude_channel="mean",
+        carrier_hz=radar.waveform.carrier_hz,
+        receiver=scene.receiver,
+        transmitter=scene.transmitter,
+        width_px=0,
+        height_px=0,
+        max_reflections=1,
+        max_unfollowed_fraction=0.0,
+        seed=0,
+        tiles=1,
+        replicates=replicates,
+        finest_refinement_level=0,
+        renders=0,
+        render_time_s=0.0,
+        path_count=table.size,
+        objects=[f"{number}" for number in range(len(scene.meshes))],
+        total_power_w=float(table["power_w"].sum()),
+        truncated_reflections_fraction=0.0,
+        truncated_transparency_fraction=0.0,
+        mixed_power_fraction=0.0,
+        unranged_power_fraction=0.0,
+        mixed_bias_bound_m=0.0,
+        length_sigma_m=0.0,
+        length_sigma_wavelengths=0.0,
+        relative_error=0.0,
+        stop_reason="draft",
+        table_file="",
+        table_sha256="",
+    )
+    return FrameInput(
+        frame=cast(RadarFrame, None),  # expected power reads no run
+        radar=radar,
+        link_budget=scene.link_budget,
+        range_limits_m=scene.range_limits_m,
+        receiver=scene.receiver,
+        transmitter=scene.transmitter,
+        ground_truth=None,
+        tables=(FrameTable(record, table, None),),
+        images=_no_images,
+    )
+
+
+def _no_images(ring: int, snapshot: int) -> NoReturn:
+    raise AssertionError("a draft has no ring images")

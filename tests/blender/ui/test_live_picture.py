@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The picture of the live preview: places of its lines, texts and colours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from radarsim_addon.blender.ui.live_picture import (
+    SPAN_DB,
+    LivePicture,
+    lay_out_draft,
+    level_colours,
+)
+from radarsim_addon.blender.ui.pictures import viridis
+
+RANGE_M = np.arange(0.0, 100.5, 0.5)
+RATES = np.linspace(-20.0, 19.0, 40)
+LINES = ["Live preview", "1000 rays"]
+
+
+def draft(**changes: Any) -> dict[str, Any]:
+    """A peak of 1e-9 W at 70 m and 10 m/s, 30 dB above all else."""
+    profile, image = np.full(RANGE_M.size, 1e-12), np.full((RATES.size, RANGE_M.size), 1e-14)
+    profile[140] = image[30, 140] = 1e-9
+    arrays = {"range_m": RANGE_M, "velocity_mps": RATES, "profile_w": profile, "map_w": image}
+    return {**arrays, **changes}
+
+
+def picture(arrays: dict[str, Any], scale: float = 1.0) -> LivePicture:
+    fields = {"noise_w": 1e-13}
+    return lay_out_draft(fields, arrays, LINES, (900.0, 10.0), scale)
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+def test_the_peak_is_marked_where_its_range_and_level_are(scale: float) -> None:
+    found = picture(draft(), scale)
+    box = found.profile
+    assert found.mark is not None
+    x, y = found.mark
+    # axes from -0.25 m to 100.25 m, from -145 dBW to -85 dBW
+    assert (x - box.left) / (box.right - box.left) == pytest.approx(70.25 / 100.5)
+    assert (y - box.bottom) / (box.top - box.bottom) == pytest.approx(55 / SPAN_DB)
+    assert "strongest: 70 m, \u221290 dBW" in [text.text for text in found.texts]
+    assert found.curve[:, 1].max() == pytest.approx(y)
+    np.testing.assert_allclose((y - found.noise[:, 1]) / (box.top - box.bottom), 40 / SPAN_DB)
+    assert found.panel.right == 900.0 and found.panel.bottom == 10.0
+    assert box.right - box.left == 360 * scale
+
+
+def test_all_is_within_the_panel() -> None:
+    found = picture(draft())
+    panel = found.panel
+    places = [
+        found.grid,
+        found.curve,
+        found.noise,
+        np.array([(text.x, text.y) for text in found.texts]),
+    ]
+    for box in (found.profile, found.map, found.strip):
+        places.append(np.array([(box.left, box.bottom), (box.right, box.top)]))
+    low, high = np.concatenate(places).min(axis=0), np.concatenate(places).max(axis=0)
+    assert panel.left <= low[0] and high[0] <= panel.right
+    assert panel.bottom <= low[1] and high[1] <= panel.top
+    assert [text.text for text in found.texts][: len(LINES)] == LINES
+
+
+def test_the_map_shows_the_peak_in_its_row_and_column() -> None:
+    found = picture(draft())
+    assert found.colours is not None and found.colours.shape == (120, 360, 4)
+    place = np.argwhere(np.abs(found.colours[..., :3] - _colour(-90.0)).max(axis=-1) < 1e-6)
+    # 120 pixels for 40 rows from below, 360 for 201 ranges
+    assert place.min(axis=0).tolist() == [90, 251] and place.max(axis=0).tolist() == [92, 252]
+
+
+def _colour(level_db: float) -> Any:
+    return viridis()[round((level_db + 85 + SPAN_DB) / SPAN_DB * 255)]
+
+
+def test_one_pulse_has_no_map_and_no_echo_is_said() -> None:
+    nothing = draft(profile_w=np.zeros(RANGE_M.size), map_w=np.zeros((1, RANGE_M.size)))
+    found = picture({**nothing, "velocity_mps": np.zeros(1)})
+    assert found.colours is None and found.mark is None and not len(found.curve)
+    texts = [text.text for text in found.texts]
+    assert "no echo" in texts and not [text for text in texts if "rate" in text]
+
+
+def test_colours_are_those_of_the_levels() -> None:
+    found = level_colours(10 ** (np.array([-90.0, -30.0, -60.0, 5.0]) / 10), 0.0)
+    np.testing.assert_array_equal(found[:, :3], viridis()[[0, 128, 0, 255]])

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview in a real window: 1e5 triangles, one object moves.
+
+blender --python live.py -- FOLDER
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from robot import Robot
+
+FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+#: Time for which the object moves [s], and the step of its motion [s].
+MOVING_S, STEP_S = 8.0, 0.04
+
+
+def module() -> Any:
+    """The add-on's module of the preview, whatever the extension's package is called."""
+    names = [name for name in sys.modules if name.endswith("blender.ui.live_preview")]
+    assert len(names) == 1, names
+    return sys.modules[names[0]]
+
+
+def add_objects() -> Any:
+    """A ground, a wall, and a ball of 1e5 triangles; returns the ball."""
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    ops = bpy.ops.mesh
+    ops.primitive_plane_add(size=80.0, location=(0.0, 30.0, -2.0))
+    ops.primitive_cube_add(size=4.0, location=(-7.0, 42.0, 0.0))
+    wall = bpy.context.object
+    wall.keyframe_insert("location", frame=1)
+    wall.location.y -= 10.0
+    wall.keyframe_insert("location", frame=25)  # 10 m/s, closing in
+    for curve in wall.animation_data.action.fcurves:
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    bpy.context.scene.frame_set(1)
+    ops.primitive_uv_sphere_add(segments=225, ring_count=224, radius=1.5, location=(4.0, 22.0, 0.0))
+    bpy.ops.object.shade_smooth()
+    ball = bpy.context.object
+    ball.display_type = "BOUNDS"  # to draw 1e5 triangles takes software OpenGL long
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.ops.radarsim.assign_material()
+    return ball
+
+
+def times(found: Any) -> dict[str, float]:
+    """What the preview has counted."""
+    return {**vars(found), "drawings_s": sorted(found.drawings_s)[-8:]}
+
+
+def reset(found: Any) -> None:
+    """Count from now on."""
+    found.__init__()
+
+
+def script(robot: Robot) -> Any:
+    result = robot.result
+    ball = add_objects()
+    yield 0.5
+    yield from robot.open_tab("Radar")
+    yield from robot.click("radarsim.setup_rig")
+    yield from robot.wait(lambda: "Radar" in bpy.data.objects, "the radar", 20)
+    radar = bpy.data.objects["Radar"]
+    radar.location, radar.rotation_euler = (0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)
+    yield 1.0
+    robot.start_watching()
+    yield 2.0
+    result["before"] = robot.stop_watching()
+    live, state = module(), bpy.context.window_manager
+    yield from robot.click_until("radarsim_live", lambda: state.radarsim_live, "the preview")
+    preview = live.current_preview()
+    found = preview.statistics
+    yield from robot.wait(lambda: found.drafts >= 3, "the finest draft", 60)
+    result["start"] = times(found)
+    result["triangles"] = preview.draft.fields["triangles"]
+    yield 1.0
+    robot.shot("live_preview")
+    yield 1.5
+    # The user moves the ball: an update may come only once it has been drawn.
+    reset(found)
+    robot.start_watching()
+    began = time.monotonic()
+    while time.monotonic() - began < MOVING_S:
+        ball.location.x = 4.0 - 3.0 * math.sin(time.monotonic() - began)
+        yield STEP_S
+    result["moving"] = {
+        **robot.stop_watching(),
+        "updates_per_s": found.first_drafts / (time.monotonic() - began),
+        **times(found),
+    }
+    robot.shot("live_moving")
+    yield 1.0
+    # A mesh that changes is read again.
+    reset(found)
+    for number in range(10):
+        ball.data.vertices[0].co.z = 1.5 + 0.01 * number
+        ball.data.update()
+        yield 0.3
+    result["editing"] = times(found)
+    # a full undo step, then the preview goes on
+    drafts = found.drafts
+    bpy.ops.ed.undo_push(message="test")
+    ball.location.x = 0.0
+    bpy.ops.ed.undo_push(message="test")
+    bpy.ops.ed.undo()
+    yield from robot.wait(lambda: found.drafts > drafts, "a draft after undo", 20)
+    result["fault"] = preview.fault
+    yield from robot.click_until("radarsim_live", lambda: not state.radarsim_live, "the end")
+    result["left"] = [name for name in dir(live) if name == "_preview" and live._preview]
+    yield 0.5
+    robot.shot("live_off")
+    yield 1.0
+
+
+if __name__ == "__main__":
+    bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.system.viewport_aa = "OFF"  # 8 drawings of the view after each change
+    Robot(FOLDER).run(script)
