@@ -7,6 +7,7 @@ import dataclasses
 import itertools
 from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 
