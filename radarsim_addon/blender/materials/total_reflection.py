@@ -93,16 +93,22 @@ def total_reflections(
     for item in bending:
         fractions[item], by_corners[item] = _reflected(item, depsgraph, bodies[item], places)
     said = [
-        finding(
-            "total-reflection", item.name_full, fraction=fraction, index=bodies[item].refraction
+        (
+            part,
+            finding(
+                "total-reflection", item.name_full, fraction=part, index=bodies[item].refraction
+            ),
         )
-        for item, fraction in _largest(fractions)
+        for item, part in _largest(fractions)
     ]
     said += [
-        finding("wall-corners", item.name_full, fraction=fraction, index=bodies[item].refraction)
-        for item, fraction in _largest(by_corners)
+        (
+            part,
+            finding("wall-corners", item.name_full, fraction=part, index=bodies[item].refraction),
+        )
+        for item, part in _largest(by_corners)
     ]
-    return [one if one.numbers["fraction"] > _DANGER else one.as_information() for one in said]
+    return [one if part > _DANGER else one.as_information() for part, one in said]
 
 
 def _largest(fractions: dict[Any, float]) -> list[tuple[Any, float]]:
