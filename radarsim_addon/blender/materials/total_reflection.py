@@ -92,22 +92,13 @@ def total_reflections(
     by_corners = dict.fromkeys(bodies, 0.0)
     for item in bending:
         fractions[item], by_corners[item] = _reflected(item, depsgraph, bodies[item], places)
-    said = [
-        (
-            part,
-            finding(
-                "total-reflection", item.name_full, fraction=part, index=bodies[item].refraction
-            ),
-        )
-        for item, part in _largest(fractions)
-    ]
-    said += [
-        (
-            part,
-            finding("wall-corners", item.name_full, fraction=part, index=bodies[item].refraction),
-        )
-        for item, part in _largest(by_corners)
-    ]
+    said = []
+    for item, part in _largest(fractions):
+        name, index = item.name_full, bodies[item].refraction
+        said.append((part, finding("total-reflection", name, fraction=part, index=index)))
+    for item, part in _largest(by_corners):
+        name, index = item.name_full, bodies[item].refraction
+        said.append((part, finding("wall-corners", name, fraction=part, index=index)))
     return [one if part > _DANGER else one.as_information() for part, one in said]
 
 
