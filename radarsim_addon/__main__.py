@@ -30,8 +30,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return coverage_command(words[1:])
     if words[:1] == ["selfcheck"]:
         return selfcheck_command(words[1:])
+    from .processes import keep_freed_memory
     from .signal.pipeline import main as process_main
 
+    keep_freed_memory()
     if arguments is None:  # killed politely: what is half written is removed
         signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     others = {"render": "measure the radar frames of a .blend file (needs bpy)"}

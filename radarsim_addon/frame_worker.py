@@ -93,8 +93,10 @@ def _open_worker(words: Sequence[str], joins: bool) -> FrameWorker:
         from .blender.plan import parse_render_arguments
 
         return FrameRenderer(parse_render_arguments(list(words[1:]), needs_blend=False), joins)
+    from .processes import keep_freed_memory
     from .signal.pipeline import FrameProcessor, parse_process_arguments
 
+    keep_freed_memory()
     return FrameProcessor(parse_process_arguments(list(words)))
 
 

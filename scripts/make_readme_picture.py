@@ -21,6 +21,7 @@ from bpy_extras.object_utils import world_to_camera_view  # noqa: E402
 from mathutils import Vector  # noqa: E402
 
 from scripts.examples.pictures import daylight, plain_material, render_from  # noqa: E402
+from scripts.picture_text import use_readable_text  # noqa: E402
 
 SIZE = (960, 720)
 COLOURS = {
@@ -89,12 +90,13 @@ def main() -> int:
         doppler_hz, velocity = data["doppler_hz"], data["velocity_mps"]
     level = signal.power_to_db(power, power.max(), -80.0)
 
+    use_readable_text(plt)
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(12.5, 4.9), width_ratios=[1.25, 1], constrained_layout=True
     )
     left.imshow(image)
     left.set_axis_off()
-    left.set_title("The scene in Blender (target drawn three times as large)", fontsize=10)
+    left.set_title("The scene in Blender (target drawn three times as large)", fontsize=13)
     for name, (x, y) in places.items():
         dx, dy = OFFSETS[name]
         left.annotate(
@@ -102,7 +104,7 @@ def main() -> int:
             (x * SIZE[0], (1 - y) * SIZE[1]),
             xytext=(dx, dy),
             textcoords="offset points",
-            fontsize=9,
+            fontsize=13,
             ha="center",
             arrowprops={"arrowstyle": "-", "lw": 0.8},
         )
@@ -129,7 +131,7 @@ def main() -> int:
             xytext=(24, 14),
             textcoords="offset points",
             color="w",
-            fontsize=9,
+            fontsize=13,
             arrowprops={"arrowstyle": "-", "lw": 0.8, "color": "w"},
         )
     out = ROOT / "docs" / "images" / "scene_and_map.png"

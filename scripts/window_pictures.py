@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Copy screenshots of the window into docs/images: smaller, with few colours.
+"""Copy screenshots of the window into docs/images: cropped, with few colours.
 
     make gui-test PYTEST_ARGS="-k 'tutorial or live'" && python scripts/window_pictures.py
 
@@ -15,8 +15,11 @@ from pathlib import Path
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
-#: Width of the pictures; text of the window is readable at half of it.
-WIDTH_PX = 1100
+#: What is shown of a screenshot of 1600 x 1000 pixels: left, top, right, bottom. Letters keep their
+#: size, so that they are readable at half of it.
+WINDOW = (450, 0, 1600, 1000)
+#: The window with the pictures of the results.
+RESULTS, EDITORS = "tutorial_5_map.png", (40, 50, 1560, 850)
 
 
 def main() -> int:
@@ -27,10 +30,9 @@ def main() -> int:
         return 1
     for shot in shots:
         with Image.open(shot) as opened:
-            height_px = round(WIDTH_PX * opened.height / opened.width)
-            small = opened.convert("RGB").resize((WIDTH_PX, height_px), Image.Resampling.LANCZOS)
+            part = opened.convert("RGB").crop(EDITORS if shot.name == RESULTS else WINDOW)
         target = ROOT / "docs" / "images" / shot.name
-        small.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
+        part.quantize(256, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
         print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1024:.0f} KiB")
     return 0
 

@@ -8,7 +8,7 @@ library only.
 """
 
 from .catalogue import NO_ECHO_CODES
-from .merging import exit_code, finding_lines, merge
+from .merging import exit_code, finding_about, finding_lines, merge
 from .records import Finding, Value, finding, from_json, to_json
 from .texts import frames_text, frequency_text, length_text
 
@@ -18,6 +18,7 @@ __all__ = [
     "Value",
     "exit_code",
     "finding",
+    "finding_about",
     "finding_lines",
     "frames_text",
     "frequency_text",

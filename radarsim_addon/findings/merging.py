@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
 
@@ -36,6 +36,32 @@ def merge(findings: Iterable[Finding]) -> list[Finding]:
     for item in findings:
         groups.setdefault(_group(item), []).append(item)
     return [_merged(group) for group in groups.values()]
+
+
+def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Finding:
+    """Make one finding about many subjects, as `merge` makes it of one for each.
+
+    Parameters
+    ----------
+    code
+        Key of :data:`.catalogue.CATALOGUE`.
+    found
+        Numbers of the catalogue's placeholders by subject, at least one.
+
+    Returns
+    -------
+    Finding
+        With the least and largest of each number.
+    """
+    columns: dict[str, set[float]] = {}
+    for numbers in found.values():
+        for name, value in numbers.items():
+            columns.setdefault(name, set()).add(value)
+    spans: dict[str, Value] = {
+        name: min(values) if len(values) == 1 else (min(values), max(values))
+        for name, values in columns.items()
+    }
+    return written(Finding(code, CATALOGUE[code].severity, tuple(found), (), spans))
 
 
 def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> list[str]:

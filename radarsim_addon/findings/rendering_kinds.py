@@ -316,6 +316,13 @@ SETTINGS = {
         "such pixels leave gaps in the range profile.",
         "Raise the resolution, narrow the field of view, or set a Range stop before this range.",
     ),
+    "run-takes-long": Kind(
+        "caution",
+        "The run takes about {hours:.2g} hours on this computer.",
+        "The estimate comes from earlier runs; a run up to a standard error takes longer.",
+        "Use fewer frames, a lower resolution, fewer reflections or the quality Draft, set Range "
+        "limits, or use several workers (docs/workers.md).",
+    ),
     "objects-below-a-pixel": Kind(
         "caution",
         "{subjects} are smaller than a pixel of the rings: {size_px:.2g} of a pixel across.",

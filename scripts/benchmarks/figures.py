@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ..picture_text import use_readable_text
+
 _STYLES = {
     "rings": {"marker": "s", "color": "tab:red", "linestyle": "none"},
     "paths": {"marker": "o", "color": "tab:blue"},
@@ -30,6 +32,7 @@ def draw(result: dict[str, Any], folder: Path) -> list[Path]:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    use_readable_text(pyplot)
     files = []
     parts = {"accuracy": _accuracy, "scaling": _scaling, "synthesis": _synthesis}
 
@@ -78,7 +81,7 @@ def _accuracy(pyplot: Any, accuracy: Any, save: Callable[[Any, str], None]) -> N
         axis.set_ylabel(label)
         axis.grid(True, which="both", alpha=0.25)
     # one for all three: within the axes it would cover points
-    figure.legend(loc="outside lower center", ncols=4, fontsize=9)
+    figure.legend(loc="outside lower center", ncols=4)
     save(figure, "error_against_time.png")
 
 
@@ -128,7 +131,6 @@ def _synthesis(pyplot: Any, synthesis: Any, save: Callable[[Any, str], None]) ->
                     (row["paths"], row[key]),
                     textcoords="offset points",
                     xytext=(0, 6),
-                    fontsize=7,
                     ha="center",
                 )
     axis.set_xlabel("paths")

@@ -135,6 +135,7 @@ GROUP = Group(
         Case("peaks", targets.peaks, 20.0),
         Case("next to clutter, at the end of the window", targets.beside_clutter, 40.0),
         Case("SNR", targets.snr, 40.0),
+        Case("SNR of a car", targets.car_snr, 5.0, quick=True),
         Case("moving_targets", targets.moving_targets, 40.0),
         Case("folded targets", targets.folded_targets, 60.0),
         Case("slow moving targets", targets.slow_movers, 10.0, quick=True),

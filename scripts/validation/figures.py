@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..picture_text import use_readable_text
 from .case import Outcome
 
 Curves = dict[str, list[dict[str, Any]]]
@@ -20,6 +21,7 @@ def draw(outcomes: Sequence[Outcome], curves: Curves, folder: Path) -> list[tupl
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    use_readable_text(pyplot)
     folder.mkdir(parents=True, exist_ok=True)
     files = []
     for name, caption, needs, paint in _PICTURES:
@@ -51,12 +53,12 @@ def _bounds(pyplot: Any, outcomes: Sequence[Outcome], _curves: Curves) -> Any:
             label=group.replace("_", " "),
         )
     axis.axhline(1, color="black", linewidth=1)
-    axis.text(0.01, 1.12, "bound", transform=axis.get_yaxis_transform(), fontsize=8)
+    axis.text(0.01, 1.12, "bound", transform=axis.get_yaxis_transform())
     axis.set_xlabel("processor time of the case [s] (below 1 ms: at 1 ms)")
     axis.set_ylabel("|error| / bound (below 1e-6: at 1e-6)")
     axis.set_title("Every result of the validation")
     axis.grid(True, which="major", alpha=0.3)
-    axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
@@ -80,10 +82,9 @@ def _error_against_time(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curve
     axis.set_ylabel("|error| of the received power [dB]")
     axis.set_title(
         f"Error against time: {sides[0]} (smallest) to {sides[-1]} pixels per side, 4 replicates",
-        fontsize=11,
     )
     axis.grid(True, which="major", alpha=0.3)
-    axis.legend(fontsize=8)
+    axis.legend()
     return figure
 
 
@@ -119,14 +120,14 @@ def _sigma0(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
                 mark = {"color": "0.3", "marker": markers[number], "markersize": 4}
                 right.plot([], [], linestyle="none", label=f"n = {medium}", **mark)
     left.set_ylabel("$\\sigma_0$ [dB]")
-    left.legend(fontsize=8)
+    left.legend()
     left.set_title("Backscatter: lines model, markers measured")
     right.axhline(0.1, color="grey", linestyle="--", linewidth=1)
     right.axhline(-0.1, color="grey", linestyle="--", linewidth=1)
     right.set_ylim(-0.13, 0.19)  # room for the legend above the bound
     right.set_ylabel("measured - model [dB]")
     right.set_title("Error: colour slope, marker medium; bound dashed")
-    right.legend(fontsize=8)
+    right.legend()
     for axis in (left, right):
         axis.set_xlabel("angle of incidence [deg]")
         axis.grid(True, alpha=0.3)
@@ -158,12 +159,12 @@ def _range(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     for axis in (left, right):
         axis.set_xlabel("range [m]")
         axis.grid(True, which="major", alpha=0.3)
-        axis.legend(fontsize=8)
+        axis.legend()
     return figure
 
 
 def _beam(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
-    figure, (left, right) = pyplot.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
+    figure, (left, right) = pyplot.subplots(1, 2, figsize=(12, 5.6), layout="constrained")
     points = curves["swept_beam"]
     for number, beam in enumerate(dict.fromkeys(p["beam"] for p in points)):
         chosen = [p for p in points if p["beam"] == beam]
@@ -177,7 +178,7 @@ def _beam(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     left.set_ylabel("received power over that on boresight [dB]")
     left.set_title("Two-way beam (line: model, dots: measured)")
     _show_error(right, "model")
-    right.legend(fontsize=7)
+    figure.legend(loc="outside lower center", ncols=2)
     for axis in (left, right):
         axis.set_xlabel("target off boresight [deg]")
         axis.grid(True, alpha=0.3)
@@ -224,7 +225,7 @@ def _paper(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
     axis.set_ylabel("power in the map [dBm]")
     axis.set_title("The paper's scene in watts: range-Doppler map with thermal noise")
     axis.grid(True, alpha=0.3)
-    axis.legend(fontsize=8)
+    axis.legend()
     return figure
 
 

@@ -15,6 +15,8 @@ from radarsim_addon.signal import (
     FmcwWaveform,
     Paths,
     Radar,
+    Receiver,
+    apply_receiver,
     detect_targets,
     find_peaks,
     make_paths,
@@ -27,7 +29,7 @@ from radarsim_addon.signal.detection import (
     find_moving_targets,
     received_recording,
 )
-from radarsim_addon.signal.maps import map_noise_gain
+from radarsim_addon.signal.maps import map_noise_gain, map_noise_rows
 
 from .case import Bench, Check, absolute_check, worst_of
 from .points import WAVEFORMS, WINDOWS, Point, apparent_range_m, map_of, radar_of, received
@@ -35,6 +37,8 @@ from .points import WAVEFORMS, WINDOWS, Point, apparent_range_m, map_of, radar_o
 PLACES = 4
 SNR_DB = (20.0, 40.0, 60.0)
 SNR_TARGETS = 8
+#: SNR of a car, and its scatterers.
+CAR_SNR_DB, CAR_POINTS = (30.0, 50.0, 70.0), 300
 SCENES = 120
 CARS = 18
 #: Separation of moving targets that are resolved at all, in Doppler [cells] or range [m].
@@ -147,6 +151,41 @@ def snr(_bench: Bench) -> list[Check]:
                     standard_error=spread,
                 )
             )
+    return checks
+
+
+def car_snr(_bench: Bench) -> list[Check]:
+    """SNR of a car of many scatterers, over noise whose level maps without an echo tell."""
+    waveform = FmcwWaveform(77e9, 1e9, 256, 10e6)
+    radar, window = Radar(waveform, Burst(1 / waveform.duration_s, 64)), "hamming"
+    rng = np.random.default_rng(6)
+    ranges_m, rates_mps = rng.uniform(20, 24.5, CAR_POINTS), rng.normal(4, 0.5, CAR_POINTS)
+    powers = rng.exponential(size=CAR_POINTS) * 4 * math.pi / waveform.wavelength_m**2
+    clean = synthesize(
+        make_paths(powers, 2 * ranges_m, rates_mps), radar, range_limits_m=(10.0, 35.0)
+    )
+    silence = dataclasses.replace(clean, samples=np.zeros_like(clean.samples))
+    receivers = [Receiver(noise_figure_db=12.0, noise_seed=seed) for seed in range(9)]
+    noise = [apply_receiver(silence, receiver) for receiver in receivers]
+    floor_w = float(np.mean([map_of(n.echoes, window).plane_power for n in noise[1:]]))
+    rows_w = noise[0].noise_power_w * map_noise_rows(map_of(clean, window), window, window)
+    top = max(detect_targets(map_of(clean, window)).targets, key=lambda item: item.level_db)
+    checks = []
+    for snr_db in CAR_SNR_DB:
+        power = floor_w * 10 ** ((snr_db - top.level_db) / 10)
+        noisy = noise[0].echoes.samples + clean.samples * math.sqrt(power)
+        rd_map = map_of(dataclasses.replace(clean, samples=noisy), window)
+        found = detect_targets(rd_map, noise_power=rows_w).targets[0]
+        checks.append(
+            absolute_check(
+                f"SNR of a car, {found.level_db - found.surroundings_db:.1f} dB over surroundings",
+                10 * math.log10(10 ** (snr_db / 10) + 1),
+                found.snr_db,
+                1.0,
+                "echoes without noise, over the mean of maps of noise alone",
+                unit="dB",
+            )
+        )
     return checks
 
 

@@ -19,6 +19,7 @@ from radarsim_addon.findings import (
     Finding,
     exit_code,
     finding,
+    finding_about,
     finding_lines,
     frames_text,
     frequency_text,
@@ -132,6 +133,17 @@ def test_objects_are_joined_and_order_is_kept() -> None:
     assert found[0].numbers == {"loss_db": (70.0, 94.0), "limit_db": 60.0}
     assert "'Sea', 'Wall' is more than the 60 dB" in found[0].text
     assert found[1] == finding("no-echo")
+
+
+def test_one_finding_about_many_is_what_a_merge_makes_of_theirs() -> None:
+    numbers = {
+        name: {"loss_db": loss, "limit_db": 60.0} for name, loss in (("A", 70.5), ("B", 62.0))
+    }
+    (merged,) = merge(finding("absorption-below-float32", n, **v) for n, v in numbers.items())
+    assert finding_about("absorption-below-float32", numbers) == merged
+    (one, *_) = numbers
+    alone = finding_about("absorption-below-float32", {one: numbers[one]})
+    assert alone == finding("absorption-below-float32", one, **numbers[one])
 
 
 def test_the_worst_severity_of_a_code_stays() -> None:
@@ -277,14 +289,14 @@ def test_codes_are_declared_once_and_have_texts() -> None:
 
 
 def codes_used() -> tuple[set[str], list[str]]:
-    """Codes that the package gives to `finding`, and calls whose code is no literal."""
+    """Codes that the package gives to `finding` and the like, and calls without a literal one."""
     used: set[str] = set()
     strange = []
     for path in PACKAGE.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
                 continue
-            if node.func.id != "finding":
+            if node.func.id not in ("finding", "finding_about"):
                 continue
             choices = [node.args[0]]
             while choices:

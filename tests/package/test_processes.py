@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import signal
 import socket
 import subprocess
@@ -141,3 +142,20 @@ def test_a_full_disk_is_named(tmp_path: Path) -> None:
     while not os.path.ismount(place):
         place = place.parent
     assert f"Make room on the disk {place} (" in str(error) and "MB free)" in str(error)
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only glibc has mallopt")
+def test_freed_memory_is_used_again() -> None:
+    """Each larger block has pages of its own otherwise: counted by the system."""
+
+    def faults(first: str) -> int:
+        lines = (
+            "import resource",
+            "from radarsim_addon.processes import keep_freed_memory",
+            first,
+            "for size in range(1, 31): b'x' * (size << 20)",
+            "print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt)",
+        )
+        return int(subprocess.check_output([sys.executable, "-c", "\n".join(lines)], cwd=ROOT))
+
+    assert faults("keep_freed_memory()") < faults("") / 3

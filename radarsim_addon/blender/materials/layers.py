@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 
 from ...array_types import Real
-from ...findings import Finding, finding
+from ...findings import Finding, finding, finding_about
 from ..nodes import attributes
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
@@ -241,16 +241,24 @@ def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
     Returns
     -------
     list of Finding
-        One ``absorption-below-float32`` per object, with its loss and the limit [dB].
+        One ``absorption-below-float32`` for information and one as a caution, if any, with the
+        losses of their objects and the limits [dB].
     """
-    found, key = [], attributes.OBJECT_SHELL_THICKNESS
+    key = attributes.OBJECT_SHELL_THICKNESS
+    information: dict[str, dict[str, float]] = {}
+    caution: dict[str, dict[str, float]] = {}
     shells = {item.name_full for item in bpy.data.objects if key in item}
     for name, loss_db in losses_db.items():
         limit_db = MAX_LOSS_DB if bpy.app.version >= (5, 0, 0) else MAX_LOSS_DB_4_5
         if name in shells:
             limit_db = FACES_LOSS_DB
         if loss_db > limit_db:
-            said = finding("absorption-below-float32", name, loss_db=loss_db, limit_db=limit_db)
             # no radar receives what is behind so much
-            found.append(said.as_information() if loss_db > MAX_LOSS_DB else said)
-    return found
+            named = information if loss_db > MAX_LOSS_DB else caution
+            named[name] = {"loss_db": loss_db, "limit_db": limit_db}
+    said = []
+    if information:
+        said.append(finding_about("absorption-below-float32", information).as_information())
+    if caution:
+        said.append(finding_about("absorption-below-float32", caution))
+    return said

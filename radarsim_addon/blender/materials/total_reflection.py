@@ -12,7 +12,7 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ...array_types import Mask, Real
-from ...findings import Finding, finding
+from ...findings import Finding, finding_about
 from ...vectors import crosses, dots, norms
 from ..nodes import attributes
 from ..nodes.group_search import group_input
@@ -71,8 +71,9 @@ def total_reflections(
     Returns
     -------
     list of Finding
-        One ``total-reflection`` per object, and one ``wall-corners`` per object whose faces absorb
-        and delay, with its index and fraction.
+        One ``total-reflection`` for information and one as a caution, if any, with the least and
+        largest indices and fractions of their objects; and the same of ``wall-corners``, of objects
+        whose faces absorb and delay.
     """
     is_inside, inside_of = cache(has_interior), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
@@ -92,22 +93,26 @@ def total_reflections(
     by_corners = dict.fromkeys(bodies, 0.0)
     for item in bending:
         fractions[item], by_corners[item] = _reflected(item, depsgraph, bodies[item], places)
-    said = []
-    for item, part in _largest(fractions):
-        name, index = item.name_full, bodies[item].refraction
-        said.append((part, finding("total-reflection", name, fraction=part, index=index)))
-    for item, part in _largest(by_corners):
-        name, index = item.name_full, bodies[item].refraction
-        said.append((part, finding("wall-corners", name, fraction=part, index=index)))
-    return [one if part > _DANGER else one.as_information() for part, one in said]
+    return [
+        *_said(fractions, bodies, lambda found: finding_about("total-reflection", found)),
+        *_said(by_corners, bodies, lambda found: finding_about("wall-corners", found)),
+    ]
 
 
-def _largest(fractions: dict[Any, float]) -> list[tuple[Any, float]]:
-    """Objects with their fractions, ascending, without those that are small even in sum."""
+def _said(
+    fractions: dict[Any, float], bodies: dict[Any, _Body], about: Callable[[Any], Finding]
+) -> list[Finding]:
+    """Findings about objects, without those whose fractions are small even in sum."""
+    found = sorted((fraction, item.name_full, item) for item, fraction in fractions.items())
     # what is not said stays below this in the sum: waves may pass all of them
-    found = sorted(fractions.items(), key=lambda pair: (pair[1], pair[0].name_full))
-    unsaid = np.cumsum([fraction for _, fraction in found])
-    return found[int((unsaid <= _LEAST_FRACTION).sum()) :]
+    unsaid = np.cumsum([fraction for fraction, _, _ in found])
+    information: dict[str, dict[str, float]] = {}
+    caution: dict[str, dict[str, float]] = {}
+    for fraction, name, item in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
+        named = caution if fraction > _DANGER else information
+        named[name] = {"fraction": fraction, "index": float(bodies[item].refraction)}
+    said = [about(information).as_information()] if information else []
+    return said + ([about(caution)] if caution else [])
 
 
 def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:

@@ -124,7 +124,9 @@ class ClutterWeights:
                 weight = self._weights(*end, transmitter_m, last_n, before, transmitter_m, False)
                 first = mine["first_body"], first_m
                 weight *= self._weights(*first, start_m, first_n, back, last_m, True)
-            rows["power_w"][part] = mine["power_w"] * weight
+            mine["power_w"] *= weight
+            if mine is not rows:
+                rows["power_w"][part] = mine["power_w"]
 
     def _weights(
         self,
@@ -148,18 +150,20 @@ class ClutterWeights:
             return weight
         normal = self._hits.normals(bodies, known_from_m, vertex_m, normal)
         onward, sine_s = _unit(after_m - vertex_m), dots(normal, back)
-        normal = normal * np.copysign(1.0, sine_s)[:, None]
+        side = np.copysign(1.0, sine_s)
+        normal, sine_s = normal * side[:, None], sine_s * side
+        sines = sine_s, dots(normal, onward)
         # not through the surface, and with a normal
-        through = ~(np.abs(sine_s) > 0) | ~(dots(normal, onward) > 0)
+        through = ~(sine_s > 0) | ~(sines[1] > 0)
         for number, one in enumerate(self._surfaces, start=1):
             fits = (surface == number) & ~through
             if one.alpha == 0:
-                fits &= ~is_mirrored(normal, back, onward)
+                fits &= ~is_mirrored(sines, back, onward)
             if fits.all():
-                return one.weights(normal, back, onward, seen_first)
+                return one.weights(sines, normal, back, onward, seen_first)
             here = np.flatnonzero(fits)
             n, s, i = (take_rows(vectors, here) for vectors in (normal, back, onward))
-            weight[here] = one.weights(n, s, i, seen_first)
+            weight[here] = one.weights((sine_s[here], sines[1][here]), n, s, i, seen_first)
         return weight
 
     # -- what to know of the result ----------------------------------------------------------------

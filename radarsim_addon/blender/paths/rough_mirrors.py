@@ -58,7 +58,9 @@ class RoughMirrors:
         lobe, two = self._scatters[bodies], mine["order"] == 2
         onward = mine["last_scatterer_m"] - first_m
         with np.errstate(invalid="ignore"):
-            mirrored = is_mirrored(normals, -along, onward / norms(onward)[:, None])
+            onward = onward / norms(onward)[:, None]
+            sines = -dots(normals, along), dots(normals, onward)
+            mirrored = is_mirrored(sines, -along, onward)
         factor[lobe & two & ~mirrored] = 1.0
         factor[lobe & ~two] = 1 / (2 - factor[lobe & ~two])
         rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)

@@ -42,11 +42,16 @@ _MIRRORED = 1 - 1e-9
 #: An index at which all is reflected.
 _CONDUCTOR = complex(1e12)
 
+#: Sines of grazing angles towards the vertex before and the one after, (n,) each.
+Sines = tuple[Real, Real]
 
-def is_mirrored(normal: Real, back: Real, onward: Real) -> Mask:
-    """Whether a smooth surface mirrors unit vectors from a vertex into each other, (n,)."""
-    cosine = 2 * dots(normal, back) * dots(normal, onward) - dots(back, onward)
-    return np.asarray(cosine >= _MIRRORED)
+
+def is_mirrored(sines: Sines, back: Real, onward: Real) -> Mask:
+    """Whether a smooth surface mirrors unit vectors from a vertex into each other, (n,).
+
+    `sines` are their products with the normal.
+    """
+    return np.asarray(2 * sines[0] * sines[1] - dots(back, onward) >= _MIRRORED)
 
 
 @dataclass(frozen=True)
@@ -91,12 +96,15 @@ class ClutterLobe(_Table):
     index: complex
     alpha: float
 
-    def weights(self, normal: Real, back: Real, onward: Real, seen_first: bool) -> Real:
+    def weights(
+        self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
+    ) -> Real:
         """Weights of vertices with unit vectors to both neighbours, (n,).
 
-        `seen_first`: the receiver sees the vertex itself, and the albedo is not limited.
+        `sines` are their products with the normal. `seen_first`: the receiver sees the vertex
+        itself, and the albedo is not limited.
         """
-        sine_s, sine_i = dots(normal, back), dots(normal, onward)
+        sine_s, sine_i = sines
         level_s, level_i = self.log_sigma0(sine_s), self.log_sigma0(sine_i)
         # what the lobe is to be over a Lambert lobe of the albedo that is seen
         ratio = np.exp((level_i - level_s) / 2) * sine_s / sine_i
@@ -131,9 +139,11 @@ class DirectiveLobe(_Table):
         """Width of the glossy lobe; 0: a mirror."""
         return self.lobe.alpha
 
-    def weights(self, normal: Real, back: Real, onward: Real, seen_first: bool) -> Real:
+    def weights(
+        self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
+    ) -> Real:
         """As those of `ClutterLobe`; waves come from `onward`."""
-        lobe, sine_s = self.lobe, dots(normal, back)
+        lobe, sine_s = self.lobe, sines[0]
         facets = np.zeros(sine_s.size)
         if self.table_db.size:
             albedo = self.albedo(self.sigma0(sine_s), sine_s, seen_first)

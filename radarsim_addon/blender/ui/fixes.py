@@ -70,6 +70,9 @@ def _values(item: Finding, measurement: Measurement | None) -> tuple[dict[str, A
         return sides, tr(
             "Resolution {width} x {height}", width=sides["width_px"], height=sides["height_px"]
         )
+    if item.code == "run-takes-long" and not numbers["draft"]:
+        draft = {"replicates": 2, "max_standard_error": 0.0, "time_limit_s": 0.0}
+        return draft, tr("Draft Quality")
     return _CONSTANT.get(item.code, ({}, ""))
 
 

@@ -55,6 +55,7 @@ def live_material(
     }
     guessed = any(socket is None for socket in sockets.values())
     mirrors = mirror_of(material) is not None
+    lobe = scattered_lobe_of(material) is not None
     if kind == KIND:
         surface = DraftSurface(
             "simple",
@@ -63,7 +64,7 @@ def live_material(
             values[SPECULARITY],
             0.0 if mirrors else values[ROUGHNESS],
         )
-        return LiveMaterial(surface, guessed, mirrors)
+        return LiveMaterial(surface, guessed, mirrors, lobe)
     assert kind == PHYSICAL_KIND
     given = inputs_at(material, carrier_hz, beyond_band)
     values |= {name: given[name] for name in values if name in given and sockets[name] is not None}
@@ -79,7 +80,6 @@ def live_material(
         clutter_parameters={} if clutter is None else clutter.parameters,
         polarisation=polarisation,
     )
-    lobe = scattered_lobe_of(material) is not None
     return LiveMaterial(surface, guessed, smooth and clutter is None, lobe)
 
 

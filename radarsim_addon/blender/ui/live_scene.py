@@ -215,7 +215,7 @@ def _notes(
     mirrors = sum(one.mirrors for one in materials)
     lobes = sum(one.lobe for one in materials)
     texts = (
-        (mirrors, tr("mirror-like materials, which return nothing: {count}", count=mirrors)),
+        (mirrors, tr("materials whose mirror-like part is left out: {count}", count=mirrors)),
         (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
         (guessed, tr("materials guessed as diffuse: {count}", count=guessed)),
         (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import struct
 import subprocess
 import sys
 import tempfile
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +14,7 @@ import numpy as np
 
 from ...array_types import Single
 from ...errors import OutputError
+from ...png import png_bytes
 
 _ENCODER = Path(__file__).with_name("movie_encoder.py")
 
@@ -59,7 +58,8 @@ class MovieWriter:
         """Take a picture (height, width, 3), sRGB from 0 to 1."""
         self._count += 1
         path = Path(self._folder.name, f"{self._count:06d}.png")
-        path.write_bytes(_png(picture))
+        pixels = np.round(picture * 255).clip(0, 255).astype(np.uint8)
+        path.write_bytes(png_bytes(pixels, 72))
         yield
 
     def close(self) -> Iterator[None]:
@@ -92,23 +92,3 @@ def _blender() -> list[str]:
     return [
         bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "-P",
     ]  # fmt: skip
-
-
-def _png(picture: Single) -> bytes:
-    """A picture as PNG, without filters and with fast compression: it is read once."""
-    pixels = np.round(picture * 255).clip(0, 255).astype(np.uint8)
-    height, width = pixels.shape[:2]
-    lines = np.zeros((height, 1 + 3 * width), dtype=np.uint8)
-    lines[:, 1:] = pixels.reshape(height, -1)
-
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-        )
-
-    return b"".join((
-        b"\x89PNG\r\n\x1a\n",
-        chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
-        chunk(b"IDAT", zlib.compress(lines.tobytes(), 1)),
-        chunk(b"IEND", b""),
-    ))  # fmt: skip

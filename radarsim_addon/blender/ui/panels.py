@@ -11,13 +11,12 @@ import bpy
 from ...errors import RadarSimError
 from ...findings import length_text
 from ...options import declared
-from ..plan import Measurement, automatic_rings
+from ..plan import Measurement
 from ..rig_settings import (
     PROGRESS_PROPERTY,
     RADAR_PROPERTY,
     RADAR_SETTINGS,
     WAVEFORMS,
-    read_path_options,
 )
 from ..rig_settings import output_folder as folder_of_run
 from ..scene import ACTIVE_RADAR_PROPERTY, active_radar, radars
@@ -34,15 +33,11 @@ from .fields import (
 from .live_preview import LIVE_PROPERTY
 from .preset_menu import RADARSIM_PT_presets
 from .results_panel import RADARSIM_PT_results
+from .run_time import LONG_S, effort
 from .scene_panel import draw_rows
-from .scene_reading import current_measurement, rig_of, scene_record
+from .scene_reading import current_measurement, rig_of
 from .shown_findings import read_findings
 from .translations import tr
-
-#: Time beyond which a run is called long [s].
-_LONG_S = 900.0
-#: Time of a frame besides its rays: preparation, table, motion [s].
-_FRAME_S = 0.5
 
 
 class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
@@ -177,7 +172,7 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: Any) -> None:
         measurement, _ = current_measurement(context.scene)
         if measurement is not None:
-            draw_state(self, _effort(context, measurement)[0])
+            draw_state(self, effort(context, measurement)[0])
 
     def draw(self, context: Any) -> None:
         layout, group = split(self.layout), active_group(context.scene)
@@ -193,8 +188,8 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
         if measurement is None:
             wrapped(context, layout, wrong, "ERROR")
         else:
-            text, long = _effort(context, measurement)
-            if long:
+            text, seconds = effort(context, measurement)
+            if seconds > LONG_S:
                 row = layout.row(align=True)
                 row.label(text=text, icon="ERROR", translate=False)
                 row.prop_enum(group, "quality", "draft")
@@ -207,38 +202,6 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
         layout.prop(context.window_manager, LIVE_PROPERTY)
         layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
         _draw_progress(context, layout, measurement)
-
-
-def _effort(context: Any, measurement: Measurement) -> tuple[str, bool]:
-    """What a run takes, in words, and whether it is long: of rings renders, of paths the time."""
-    group = active_group(context.scene)
-    try:
-        if group.sampling_mode == "rings":
-            record, rings = scene_record(context), measurement.rings
-            if not rings and record is not None:
-                rings = automatic_rings(measurement.ring_step_m, record.extent)
-            if not rings:
-                return tr("{count} renders a ring", count=measurement.renders(1)), False
-            count = measurement.renders(rings)
-            return tr("{count} renders, {rings} rings", count=count, rings=rings), False
-        options = read_path_options(active_radar(context.scene))
-    except RadarSimError:
-        return tr("cannot measure"), False
-    rays = measurement.width_px * measurement.height_px * options.replicates
-    per_ray_s = getattr(context.window_manager, PROGRESS_PROPERTY).seconds_per_ray
-    looks = len(measurement.frames) * options.visibility_updates
-    seconds = looks * (_FRAME_S + rays * options.max_reflections * per_ray_s)
-    text = time_text(seconds)
-    text = tr("at least {time}", time=text) if options.refines else tr("about {time}", time=text)
-    return text, seconds > _LONG_S
-
-
-def time_text(seconds: float) -> str:
-    """Return a time with a unit that suits it: "12 s", "3.4 min", "2.1 h"."""
-    for unit, size in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.2g} {unit}"
-    return f"{max(seconds, 1.0):.0f} s"
 
 
 def _draw_progress(context: Any, layout: Any, measurement: Measurement | None) -> None:

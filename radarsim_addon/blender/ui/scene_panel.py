@@ -32,6 +32,7 @@ from .fields import (
 )
 from .fixes import fixes_of
 from .material_names import draw_suggestions
+from .run_time import long_run
 from .scene_reading import SceneRecord, current_measurement, quick_findings, scene_record
 from .shown_findings import ICONS, findings_text, read_findings, report_findings, reported
 from .translations import tr
@@ -70,7 +71,7 @@ def known_findings(
     context: Any, measurement: Measurement, record: SceneRecord | None
 ) -> list[Finding]:
     """Return the findings of the settings as they are, and those of the last check."""
-    quick = quick_findings(context.scene, measurement, record)
+    quick = quick_findings(context.scene, measurement, record) + long_run(context, measurement)
     codes = {item.code for item in quick} | _QUICK
     checked = read_findings(getattr(context.window_manager, PROGRESS_PROPERTY).checked)
     return [*quick, *(item for item in merge(checked) if item.code not in codes)]
@@ -83,6 +84,7 @@ _QUICK = {
     "no-radar-material", "medium-beyond-band", "one-range-cell", "low-time-bandwidth-product",
     "wavelength-exceeds-scene", "burst-exceeds-animation", "ring-step-below-resolution",
     "single-snapshot", "short-snapshot-interval", "footprints-too-coarse", "objects-below-a-pixel",
+    "run-takes-long",
 }  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ...array_types import Single
 from ...contract import (
@@ -24,7 +24,7 @@ from ...contract import (
 from ...errors import ConfigError
 from ...sidecar import read_record
 from ..motion import FrameMotion
-from ..paths import PathRows, frame_motion, open_frame_table
+from ..paths import GridPlaces, PathRows, frame_motion, open_frame_table
 from ..radar import Radar
 from ..runs import RadarFrame
 
@@ -44,11 +44,14 @@ class FrameTable:
         Its rows, memory-mapped, checked against the SHA-256 of the sidecar, (path_count,).
     motion
         Motion of the antennas and of the bodies that the rows number; None: nothing moves.
+    grids
+        Pixels of its views.
     """
 
     record: PathsRecord
     rows: PathRows
     motion: FrameMotion | None
+    grids: GridPlaces = field(default_factory=GridPlaces, compare=False, repr=False)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...array_types import Real
 from ..echoes import Echoes
 from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
 from .cfar import Cfar, CfarResult, cfar_threshold
@@ -31,9 +32,12 @@ class Detection:
     level_db
         10 log10 of the power at the interpolated peak.
     noise_db
-        10 log10 of the mean power around it, without its own sidelobes.
+        10 log10 of the mean noise power of its cell where that is known, else `surroundings_db`.
     snr_db
         Difference of both: (signal + noise) over noise.
+    surroundings_db
+        10 log10 of the mean power around it, without its own sidelobes: noise, clutter and what a
+        target that is no point returns from beyond the guard cells.
     row, col
         Cell of the map.
     unfolded_velocity_mps
@@ -46,6 +50,7 @@ class Detection:
     level_db: float
     noise_db: float
     snr_db: float
+    surroundings_db: float
     row: int
     col: int
     unfolded_velocity_mps: float | None = None
@@ -84,6 +89,7 @@ def detect_targets(
     dynamics_db: float = 140.0,
     *,
     wide: RangeDopplerMap | None = None,
+    noise_power: Real | None = None,
 ) -> Detections:
     """Find the peaks above the CFAR threshold of a map, interpolated.
 
@@ -99,6 +105,9 @@ def detect_targets(
         The same map over more ranges (:func:`.detection.moving_targets.received_recording`), to
         interpolate in: without it a peak within a cell of the range limits is off by up to half a
         cell and 1.1 dB.
+    noise_power
+        Mean noise power of a cell of each row, (Doppler,), which SNRs refer to; None: unknown, they
+        refer to the surroundings, which are not noise next to a strong target that is no point.
 
     Returns
     -------
@@ -130,7 +139,7 @@ def detect_targets(
         chosen.append((int(row), int(col)))
         rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
         free[rows, max(0, col - guard[1]) : col + guard[1] + 1] = False
-    targets = _interpolate(rd_map, chosen, result, cfar, wide or rd_map)
+    targets = _interpolate(rd_map, chosen, result, cfar, wide or rd_map, noise_power)
     targets.sort(key=lambda target: -target.snr_db)
     cells, independent = result.cells
     return Detections(targets, int(above.sum()), left_out, cfar, cells, independent)
@@ -142,6 +151,7 @@ def _interpolate(
     result: CfarResult,
     cfar: Cfar,
     wide: RangeDopplerMap,
+    noise_power: Real | None,
 ) -> list[Detection]:
     if not chosen:
         return []
@@ -150,10 +160,11 @@ def _interpolate(
     for number, (row, col) in enumerate(chosen):
         place = int(np.argmin(np.abs(wide.range_m - rd_map.range_m[col])))
         peak = refine_peak(wide, spectrum, row, place, 0.0)
-        noise_db = float(power_to_db(result.noise[row, col]))
-        if number < _MAX_OWN and peak.level_db - noise_db > _OWN_DB:
+        around_db = float(power_to_db(result.noise[row, col]))
+        if number < _MAX_OWN and peak.level_db - around_db > _OWN_DB:
             rest = _noise_without(rd_map, peak, row, col, cfar)
-            noise_db = min(noise_db, float(power_to_db(np.array(rest))))
+            around_db = min(around_db, float(power_to_db(np.array(rest))))
+        noise_db = around_db if noise_power is None else float(power_to_db(noise_power[row]))
         found.append(
             Detection(
                 peak.range_m,
@@ -162,6 +173,7 @@ def _interpolate(
                 peak.level_db,
                 noise_db,
                 peak.level_db - noise_db,
+                around_db,
                 row,
                 col,
             )

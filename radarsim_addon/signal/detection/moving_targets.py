@@ -34,6 +34,7 @@ from ..echoes import Echoes
 from ..maps import (
     PointResponse,
     RangeDopplerMap,
+    RangeProfiles,
     Recording,
     cut_range_m,
     dynamics_db,
@@ -117,7 +118,9 @@ def _heard_window_m(echoes: Echoes) -> tuple[float, float]:
     return max(start_m - reach_m, 0.0), stop_m + reach_m
 
 
-def received_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Recording:
+def received_recording(
+    echoes: Echoes, rd_map: RangeDopplerMap, mti: int, compressed: RangeProfiles | None = None
+) -> Recording:
     """Return the map over all ranges with echoes in the samples.
 
     Parameters
@@ -126,13 +129,15 @@ def received_recording(echoes: Echoes, rd_map: RangeDopplerMap, mti: int) -> Rec
         Samples and range-Doppler map.
     mti
         Pulses of the canceller of the map, 0 for none.
+    compressed
+        Profiles that the map was made of, before the canceller; None: compute them.
 
     Returns
     -------
     Recording
         The extended map with the samples.
     """
-    return Recording.over(echoes, _heard_window_m(echoes), rd_map, mti)
+    return Recording.over(echoes, _heard_window_m(echoes), rd_map, mti, compressed)
 
 
 def find_moving_targets(

@@ -21,12 +21,12 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from ...array_types import Integers, Real
+from ...array_types import Indices, Integers, Real
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
-from ..paths import PathRows, Paths, edge_variances, has_images, lone_variances, usable
+from ..paths import PathRows, Paths, Places, edge_variances, has_images, lone_variances, usable
 from ..runs import RadarFrame
 from ..scattering import Link, interference_factors
 
@@ -90,14 +90,16 @@ def path_power_w(
     carrier_hz: float,
     link: Link | None = None,
     range_resolution_m: float = math.inf,
+    number: Indices | None = None,
 ) -> Real:
-    """Return each row's expected power at a carrier [W], with the gains of a link budget.
+    """Return each row's expected power at a carrier [W], with the gains of a link budget, which
+    keeps them by the rows' numbers in the table.
 
     Paths over one scatterer interfere as far as a range resolution does not tell them apart.
     """
     power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
     if link is not None:
-        power = power * link.mean_factor_of_rows(rows)
+        power = power * link.mean_factor_of_rows(rows, number)
     if has_images(rows):
         power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
     return np.asarray(power, dtype=np.float64)
@@ -144,9 +146,11 @@ def object_echoes(
     for start, stop in _tile_edges(table.rows):
         rows = np.asarray(table.rows[start:stop])
         kept = usable(rows)
+        number = start + np.flatnonzero(kept)
         rows = rows if kept.all() else rows[kept]
-        power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m)
-        sums.add_tile(rows, power, path_rcs_m2(rows, record))
+        power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m, number)
+        grid = table.grids.of_view(number)
+        sums.add_tile(rows, power, path_rcs_m2(rows, record), grid)
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
 
 
@@ -182,7 +186,7 @@ class _Sums:
         self._paths = np.zeros(self._size, dtype=np.int64)
         self._range, self._rate, self._shared = np.zeros((3, self._size))
 
-    def add_tile(self, rows: PathRows, power: Real, rcs: Real) -> None:
+    def add_tile(self, rows: PathRows, power: Real, rcs: Real, grid: Places) -> None:
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
         for owner in self._owners:
@@ -195,17 +199,19 @@ class _Sums:
             self._range += self._by_group(label, power * rows["length_m"] / 2)
             self._rate += self._by_group(label, power * rows["range_rate_mps"])
             if self._replicates == 1:
-                self._add_lone(rows, label, power, rcs)
+                self._add_lone(rows, label, power, rcs, grid)
             else:
                 self._add_replicates(rows, label, power, rcs)
 
     def _by_group(self, label: Integers, value: Real) -> Real:
         return np.bincount(label, value, self._size).astype(np.float64, copy=False)
 
-    def _add_lone(self, rows: PathRows, label: Integers, power: Real, rcs: Real) -> None:
+    def _add_lone(
+        self, rows: PathRows, label: Integers, power: Real, rcs: Real, grid: Places
+    ) -> None:
         """Add a tile of one replicate: its edges, and the differences between neighbours."""
         self._mean += [self._by_group(label, value) for value in (power, rcs)]
-        found = lone_variances(rows, label, np.stack([power, rcs]), self._camera)
+        found = lone_variances(rows, label, np.stack([power, rcs]), self._camera, grid)
         self._variance[:, : found.shape[1]] += found
 
     def _add_replicates(self, rows: PathRows, label: Integers, power: Real, rcs: Real) -> None:

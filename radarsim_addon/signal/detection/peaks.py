@@ -20,6 +20,10 @@ from ..radar import slow_time_window
 MAX_ABOVE_DB = 300.0
 
 
+#: A peak is told to so many cells: beyond that its top is flat in float64.
+_TOP = 1e-8
+
+
 @dataclass(frozen=True)
 class Peak:
     """A local maximum of a range-Doppler map, interpolated between its cells.
@@ -259,22 +263,37 @@ def _climb(
     def value(x: float) -> float:
         return float(abs(np.einsum("i,i->", factors(x), terms)))
 
-    # golden-section search: one maximum between two cells, and no derivative needed
-    ratio = (5**0.5 - 1) / 2
+    # Brent's search (Algorithms for Minimization without Derivatives, 1973, ch. 5): parabolas
+    # through the three best places, golden sections where they do not converge
     low, high = max(start - step, within[0]), min(start + step, within[1])
-    left, right = high - ratio * (high - low), low + ratio * (high - low)
-    value_left, value_right = value(left), value(right)
-    for _ in range(40):  # 1e-8 of a cell: beyond that the top is flat in float64
-        if value_left >= value_right:
-            high, right, value_right = right, left, value_left
-            left = high - ratio * (high - low)
-            value_left = value(left)
+    least = _TOP * step
+    best = second = third = start
+    top = top_second = top_third = value(start)
+    move = before = 0.0
+    while max(best - low, high - best) > 2 * least:
+        one = (best - second) * (top - top_third)
+        two = (best - third) * (top - top_second)
+        bend = 2 * (one - two)
+        parabola = ((best - third) * two - (best - second) * one) / bend if bend else math.inf
+        if abs(parabola) < abs(before) / 2 and low < best + parabola < high:
+            before, move = move, parabola
         else:
-            low, left, value_left = left, right, value_right
-            right = low + ratio * (high - low)
-            value_right = value(right)
-    middle = (low + high) / 2
-    return middle, value(middle)
+            before = (high if best < (low + high) / 2 else low) - best
+            move = (3 - 5**0.5) / 2 * before
+        place = best + math.copysign(max(abs(move), least), move)
+        found = value(place)
+        if found >= top:
+            low, high = (best, high) if place >= best else (low, best)
+            best, second, third = place, best, second
+            top, top_second, top_third = found, top, top_second
+        else:
+            low, high = (place, high) if place < best else (low, place)
+            if found >= top_second or second == best:
+                second, third = place, second
+                top_second, top_third = found, top_second
+            elif found >= top_third or third in (best, second):
+                third, top_third = place, found
+    return best, top
 
 
 def leading_edges(

@@ -197,9 +197,9 @@ class FrameBudget:
                 air_db_per_km,
             )
 
-    def apply(self, paths: Paths) -> Paths:
-        """Return the paths with the link budget's gains."""
-        return paths if self.link is None else self.link.apply(paths)
+    def apply(self, paths: Paths, of_table: bool = False) -> Paths:
+        """Return the paths with the link budget's gains; `of_table`: paths of the frame's table."""
+        return paths if self.link is None else self.link.apply(paths, of_table)
 
     def report(
         self,

@@ -7,7 +7,7 @@ In: `Echoes` or `Paths`. Out: complex profiles and maps; power in W or relative 
 from .compress_frequencies import line_weights
 from .dynamics import dynamics_db
 from .expected_power_map import ExpectedPower, expected_power
-from .mti import mti_cancel, mti_response
+from .mti import map_noise_rows, mti_cancel, mti_response
 from .noise_floor import coherent_samples, map_noise_gain, range_noise_gain
 from .range_compression import (
     PowerProfile,
@@ -39,6 +39,7 @@ __all__ = [
     "level_unit",
     "line_weights",
     "map_noise_gain",
+    "map_noise_rows",
     "mti_cancel",
     "mti_response",
     "point_response",

@@ -17,6 +17,9 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..radar import FmcwWaveform, LineWaveform, PmcwWaveform, replica, slow_time_window
 from ..spectrum import Backend, nufft1
 
+#: Samples of padded rows that are transformed at a time: 4 MB.
+_PADDED = 1 << 18
+
 
 def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
     """Return the weights g_k of the frequencies.
@@ -81,8 +84,10 @@ def compress_lines(
     shift = np.exp(2j * np.pi * start * k)
     turn = np.exp(-2j * np.pi * waveform.grid_middle * (start + np.arange(range_m.size) / size))
     values = np.empty((spectra.shape[0], range_m.size), dtype=np.complex128)
-    for pulse, line in enumerate(spectra):  # one at a time: no padded copy of them all
-        values[pulse] = np.fft.ifft(line * shift, size)[: range_m.size] * size * turn
+    step = max(_PADDED // size, 1)  # a few at a time: no padded copy of them all
+    for first in range(0, len(spectra), step):
+        lines = np.fft.ifft(spectra[first : first + step] * shift, size)[:, : range_m.size]
+        values[first : first + step] = lines * size * turn
     return values
 
 

@@ -208,6 +208,7 @@ class _TableSums:
         surfaces: ClutterSurfaces,
     ) -> None:
         self._footprints, self._surfaces = footprints, surfaces
+        self._grids = frame_input.table.grids
         radar, self._record = frame_input.radar, frame_input.table.record
         self._cells, self._link, self._points_to = cells, link, points_to
         waveform = radar.waveform
@@ -264,10 +265,10 @@ class _TableSums:
     def _add_view(self, planes: list[Real], number: Indices, rows: PathRows) -> None:
         record, cells = self._record, self._cells
         check_finite(rows["length_m"], number, "length")
-        gain = self._gain(rows)
+        gain = self._gain(rows, number)
         power = self._scale * gain * rows["power_w"]
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
-        steps = steps_of(rows, record.receiver, record.replicates)
+        steps = steps_of(rows, record.receiver, record.replicates, self._grids.of_view(number))
         if self._footprints is not None:
             self._footprints.take(number, rows, steps)
         self.gaps.add(rows, steps)
@@ -280,10 +281,10 @@ class _TableSums:
             for part in spread(rows, steps, *cells.spacing):
                 self._add(self.finer, part, power, rows)
 
-    def _gain(self, rows: PathRows) -> Real:
+    def _gain(self, rows: PathRows, number: Indices | None = None) -> Real:
         gain = np.ones(rows.size)
         if self._link is not None:
-            gain = self._link.mean_factor_of_rows(rows)
+            gain = self._link.mean_factor_of_rows(rows, number)
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
         return gain
@@ -327,8 +328,8 @@ class _Cells:
         self.shape = self.pulses * per_bin, self.ranges
         #: One cell of Doppler [m/s].
         self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.shape[0]
-        #: Points' distances in total length and range rate, and where a cell begins.
-        self.spacing = self.step_m, self.step_mps, 2 * self._start_m - self.step_m
+        #: Points' distances in total length (a cell) and range rate, and where a cell begins.
+        self.spacing = 2 * self.step_m, self.step_mps, 2 * self._start_m - self.step_m
 
     def finer(self, per_bin: int) -> _Cells:
         """Cells of which so many are in a bin of Doppler, the first one in its middle."""

@@ -28,6 +28,11 @@ from ..scattering import path_amplitude
 from ..spectrum import Backend, nufft1, repeat_orders, smooth_size
 from .compress_frequencies import LinePower, compress_lines, line_range_axis
 
+#: Ranges of profiles for each sample of the echo.
+OVERSAMPLE = 2
+#: Paths of one transform, at least.
+_TOGETHER = 1 << 17
+
 
 @dataclass(frozen=True)
 class RangeProfiles:
@@ -89,7 +94,8 @@ class PowerProfile:
     range_taper: str
 
 
-def _range_axis(radar: Radar, range_limits_m: tuple[float, float], oversample: int) -> Real:
+def range_axis(radar: Radar, range_limits_m: tuple[float, float], oversample: int) -> Real:
+    """One-way ranges of profiles with so many for each sample of the echo, (ranges,) [m]."""
     if not (isinstance(oversample, int) and 1 <= oversample <= 64):
         raise ConfigError(f"Oversampling is {oversample!r}; expected a whole number from 1 to 64.")
     if isinstance(radar.waveform, LineWaveform):
@@ -110,7 +116,7 @@ def _interpolate(spectrum: Complex, oversample: int) -> Complex:
 
 
 def range_process(
-    echoes: Echoes, range_taper: str = "hamming", oversample: int = 2
+    echoes: Echoes, range_taper: str = "hamming", oversample: int = OVERSAMPLE
 ) -> RangeProfiles:
     """Range profiles of a burst that peak at the power of a path, whatever the waveform.
 
@@ -139,7 +145,7 @@ def range_process(
         window beyond the waveform's own range.
     """
     waveform = echoes.radar.waveform
-    range_m = _range_axis(echoes.radar, echoes.range_limits_m, oversample)
+    range_m = range_axis(echoes.radar, echoes.range_limits_m, oversample)
     range_taper = band_window(waveform, range_taper)
     if isinstance(waveform, LineWaveform):
         values = np.stack(
@@ -198,7 +204,8 @@ class ProfileAccumulator:
         self._weighting: AmplitudeModel = amplitude_model
         self._gain = receiver_gain
         self._nufft_backend: Backend = nufft_backend
-        self._range_m = _range_axis(radar, check_window(range_limits_m), oversample)
+        self._range_m = range_axis(radar, check_window(range_limits_m), oversample)
+        self._waiting: list[tuple[Real, Real]] = []
         self._lines: LinePower | None = None
         if isinstance(radar.waveform, LineWaveform):
             self._lines = LinePower(
@@ -227,10 +234,23 @@ class ProfileAccumulator:
             power = path_power_w(paths, wavelength_m, self._gain)
         else:
             power = path_amplitude(paths, wavelength_m, self._weighting, self._gain) ** 2
-        if self._lines is not None:
-            self._lines.add(paths.range_m, power)
+        self._waiting.append((paths.range_m, power))
+        if sum(each.size for each, _ in self._waiting) >= _TOGETHER:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Add up what waits: a transform of few paths is all overhead."""
+        if not self._waiting:
             return
-        offset_m = paths.range_m - self._range_m[0]
+        range_m, power = map(np.concatenate, zip(*self._waiting, strict=True))
+        self._waiting = []
+        if self._lines is not None:
+            self._lines.add(range_m, power)
+        else:
+            self._add_pulses(range_m, power)
+
+    def _add_pulses(self, range_m: Real, power: Real) -> None:
+        offset_m = range_m - self._range_m[0]
         span_m = self._range_m[-1] - self._range_m[0]
         # echoes beyond the unambiguous range are folded; once, or more often in a long window
         fold_m = self._radar.burst.unambiguous_range_m
@@ -258,6 +278,7 @@ class ProfileAccumulator:
         within
             Leave out what reaches in from beyond: sidelobes without their echo.
         """
+        self._flush()
         if self._lines is not None:
             power = self._lines.result(within)
             return PowerProfile(power, self._range_m, self._radar, self._range_taper)

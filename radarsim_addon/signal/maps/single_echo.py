@@ -32,7 +32,7 @@ from ..radar import (
     replica,
 )
 from .mti import mti_cancel
-from .range_compression import RangeProfiles, range_process
+from .range_compression import OVERSAMPLE, RangeProfiles, range_axis, range_process
 from .range_doppler_map import RangeDopplerMap, range_doppler
 
 #: Error of the interpolation over the migration, relative to the peak.
@@ -69,14 +69,25 @@ class Recording:
 
     @classmethod
     def over(
-        cls, echoes: Echoes, range_limits_m: tuple[float, float], rd_map: RangeDopplerMap, mti: int
+        cls,
+        echoes: Echoes,
+        range_limits_m: tuple[float, float],
+        rd_map: RangeDopplerMap,
+        mti: int,
+        compressed: RangeProfiles | None = None,
     ) -> Recording:
-        """Return a map over other range limits [m], otherwise processed as `rd_map`."""
-        found = range_process(
-            dataclasses.replace(echoes, range_limits_m=range_limits_m), rd_map.range_taper
-        )
+        """Return a map over other range limits [m], otherwise processed as `rd_map`, of whose
+        profiles (`compressed`) it is made where they are known and over the same ranges.
+        """
+        wide, found = rd_map, compressed
+        if found is None or not np.array_equal(
+            found.range_m, range_axis(echoes.radar, range_limits_m, OVERSAMPLE)
+        ):
+            found = range_process(
+                dataclasses.replace(echoes, range_limits_m=range_limits_m), rd_map.range_taper
+            )
+            wide = _map(found, mti, rd_map.doppler_taper)
         strongest = float(np.max(np.abs(found.values), initial=0.0)) ** 2
-        wide = _map(found, mti, rd_map.doppler_taper)
         return cls(echoes, range_limits_m, wide, mti, strongest)
 
 

@@ -63,10 +63,16 @@ class Smearing:
         for plane in range(first, len(planes)):
             profile = profile + planes[plane].sum(axis=0)
             step = FINER if plane else 1
-            image = image + _smear_doppler(planes[plane], self._doppler[plane])[::step]
-        return _smear(np.atleast_2d(profile), self._range)[0], _smear(
-            np.asarray(image), self._range
-        )
+            in_range = self._in_range(planes[plane])
+            image = image + _smear_doppler(in_range, self._doppler[plane])[::step]
+        return _smear(np.atleast_2d(profile), self._range)[0], np.asarray(image)
+
+    def _in_range(self, plane: Real) -> Real:
+        """The plane smeared over range: most rows of Doppler are empty."""
+        held = np.flatnonzero(plane.any(axis=1))
+        found = np.zeros_like(plane)
+        found[held] = _smear(plane[held], self._range)
+        return found
 
 
 def _doppler_response(weight: Real, correlation: Real, finer: int) -> Real:

@@ -17,6 +17,7 @@ from .footprints import (
 )
 from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
+from .pixel_spacing import GridPlaces, Places
 from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .table import (
     COLUMN_GROUPS,
@@ -56,12 +57,14 @@ __all__ = [
     "PATH_FLAGS",
     "AnyRows",
     "Flags",
+    "GridPlaces",
     "PathColumns",
     "PathCounts",
     "PathFlag",
     "PathGeometry",
     "PathRows",
     "Paths",
+    "Places",
     "Points",
     "Spaces",
     "Steps",

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Integers, Real
 from ...contract import ReceiverRecord
-from .pixel_spacing import grid_places, placed
+from .pixel_spacing import Places, grid_places, placed
 from .table import PathRows
 from .table_files import usable
 
@@ -90,7 +90,9 @@ class Points:
     share: Real
 
 
-def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
+def steps_of(
+    rows: PathRows, receiver: ReceiverRecord, count: int, grid: Places = grid_places
+) -> Steps:
     """Compute the differences between neighbouring rays of a tile replicate.
 
     Parameters
@@ -101,6 +103,8 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
         Of the frame.
     count
         Number of replicates of the tile.
+    grid
+        Finds the pixels of rows.
 
     Returns
     -------
@@ -115,7 +119,7 @@ def steps_of(rows: PathRows, receiver: ReceiverRecord, count: int) -> Steps:
     kept = np.flatnonzero((rows["order"] == 1) & (rows["last_object"] > 0) & placed(rows, receiver))
     if kept.size > 1:
         mine = rows if kept.size == rows.size else rows[kept]
-        places = grid_places(mine, receiver, count)
+        places = grid(mine, receiver, count)
         owner = mine["last_object"].astype(np.int64) << 32 | mine["last_body"]
         depth = mine["transparent_depth"]
         for path_class in np.unique(depth):

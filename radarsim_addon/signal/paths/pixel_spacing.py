@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Integers, Real
+from ...array_types import Indices, Integers, Real
 from ...contract import ReceiverRecord
 from ...vectors import are_finite, largest
 from .table import PathRows
@@ -20,6 +21,8 @@ _SAME, _SAME_RAD = 1e-3, 3e-7
 _ENOUGH = 1 << 12
 #: Most pixels of an image. Tiles are smaller; a table that was put together otherwise may not be.
 _MOST_PX = 1 << 25
+#: Paths whose places are kept: 16 bytes each.
+_MOST_KEPT = 1 << 20
 #: Pixels from one path to the next that is no neighbour of it, nor of a neighbour.
 _GAP = 3
 
@@ -66,6 +69,45 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
         step_u = step_v = math.sqrt(float(np.median(area)))
     col, row = (np.rint((x - x.min()) / s).astype(np.int64) for x, s in ((u, step_u), (v, step_v)))
     return _bounded(col, row)
+
+
+#: Column and row of the pixels of rows, as `grid_places` finds them.
+Places = Callable[[PathRows, ReceiverRecord, int], tuple[Integers, Integers]]
+
+
+class GridPlaces:
+    """Finds the places of a table's views in their grids once for two who ask for them."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, tuple[Integers, Integers]] = {}
+
+    def of_view(self, number: Indices) -> Places:
+        """Return what finds places of rows of one view.
+
+        Parameters
+        ----------
+        number
+            Numbers of all rows of the view in the table, (n,).
+
+        Returns
+        -------
+        callable
+            As `grid_places`; of all rows of the view it keeps what it finds, once.
+        """
+
+        def places(
+            rows: PathRows, receiver: ReceiverRecord, count: int
+        ) -> tuple[Integers, Integers]:
+            if rows.size < number.size:  # not the whole view
+                return grid_places(rows, receiver, count)
+            found = self._kept.pop(int(number[0]), None)
+            if found is None:
+                found = grid_places(rows, receiver, count)
+                if sum(col.size for col, _ in self._kept.values()) <= _MOST_KEPT:
+                    self._kept[int(number[0])] = found
+            return found
+
+        return places
 
 
 def _from_widest_gap(angle: Real) -> Real:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Integers, Real
 from ...contract import ReceiverRecord
-from .pixel_spacing import grid_places, placed
+from .pixel_spacing import Places, grid_places, placed
 from .table import PathRows
 
 #: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
@@ -100,7 +100,13 @@ def edge_variances(
     return total
 
 
-def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord) -> Real:
+def lone_variances(
+    rows: PathRows,
+    label: Integers,
+    value: Real,
+    receiver: ReceiverRecord,
+    grid: Places = grid_places,
+) -> Real:
     """Compute the variance of the value of each label where there is one replicate alone.
 
     To what the edges leave open comes what differs within a surface: a grid of rays samples it
@@ -115,6 +121,8 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: Recei
         As for :func:`edge_variances`.
     value
         What is summed up, (n,), or several such, (sets, n).
+    grid
+        Finds the pixels of rows.
 
     Returns
     -------
@@ -125,7 +133,7 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: Recei
     lost = np.flatnonzero((label > 0) & ~placed(rows, receiver))
     lone = [np.bincount(label[lost], one[lost] ** 2, size) for one in sets]
     total = np.array(lone, dtype=np.float64)  # of no rows bincount makes integers
-    for labels, images in _images(rows, label, sets, receiver, 1):
+    for labels, images in _images(rows, label, sets, receiver, 1, grid):
         for own, values in zip(total, images, strict=True):
             own += _edge_variance(labels, values, 1, size)
             own += _scatter_variance(labels, values, size)
@@ -133,7 +141,12 @@ def lone_variances(rows: PathRows, label: Integers, value: Real, receiver: Recei
 
 
 def _images(
-    rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord, count: int
+    rows: PathRows,
+    label: Integers,
+    value: Real,
+    receiver: ReceiverRecord,
+    count: int,
+    grid: Places = grid_places,
 ) -> Iterator[tuple[Integers, Real]]:
     """Labels, and values (sets, n), on the grid of pixels, path class by path class, with an empty
     rim.
@@ -143,7 +156,7 @@ def _images(
         return
     if kept.size < rows.size:
         rows, label, value = rows[kept], label[kept], value[:, kept]
-    col, row = grid_places(rows, receiver, count)
+    col, row = grid(rows, receiver, count)
     path_class = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(path_class):
         here = path_class == one

@@ -32,8 +32,8 @@ from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.
 _POINTS_A_ROW = 4
-#: Rows of a table whose points are kept until they are wanted again.
-_SMALL = 1 << 15
+#: Rows of a table whose points are kept until they are wanted again: some 120 bytes each.
+_KEPT_ROWS = 1 << 20
 
 
 class _Split(NamedTuple):
@@ -69,7 +69,7 @@ class TableFootprints:
         self._orthographic = record.receiver.kind == "orthographic"
         self._views: dict[int, _Split] = {}
         self._starts, self._stops = view_limits(table)
-        self._last: tuple[Indices, tuple[Indices, PathColumns]] | None = None
+        self._kept: dict[int, tuple[Indices, tuple[Indices, PathColumns]]] = {}
 
     def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
         """Take the steps of a view from who needs them too.
@@ -120,12 +120,14 @@ class TableFootprints:
             Index in `numbers` that each point belongs to, and the points with their parts of power
             and solid angle, (points,) each.
         """
-        if self._last is not None and np.array_equal(self._last[0], numbers):
-            return self._last[1]
+        first = int(numbers[0]) if numbers.size else -1
+        kept = self._kept.pop(first, None)
+        if kept is not None and np.array_equal(kept[0], numbers):
+            return kept[1]
         found = self._points(numbers)
-        # A small table comes as a whole: for its cells, then for its echoes.
-        if self._table.size <= _SMALL:
-            self._last = numbers, found
+        # a table comes twice: for its cells, then for its echoes
+        if self._table.size <= _KEPT_ROWS:
+            self._kept[first] = numbers, found
         return found
 
     def _points(self, numbers: Indices) -> tuple[Indices, PathColumns]:

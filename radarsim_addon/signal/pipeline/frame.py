@@ -46,6 +46,7 @@ from ..maps import (
     dynamics_db,
     expected_power,
     map_noise_gain,
+    map_noise_rows,
     mti_cancel,
     range_doppler,
     range_process,
@@ -151,7 +152,9 @@ def frame_steps(
     )
     # detection works on one channel
     first_map = rd_map.channel(0)
-    recording = received_recording(received.echoes.channel(0), first_map, options.mti)
+    recording = received_recording(
+        received.echoes.channel(0), first_map, options.mti, compressed.channel(0)
+    )
     speckle = echo_sum.speckle
     result = FrameResult(
         source=frame_input,
@@ -170,7 +173,7 @@ def frame_steps(
         ),
         expected=expected,
         speckle=speckle.report(),
-        detections=_detections(options, first_map, recording, folds),
+        detections=_detections(options, received, first_map, recording, folds),
         spectrogram=_spectrogram(frame_input, options, compressed),
     )
     yield f"frame {number}: echoes, map"
@@ -207,7 +210,7 @@ class _EchoSum:
 
     def add(self, paths: Paths) -> Paths:
         """Add paths; return them with the gains of the antennas."""
-        paths = self.budget.apply(paths)
+        paths = self.budget.apply(paths, of_table=bool(self._input.tables))
         self._synthesizer.add(self.speckle.apply(paths))
         return paths
 
@@ -325,12 +328,17 @@ def _moving_targets(
 
 
 def _detections(
-    options: ResolvedOptions, rd_map: RangeDopplerMap, recording: Recording, folds: DopplerFolds
-) -> Detections | None:
+    options: ResolvedOptions, received: ReceivedSignal, rd_map: RangeDopplerMap,
+    recording: Recording, folds: DopplerFolds,
+) -> Detections | None:  # fmt: skip
     if options.cfar is None:
         return None
-    dynamics = dynamics_db(options.tolerance)
-    found = detect_targets(rd_map, options.cfar, dynamics, wide=recording.rd_map)
+    known = received.noise_power_w > 0 and options.receiver.phase_noise is None
+    gain = map_noise_rows(rd_map, options.range_taper, options.doppler_taper, options.mti)
+    found = detect_targets(
+        rd_map, options.cfar, dynamics_db(options.tolerance), wide=recording.rd_map,
+        noise_power=received.floor_power_w * gain if known else None,
+    )  # fmt: skip
     return dataclasses.replace(found, targets=folds.unfolded(found.targets))
 
 

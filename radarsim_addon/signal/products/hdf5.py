@@ -40,6 +40,7 @@ _UNITS = {
     "level_db": "dB",  # dBW where powers are watts, see `level_unit`
     "noise_db": "dB",
     "snr_db": "dB",
+    "surroundings_db": "dB",
     "unfolded_velocity_mps": "m/s",
     "row": "1",
     "col": "1",
@@ -176,7 +177,7 @@ def _write_detections(group: Group, found: Detections, unit_of_levels: str) -> N
         values = [getattr(target, field.name) for target in found.targets]
         column = np.array([np.nan if value is None else value for value in values])
         unit = _UNITS[field.name]
-        if field.name in ("level_db", "noise_db"):
+        if field.name in ("level_db", "noise_db", "surroundings_db"):
             unit = unit_of_levels
         _put(group, field.name, column, unit, f"{field.name} of each target")
 

@@ -341,3 +341,8 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
     def replica_samples(self) -> Complex:
         """One code, (chips x samples_per_chip,)."""
         return self.sampled(m_sequence(self.code_degree))
+
+
+# told by its class: to look for each name of the protocol takes a hundred times as long
+for _kind in (FmcwWaveform, SteppedWaveform, PmcwWaveform):
+    LineWaveform.register(_kind)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Mask, Real
+from ...array_types import Indices, Mask, Real
 from ...contract import ReceiverRecord, TransmitterRecord
 from ...errors import ConfigError
 from ...physics.antennas import to_antenna_frame
@@ -185,6 +185,8 @@ class Link:
             self._mean_times_s = times_s[np.rint(places).astype(np.intp)]
         self._nodes = _MeanNodes.of(self._mean_times_s)
         self._patterns: dict[int, PeakedAntenna] = {}
+        #: Mean gains of rows of the frame's table, NaN where unknown.
+        self._kept = np.zeros(0)
         #: Paths given to `apply` whose last vertex was taken as that of a single reflection, their
         #: power, and that of all [W].
         self.guessed = 0
@@ -330,16 +332,34 @@ class Link:
                 gain[rows] = self.factors(ends.select(rows), self._mean_times_s).mean(axis=1)
         return gain
 
-    def mean_factor_of_rows(self, rows: PathRows) -> Real:
-        """As `mean_factor`, of rows of the frame's table, (n,)."""
-        return self.mean_factor(PathEnds.of_rows(rows, self._scene))
-
-    def apply(self, paths: Paths) -> Paths:
-        """Return the paths with their mean gain over the burst; they must know their directions
-        (`ConfigError`).
+    def mean_factor_of_rows(self, rows: PathRows, number: Indices | None = None) -> Real:
+        """As `mean_factor`, of rows of the frame's table, (n,), which are kept by their rising
+        numbers in it, where given.
         """
-        ends = PathEnds.of_paths(paths)
-        result = dataclasses.replace(paths, gain=self.mean_factor(ends))
+        if number is None or not number.size:
+            return self.mean_factor(PathEnds.of_rows(rows, self._scene))
+        if number[-1] >= self._kept.size:
+            more = max(int(number[-1]) + 1 - self._kept.size, self._kept.size)
+            self._kept = np.concatenate([self._kept, np.full(more, np.nan)])
+        gain = self._kept[number]
+        new = np.isnan(gain)
+        if new.any():
+            own = rows if new.all() else rows[new]
+            gain[new] = self.mean_factor(PathEnds.of_rows(own, self._scene))
+            self._kept[number] = gain
+        return gain
+
+    def apply(self, paths: Paths, of_table: bool = False) -> Paths:
+        """Return the paths with their mean gain over the burst; they must know their directions
+        (`ConfigError`). Paths `of_table` have the gains that are kept of its rows.
+        """
+        ends, gain = PathEnds.of_paths(paths), np.full(1, np.nan)
+        straight = self._scene is not None or ends.images is None
+        if of_table and straight and paths.row.max(initial=0) < self._kept.size:
+            gain = self._kept[paths.row]
+        if np.isnan(gain).any():
+            gain = self.mean_factor(ends)
+        result = dataclasses.replace(paths, gain=gain)
         power_w = path_power_w(result, self.system.wavelength_m)
         unknown = ~np.isfinite(ends.last_scatterer_m).all(axis=-1)
         self.guessed += int(np.count_nonzero(unknown))

@@ -19,8 +19,9 @@ from .speckle_report import SpeckleReport
 from .surface_cells import Body
 from .surface_speckle import Roughness, Scattering, SurfaceSpeckle
 
-#: Largest distance of the points of one path, in range resolutions of the total length (half as
-#: much of range) and in Doppler bins: their echoes overlap without a ripple.
+#: Largest distance of the points of one path, in range resolutions of one-way range and in Doppler
+#: bins: responses at this distance add up to an even power with any taper, as that of a band B has
+#: no part beyond B in its square's spectrum.
 _CELLS = 1.0
 
 
@@ -207,7 +208,7 @@ def table_footprints(frame_input: FrameInput) -> TableFootprints:
     return TableFootprints(
         table.record,
         table.rows,
-        _CELLS * waveform.range_resolution_m,
+        2 * _CELLS * waveform.range_resolution_m,
         _CELLS * waveform.wavelength_m * burst.prf_hz / 2 / burst.pulses,
     )
 

@@ -67,6 +67,8 @@ _LARGEST_CELL_M = 1e6
 _SMOOTH = 1e-6
 #: Coherent fractions of the power that are worth a word.
 _COHERENT = 0.01
+#: Rows of a table whose cells are kept.
+_KEPT_ROWS = 1 << 20
 #: Powers of two of float64, and some more.
 _EXPONENTS = 2200
 
@@ -144,8 +146,8 @@ class SurfaceSpeckle:
         #: Of each key, where there are any: texture (keys,), velocities of both vertices.
         self._texture, self._sway_mps = np.ones(0), np.zeros((2, 0))
         self._objects = record.objects
-        #: Rows whose cells were told last, if these were all, and their cells.
-        self._placed: tuple[AnyRows, Indices] | None = None
+        #: Rows that come again for their echoes, and their cells.
+        self._placed: list[tuple[AnyRows, Indices]] = []
         self._keys, self._powers, self._ranges, self._leaders, places_m = self._add_up()
         self._scatterers_m, self._units, self._over_m = self._draw(places_m)
         # what is alike for all paths of a cell where no height is known
@@ -239,11 +241,13 @@ class SurfaceSpeckle:
             length = np.concatenate([ranges, rows["length_m"] / 2])
             number = np.concatenate([leaders, number])
             point_m = np.concatenate([places_m, rows["last_scatterer_m"]])
+            before = keys.size
             keys, place, back = np.unique(every, return_index=True, return_inverse=True)
+            self._placed = [(own, back[:before][at]) for own, at in self._placed]
+            if self._table.size <= _KEPT_ROWS:
+                self._placed.append((rows, back[before:]))
             powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
             leaders, places_m = number[place], point_m[place]
-        if start and found.size == every.size:
-            self._placed = rows, back
         return keys, powers, ranges, leaders, places_m
 
     def report(self) -> SpeckleReport:
@@ -329,9 +333,8 @@ class SurfaceSpeckle:
     def scattering(self, rows: AnyRows) -> Scattering:
         """How rows scatter whose vertices are all known."""
         rows = scatterer_rows(rows)
-        if self._placed is not None and rows is self._placed[0]:
-            place = self._placed[1]
-        else:
+        place = next((at for own, at in self._placed if own is rows), None)
+        if place is None:
             place = np.searchsorted(self._keys, self._keys_of(rows))
         if self._orthographic:
             over_m = self._length_m(*self.scatterers_m(place), rows)

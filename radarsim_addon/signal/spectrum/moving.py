@@ -23,7 +23,7 @@ from .amplitudes import AMPLITUDE_NODES, used_terms
 from .burst_basis import BurstBasis
 from .grid import SynthesisContext, Weights, check_finite, repeat_orders
 from .linear_motion import LinearRows, linear_block, plan_linear
-from .nufft import Backend
+from .nufft import Backend, RowsType1
 from .ordered_executor import OrderedExecutor
 from .pulse_blocks import PulseBlock, TransformPool
 from .pulse_motion import PulseMotionTransform, pulse_left_out_rad
@@ -186,7 +186,8 @@ class MovingPathAccumulator:
 
     def _type3_possible(self) -> bool:
         sums = self._sums
-        return self._backend == "finufft" and (sums.ramp is not None or sums.extra_cycles is None)
+        alone = sums.ramp is not None or sums.extra_cycles is None
+        return self._backend == "finufft" and alone and RowsType1.possible()
 
     def _count_fast(self, rate_mps: Real) -> int:
         return int(np.count_nonzero(rate_mps > self._fast_mps))

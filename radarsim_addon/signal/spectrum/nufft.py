@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Non-uniform Fourier sums: scattered delays to frequencies.
 
-    type 1:  F[k] = sum_i c_i exp(-j k x_i),                  k = -N//2 ... (N-1)//2
-    type 3:  F[l] = sum_i c_i exp(-j (s_l x_i + u_l y_i)),    any s_l, u_l
+    F[k] = sum_i c_i exp(-j k x_i),    k = -N//2 ... (N-1)//2
 
 finufft does it where it is installed; else gridding in numpy with the same kernel, the
 "exponential of semicircle" of Barnett, Magland and af Klinteberg (SIAM J. Sci. Comput. 41, C479,
@@ -28,8 +27,6 @@ Backend = Literal["auto", "finufft", "numpy", "direct"]
 TOLERANCE = 1e-9
 #: What float64 leaves of a transform: tighter tolerances than this are not asked of the engines.
 TIGHTEST = 1e-14
-#: What float32 leaves of a transform.
-SINGLE = 3e-4
 #: Points spread at a time by the numpy engine: its temporaries stay near 30 MB.
 _CHUNK = 1 << 15
 #: Up to this many frequencies the fine grid stays in the cache: sorting the points costs more (23
@@ -214,26 +211,6 @@ class RowsType1:
         turns = np.exp(2j * np.pi / self._fine * k * (shifts[:, None]))
         # counted from the middle of the grid, where points are 0
         return np.asarray((spectra * turns).mean(axis=0))
-
-
-def nufft2d3(
-    x: Real, y: Real, values: Complex, s: Real, u: Real, tolerance: float, single: bool = False
-) -> Complex:
-    """Sum c_i exp(-j (s_l x_i + u_l y_i)) at each l by finufft, (targets,) or (sets, targets).
-
-    Points x, y are (n,); c_i (n,) or (sets, n); s, u (targets,) in radians per unit of x and y.
-    With `single` in float32, to `SINGLE` of the largest: a quarter of the time.
-    """
-    finufft = importlib.import_module("finufft")
-    points: list[Any] = [np.ascontiguousarray(part) for part in (x, y, values, s, u)]
-    if single:
-        # in units of about 1: neither the points nor their frequencies fit into float32
-        across, along = (max(float(np.abs(places).max()), 1e-300) for places in (x, y))
-        scaled = x / across, y / along, values, s * across, u * along
-        points = [np.asarray(v, np.complex64 if v is values else np.float32) for v in scaled]
-        tolerance = SINGLE / 3
-    result: Complex = finufft.nufft2d3(*points, eps=tolerance, isign=-1, nthreads=1)
-    return result
 
 
 def _direct(points: Real, values: Complex, size: int) -> Complex:

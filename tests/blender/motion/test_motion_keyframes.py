@@ -168,8 +168,7 @@ def test_a_car_with_a_key_near_the_burst(
 
 
 def test_every_interpolation(tmp_path: Path) -> None:
-    """Range rates within the bound over all of them, and twice that for each."""
-    rates_mps = []
+    """Range rates within the bound, for each of them."""
     for kind in EASINGS:
         for place in ("on", "amid"):
             if kind == "CONSTANT" or (kind, place) == ("CIRC", "amid"):  # its slope is infinite
@@ -180,10 +179,8 @@ def test_every_interpolation(tmp_path: Path) -> None:
             curve = keyed(walker, kind, (at - 24, 19.0), (at, 20.0), (at + 24, 22.0))
             folder = tmp_path / f"{kind}_{place}"
             rate_mps, phase, _ = errors(folder, LONG, lambda frame, c=curve: value(c, frame))
-            assert rate_mps < 2 * RATE_WITHIN_MPS, (kind, place)
+            assert rate_mps < RATE_WITHIN_MPS, (kind, place)
             assert phase < PHASE_WITHIN, (kind, place)
-            rates_mps.append(rate_mps)
-    assert math.hypot(*rates_mps) / math.sqrt(len(rates_mps)) < RATE_WITHIN_MPS
 
 
 @pytest.mark.parametrize("place", ["on", "amid", "far"])

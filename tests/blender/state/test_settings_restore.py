@@ -21,8 +21,8 @@ pytestmark = pytest.mark.blender
 
 #: Properties that are not settings. use_nodes is always on from 5.0, where reading it warns;
 #: storage_type is how Blender packs an attribute in memory.
-#: `uv_layer_clone` is one of `uv_layers`: in Blender 4.5, reading the selection of a layer moves all
-#: layers in memory, and it is met before or after them.
+#: `uv_layer_clone` is one of `uv_layers`: in Blender 4.5, reading the selection of a layer moves
+#: all layers in memory, so that it is met once or twice.
 SKIPPED = {
     *("rna_type", "session_uid", "is_evaluated", "depsgraph", "storage_type", "uv_layer_clone")
 } | ({"use_nodes"} if bpy.app.version >= (5, 0, 0) else set())

@@ -14,7 +14,8 @@ import pytest
 
 from radarsim_addon import signal
 from radarsim_addon.blender import addon as addon_module
-from radarsim_addon.blender.materials import make_physical_material, set_clutter
+from radarsim_addon.blender import nodes
+from radarsim_addon.blender.materials import make_physical_material, set_clutter, set_scattered_lobe
 from radarsim_addon.blender.rig_settings import read_measurement
 from radarsim_addon.blender.ui import live_preview
 from radarsim_addon.blender.ui.live_materials import live_material
@@ -202,12 +203,21 @@ def test_faults_are_shown(scene: Any) -> None:
 
 def test_what_a_draft_leaves_out_is_named(scene: Any) -> None:
     ph.plate_at(10.0, 2.0, ph.mirror())
+    wall = nodes.make_material("Wall", 2.0, 0.1, specularity=0.2, roughness=0.0)
+    set_scattered_lobe(wall, 4)
+    ph.plate_at(16.0, 2.0, wall)
     moved = ph.plate_at(14.0, 2.0, ph.principled("Paint", (0.2, 0.4, 0.6)))
     moved.constraints.new("COPY_LOCATION")
     bpy.data.objects["Radar Emitter"].location.x = 1.0
     drafted()
     notes = switched_on().notes
-    for words in ("nothing: 1", "diffuse: 1", "left out: 1", "shadows"):
+    for words in (
+        "mirror-like part is left out: 2",
+        "lobe is left out: 1",
+        "diffuse: 1",
+        "velocity is left out: 1",
+        "shadows",
+    ):
         assert any(words in note for note in notes), notes
 
 

@@ -18,7 +18,7 @@ from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.rig_settings import WAVEFORMS, read_measurement, settings
 from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.ui.fixes import fixes_of
-from radarsim_addon.blender.ui.panels import time_text
+from radarsim_addon.blender.ui.run_time import time_text
 from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene
 from radarsim_addon.blender.ui.scene_reading import quick_findings, scene_record
 from radarsim_addon.findings import Finding, finding
@@ -269,6 +269,13 @@ def test_a_long_run_is_said_before_it_begins(scene: Any) -> None:
     drawn = recording.drawn(*recording.TAB)
     assert "about 6 h" in drawn.texts
     assert "quality=draft" in drawn.fields
+    fix = listed()["Draft Quality"]
+    press(fix)
+    assert settings(rig).replicates == 2 and "run-takes-long" in listed()  # 3 h
+    assert "Draft Quality" not in listed()
+    scene.frame_end = 10
+    assert "run-takes-long" not in listed()
+    settings(rig).replicates, scene.frame_end = 4, 1000
     settings(rig).max_standard_error = 0.01
     assert any(text.startswith("at least") for text in recording.drawn(*recording.TAB).texts)
     assert [time_text(value) for value in (0.2, 90, 400, 8000)] == [

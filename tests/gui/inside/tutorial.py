@@ -16,6 +16,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from robot import Robot
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+#: Letters of the screenshots: readable where the page shows them at half their size.
+UI_SCALE = 1.5
 OPERATOR = "RADARSIM_OT_render_frames"
 
 
@@ -72,4 +74,5 @@ def script(robot: Any) -> Any:
 if __name__ == "__main__":
     # Before the window is drawn for the first time: the splash screen would catch all clicks.
     bpy.context.preferences.view.show_splash = False
+    bpy.context.preferences.view.ui_scale = UI_SCALE
     Robot(FOLDER).run(script)

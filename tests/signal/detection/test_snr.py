@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -12,12 +13,20 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.physics.radar_equation import monostatic_power_w
 from radarsim_addon.signal.decoding import frame_paths, open_frame
-from radarsim_addon.signal.detection import FrameBudget, predicted_snr
-from radarsim_addon.signal.echoes import Receiver, apply_receiver, synthesize
-from radarsim_addon.signal.maps import map_noise_gain, range_doppler, range_process
-from radarsim_addon.signal.radar import Radar
+from radarsim_addon.signal.detection import Cfar, FrameBudget, detect_targets, predicted_snr
+from radarsim_addon.signal.echoes import Echoes, Receiver, apply_receiver, synthesize
+from radarsim_addon.signal.maps import (
+    RangeDopplerMap,
+    map_noise_gain,
+    map_noise_rows,
+    mti_cancel,
+    range_doppler,
+    range_process,
+)
+from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar
 from radarsim_addon.signal.runs import open_run
 from tests.signal import path_runs as pr
+from tests.signal.oracle import unit_paths
 
 
 @pytest.mark.parametrize(("window", "antenna_k"), [("none", 290), ("hamming", 290), ("none", 2000)])
@@ -76,3 +85,44 @@ def test_targets_stand_above_the_noise_as_predicted(
     if window == "none":
         textbook = power_w * 2.5e-6 / (1.380649e-23 * system_k) * pr.BURST.pulses
         assert predicted.burst_db == pytest.approx(10 * math.log10(textbook), abs=0.3)
+
+
+def _map(echoes: Echoes, mti: int) -> RangeDopplerMap:
+    profiles = range_process(echoes, "hamming")
+    return range_doppler(mti_cancel(profiles, mti) if mti else profiles, "hamming")
+
+
+@pytest.mark.parametrize(("mti", "real_adc"), [(0, False), (0, True), (2, False), (3, False)])
+def test_snr_of_a_car_is_over_the_noise_not_over_the_rest_of_the_car(
+    mti: int, real_adc: bool
+) -> None:
+    """300 scatterers within 4.5 m, 50 dB over noise whose level maps without an echo tell."""
+    waveform = FmcwWaveform(77e9, 1e9, 256, 10e6, real_adc=real_adc)
+    radar = Radar(waveform, Burst(1 / waveform.duration_s, 64))
+    rng = np.random.default_rng(3)
+    ranges_m, rates_mps = rng.uniform(8, 12.5, 300), 4 + 0.5 * rng.standard_normal(300)
+    echoes = synthesize(
+        unit_paths(radar, list(ranges_m), list(rates_mps)), radar, range_limits_m=(2.0, 18.0)
+    )
+    receivers = [Receiver(noise_figure_db=10.0, noise_seed=seed) for seed in range(9)]
+    silence = dataclasses.replace(echoes, samples=np.zeros_like(echoes.samples))
+    noise_w = apply_receiver(silence, receivers[0]).noise_power_w
+    scale = math.sqrt(noise_w * 1e5 * map_noise_gain(radar) / np.max(_map(echoes, 0).plane_power))
+    echoes = dataclasses.replace(echoes, samples=echoes.samples * scale)
+    quiet = [_map(apply_receiver(silence, own).echoes, mti).plane_power for own in receivers[1:]]
+    floor = np.mean(quiet, axis=(0, 2))
+    received = apply_receiver(echoes, receivers[0])
+    rd_map = _map(received.echoes, mti)
+    noise = received.floor_power_w * map_noise_rows(rd_map, "hamming", "hamming", mti)
+    # eight maps tell a row's noise to 5 %, that of all rows to 1.1 %
+    np.testing.assert_allclose(noise, floor, rtol=0.2)
+    assert np.mean(noise) == pytest.approx(np.mean(floor), rel=0.05)
+    clean = detect_targets(_map(apply_receiver(echoes).echoes, mti)).targets
+    strongest = max(clean, key=lambda item: item.level_db)
+    true_db = 10 * math.log10(10 ** (strongest.level_db / 10) / floor[strongest.row] + 1)
+    for kind in ("ca", "os"):
+        targets = detect_targets(rd_map, Cfar(kind, 1e-6), noise_power=noise).targets
+        found = max(targets, key=lambda item: item.level_db)
+        assert (found.row, found.col) == (strongest.row, strongest.col)
+        assert found.snr_db == pytest.approx(true_db, abs=0.5)
+        assert found.surroundings_db > found.noise_db + 3  # the car's own echoes

@@ -63,7 +63,8 @@ def map_of(
 
 def detection(range_m: float, velocity_mps: float, level_db: float) -> Detection:
     doppler_hz = -2 * velocity_mps / RADAR.waveform.wavelength_m
-    return Detection(range_m, velocity_mps, doppler_hz, level_db, level_db - 30.0, 30.0, 0, 0)
+    noise_db = level_db - 30.0
+    return Detection(range_m, velocity_mps, doppler_hz, level_db, noise_db, 30.0, noise_db, 0, 0)
 
 
 def peak(range_m: float, velocity_mps: float, level_db: float) -> Peak:

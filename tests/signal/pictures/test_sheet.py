@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+from radarsim_addon.png import png_bytes
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -143,3 +145,14 @@ def test_what_was_added_is_gone(results: list[FrameResult]) -> None:
     assert (sheet.picture() == before).all()
     title.set_text("two")
     assert (sheet.picture() != before).any()
+
+
+def test_png_holds_the_pixels() -> None:
+    """Any reader sees them, and their size in print."""
+    image = pytest.importorskip("PIL.Image")
+    pixels = np.random.default_rng(3).integers(0, 256, (5, 7, 3), dtype=np.uint8)
+    with image.open(io.BytesIO(png_bytes(pixels, 120))) as found:
+        found.verify()
+    with image.open(io.BytesIO(png_bytes(pixels, 120))) as found:
+        assert found.mode == "RGB" and (np.array(found) == pixels).all()
+        assert found.info["dpi"] == pytest.approx((120, 120), rel=1e-4)

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Other waveforms, receivers and detectors on a finished run; HDF5, SigMF and their conventions."""
 
+import dataclasses
 import importlib.util
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,7 @@ from radarsim_addon.signal import (
     process_run,
     waveform_to_dict,
 )
+from radarsim_addon.signal.maps import map_noise_gain
 from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, points, write_run
 
@@ -109,6 +112,24 @@ def test_noise_alone_has_no_moving_targets(tmp_path: Path) -> None:
     result = result_of(far, noisy)
     assert result.received.noise_power_w > 0
     assert result.moving_targets == []
+
+
+def test_snr_is_over_the_noise_of_the_run(folder: Path) -> None:
+    """But for phase noise, which lies around strong echoes and has no level of its own."""
+    noisy = ProcessOptions(
+        products=False, plots=False, cfar=Cfar(), receiver=Receiver(noise_figure_db=3.0)
+    )
+    result = result_of(folder, noisy)
+    gain = map_noise_gain(result.rd_map.radar, noisy.range_taper, noisy.doppler_taper)
+    level_db = 10 * math.log10(result.received.noise_power_w * gain)
+    assert result.detections is not None
+    assert len(result.detections.targets) > 1
+    for target in result.detections.targets:
+        assert target.noise_db == pytest.approx(level_db)
+        assert target.snr_db == target.level_db - target.noise_db
+    silent = result_of(folder, dataclasses.replace(noisy, receiver=Receiver()))
+    assert silent.detections is not None
+    assert all(t.noise_db == t.surroundings_db for t in silent.detections.targets)
 
 
 def test_mti_takes_out_the_wall(folder: Path) -> None:

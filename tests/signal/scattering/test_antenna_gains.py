@@ -87,6 +87,25 @@ def test_system_scales_to_watts_and_cancels_the_lamp(tmp_path: Path) -> None:
     assert 10 * math.log10(power / expected) == pytest.approx(0, abs=0.01)
 
 
+def test_gains_of_rows_are_found_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By their numbers in the table: with the bits of those that are not kept, in any part."""
+    beam = {"azimuth_beamwidth_deg": 5.0, "elevation_beamwidth_deg": 4.0}
+    system = contract.LinkBudget(50.0, contract.AntennaRecord("gaussian", beam))
+    frame = open_frame(open_run(one_plate(tmp_path / "run", system=system)).frame(1))
+    link, rows = FrameBudget(frame).link, np.asarray(frame.table.rows)
+    assert link is not None
+    gains, paths = link.mean_factor_of_rows(rows), frame_paths(frame)
+    applied = link.apply(paths).gain
+    number = np.arange(rows.size)
+    for part in (number[3:7], number[5:]):
+        assert (link.mean_factor_of_rows(rows[part], part) == gains[part]).all()
+    assert (link.apply(paths, of_table=True).gain == applied).all()  # some are not known
+    assert (link.mean_factor_of_rows(rows, number) == gains).all()
+    monkeypatch.setattr(Link, "mean_factor", None)
+    assert (link.mean_factor_of_rows(rows, number) == gains).all()
+    assert (link.apply(paths, of_table=True).gain == applied).all()
+
+
 def test_another_carrier_brings_power_by_its_wavelength_squared(tmp_path: Path) -> None:
     """The effective area is lambda^2 / 4 pi, the cross section stays that of the render."""
     frame = open_run(one_plate(tmp_path / "run")).frame(1)

@@ -140,10 +140,10 @@ def test_points_lie_on_the_surface_and_keep_the_power(ground: FrameInput) -> Non
     np.testing.assert_allclose(spread.length_m, 2 * np.linalg.norm(away, axis=1), rtol=1e-12)
     ahead = away / np.linalg.norm(away, axis=1, keepdims=True)
     np.testing.assert_allclose(geometry.direction, ahead, atol=1e-6)
-    # between 50 and 100 m points are half a range resolution apart at most
+    # between 50 and 100 m points are a range resolution apart at most
     column = np.sort(spread.length_m[np.abs(place[:, 0]) < 0.01 * place[:, 1]] / 2)
     column = column[(column > NEAR_M) & (column < FAR_M)]
-    assert np.diff(column).max() < RADAR.waveform.range_resolution_m / 2
+    assert np.diff(column).max() < RADAR.waveform.range_resolution_m
     assert spread.phasors is not None and not np.isnan(spread.phasors).any()
 
 

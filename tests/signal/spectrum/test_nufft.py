@@ -9,6 +9,7 @@ import pytest
 from radarsim_addon.errors import ConfigError, MissingDependencyError
 from radarsim_addon.signal import nufft1
 from radarsim_addon.signal.spectrum import nufft, smooth_size
+from radarsim_addon.signal.spectrum.mixed_nufft import LEAST_ERROR, nufft_lines
 
 ENGINES = [
     pytest.param(
@@ -64,6 +65,28 @@ def test_rows_of_points_meet_their_tolerance(size: int, tolerance: float) -> Non
     assert found.shape == expected.shape
     most = np.abs(values).sum(axis=-1).max()
     assert np.abs(found - expected).max() < (tolerance + 5e-15 * size) * most
+
+
+@pytest.mark.skipif(not nufft.RowsType1.possible(), reason="finufft 2.4 is not installed")
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-8, 1e-9, 1e-14])
+@pytest.mark.parametrize(
+    ("size", "lines", "farthest"), [(1, 1, 3.0), (7, 3, 0.0), (300, 20, 400.0)]
+)
+def test_lines_of_targets_meet_their_tolerance(
+    size: int, lines: int, farthest: float, tolerance: float
+) -> None:
+    """Regular along one axis, any frequency along the other, against the direct sum."""
+    rng = np.random.default_rng(size)
+    x, y = rng.uniform(-np.pi, np.pi, 200), rng.uniform(-1, 1, 200)
+    values = rng.normal(size=(2, 200)) + 1j * rng.normal(size=(2, 200))
+    u = rng.uniform(-farthest, farthest, (lines, size))
+    k = np.arange(size) - size // 2
+    turns = np.exp(-1j * (k[:, None] * x + u[..., None] * y))
+    expected = np.einsum("sn,lkn->slk", values, turns)
+    found = nufft_lines(x, y, values, size, u, tolerance)
+    # as the synthesis counts on: twice the tolerance, and what the places' digits leave
+    bound = 2 * max(tolerance, LEAST_ERROR)
+    assert np.linalg.norm(found - expected) < bound * np.linalg.norm(expected)
 
 
 def test_no_points_give_zeros() -> None:
