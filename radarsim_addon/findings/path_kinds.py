@@ -327,6 +327,14 @@ MOTION = {
         "In drivers use the variable frame, in scripts scene.frame_current_final: both have "
         "fractions of frames. Or bake the animation to keyframes.",
     ),
+    "points-deform-within": Kind(
+        "caution",
+        "Geometry Nodes deform point clouds or hair curves within {subjects}.",
+        "radarsim moves the echoes of these points with the object only: their own motion is "
+        "missing in phase and Doppler.",
+        "Make a hair curves or point cloud object of its own with these nodes, or turn the points "
+        "into faces (Curve to Mesh; Instance on Points, then Realize Instances).",
+    ),
     "cache-between-frames": Kind(
         "caution",
         "The cache file that moves {subjects} has frames between those of the scene.",

@@ -40,7 +40,13 @@ from .animation import (
     moves_in_steps,
 )
 from .bodies import Bodies, Part
-from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
+from .deforming import (
+    Deformations,
+    DeformingSurface,
+    may_deform,
+    points_within,
+    vertex_positions,
+)
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 from .whole_frames import stepped_at_frames
@@ -135,6 +141,8 @@ class BurstMotion:
         deforming: dict[str, Any] = {}
         changing: list[str] = []
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
+        items, deforming_points = list(candidates.values()), set[str]()
+        within = points_within(depsgraph, items)
         moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
         cached = any(map(deforms_linearly_between_frames, candidates.values()))
         if self._by_scripts or (self._smooth and cached):
@@ -150,8 +158,12 @@ class BurstMotion:
                     del candidates[name]
                 elif not np.array_equal(now, before[name]):
                     deforming[name] = item
+            now_within = points_within(depsgraph, items) if within else {}
+            deforming_points |= {name for name, at in within.items() if now_within.get(name) != at}
         if changing:
             self.findings.append(finding("vertex-count-changes", *changing))
+        if deforming_points:
+            self.findings.append(finding("points-deform-within", *sorted(deforming_points)))
         return deforming
 
     # -- rows --------------------------------------------------------------------------------------

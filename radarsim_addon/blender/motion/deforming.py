@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,8 @@ from .bodies import Bodies, Part
 
 #: Types of parents that deform their children.
 _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
+#: Types of objects without faces.
+_OF_POINTS = {"CURVES", "POINTCLOUD"}
 
 
 #: Column of the scatterer: columns of its body and surface point.
@@ -50,6 +52,25 @@ def vertex_positions(item: Any, depsgraph: Any) -> Single:
     if held is None:
         return np.empty((0, 3), dtype=np.float32)
     return read_numbers(held.data, "vector", 3)
+
+
+def points_within(depsgraph: Any, items: Iterable[Any]) -> dict[str, bytes]:
+    """Return the points of hair and point clouds that nodes make within objects of other types.
+
+    By the names of the objects. `items` are those that may have nodes.
+    """
+    found: dict[str, bytes] = {}
+    if not any(modifier.type == "NODES" for item in items for modifier in item.modifiers):
+        return found
+    for one in depsgraph.object_instances:
+        item = one.object
+        if item.type not in _OF_POINTS or item.original.type in _OF_POINTS:
+            continue
+        held = item.data.attributes.get("position")
+        if held is not None:
+            points = read_numbers(held.data, "vector", 3).tobytes()
+            found[item.name] = found.get(item.name, b"") + points
+    return found
 
 
 class DeformingSurface:

@@ -96,8 +96,8 @@ def test_hair_and_points_that_nodes_move(tmp_path: Path, kind: str) -> None:
     assert error < WITHIN, error
 
 
-def move_by_nodes(item: Any, speed: float) -> None:
-    """Geometry Nodes that move all points along Y, by the scene's seconds."""
+def move_by_nodes(item: Any, speed: float) -> Any:
+    """Geometry Nodes that move all points along Y, by the scene's seconds; the tree."""
     tree = bpy.data.node_groups.new("Move", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
@@ -117,6 +117,7 @@ def move_by_nodes(item: Any, speed: float) -> None:
     tree.links.new(along.outputs[0], move.inputs["Offset"])
     tree.links.new(move.outputs[0], end.inputs[0])
     item.modifiers.new("Move", "NODES").node_group = tree
+    return tree
 
 
 @pytest.mark.parametrize("number", ["frame_current", "frame_current_final"])
@@ -137,3 +138,25 @@ def test_rings_of_what_a_script_moves(tmp_path: Path, number: str) -> None:
     held = [one.subjects for one in job.findings if one.code == "rendered-at-whole-frames"]
     assert held == ([("Target",)] if number == "frame_current" else [])
     assert np.median(rates) == pytest.approx(0.0 if held else 3.0, abs=0.02)
+
+
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_points_that_nodes_move_within_a_mesh(tmp_path: Path, speed: float) -> None:
+    """They have no body of their own: said where they deform."""
+    mh.scene_at(20.0, 2.0)
+    target = mh.facets("Target", [(0, 0, 0), (0.3, 0.2, -0.4)], 0.4)
+    target.location = (0, 20, 0)
+    tree = move_by_nodes(target, speed)
+    begin, move, end = (tree.nodes[n] for n in ("Group Input", "Set Position", "Group Output"))
+    points, join = map(tree.nodes.new, ("GeometryNodeMeshToPoints", "GeometryNodeJoinGeometry"))
+    for source, sink in (
+        (begin.outputs[0], points.inputs["Mesh"]),
+        (points.outputs[0], move.inputs["Geometry"]),
+        (move.outputs[0], join.inputs[0]),
+        (begin.outputs[0], join.inputs[0]),
+        (join.outputs[0], end.inputs[0]),
+    ):
+        tree.links.new(source, sink)
+    _, _, run = mh.measured(tmp_path, CARRIER_HZ, BURST)
+    said = [one.subjects for one in run.job.findings if one.code == "points-deform-within"]
+    assert said == ([("Target",)] if speed else [])
