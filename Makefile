@@ -84,7 +84,7 @@ extension: $(STAMP)
 	@$(PY) scripts/build_extension.py
 
 gui-test: $(STAMP)
-	$(PY) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder tests/gui $(PYTEST_ARGS)
+	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
 
 extension-wheels: $(STAMP)
 	@$(PY) scripts/build_extension.py --wheels

@@ -317,6 +317,15 @@ MOTION = {
         "would give steps of Doppler.",
         "Set Motion to Linear simulations for Blender's straight lines.",
     ),
+    "moves-at-whole-frames": Kind(
+        "caution",
+        "A script, or a driver that reads frame_current, moves {subjects} at whole frames only.",
+        "In Blender these objects are stationary between whole frames, without Doppler. radarsim "
+        "takes a smooth cubic through the poses at whole frames, unless Motion is Linear "
+        "simulations.",
+        "In drivers use the variable frame, in scripts scene.frame_current_final: both have "
+        "fractions of frames. Or bake the animation to keyframes.",
+    ),
     "cache-between-frames": Kind(
         "caution",
         "The cache file that moves {subjects} has frames between those of the scene.",

@@ -22,11 +22,12 @@ SCENE = {
     "rendered-at-whole-frames": Kind(
         "caution",
         "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
-        "and soft bodies that are not baked, and cache files without Vertex Interpolation.",
+        "and soft bodies that are not baked, cache files without Vertex Interpolation, and drivers "
+        "that read frame_current.",
         "Range rates from two snapshots are too small for them or 0, and further renders of a "
         "burst show them where they were.",
-        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, or "
-        "measure by paths with one render per burst.",
+        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, use "
+        "the variable frame in drivers, or measure by paths with one render per burst.",
     ),
     "camera-markers": Kind(
         "info",
@@ -208,6 +209,14 @@ SCENE = {
         "which leave the object: echoes through these faces are too strong.",
         "If such echoes matter, build the object of plane-parallel parts, or disconnect Volume to "
         "make it opaque.",
+    ),
+    "wall-corners": Kind(
+        "caution",
+        "{fraction:percent} of the power that enters {subjects} from the antennas leaves by "
+        "corners where walls meet (index {index:.3g}).",
+        "These walls absorb and delay at their faces. Such rays count half of each wall that they "
+        "enter and leave by, whatever their path within the corner.",
+        "If such echoes matter, make each wall an object of its own, a plain box near the radar.",
     ),
     "walls-averaged-separately": Kind(
         "info",

@@ -27,6 +27,7 @@ MODULES = (
     "motion",
     "weather",
     "mirrors",
+    "reverse_paths",
     "coverage",
 )
 

@@ -17,7 +17,7 @@ import pytest
 if TYPE_CHECKING:
     from tests.gui.conftest import Chroot
 
-pytestmark = [pytest.mark.gui, pytest.mark.slow]
+pytestmark = pytest.mark.gui
 
 RINGS, PASSES = 12, 2
 RENDERS = RINGS * PASSES

@@ -12,7 +12,7 @@ from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.directive_lobes import directive_lobe, lobe_exponent, lobe_integral
 
 
-def half_space(count: int = 400) -> tuple[np.ndarray, np.ndarray]:
+def half_space(count: int = 160) -> tuple[np.ndarray, np.ndarray]:
     """Unit vectors above the plane z = 0, (n, 3), and their solid angles."""
     x, weights = np.polynomial.legendre.leggauss(count)
     up, weights = (x + 1) / 2, weights / 2

@@ -22,7 +22,7 @@ from .clutter import (
 from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
 from .clutter_tables import set_clutter_tables
 from .convex_bodies import convex_objects
-from .inside_walls import antennas_in_media, objects_in_walls, overlapping_shells
+from .inside_walls import found_inside, overlapping_shells
 from .interior_rounding import Interiors, settle_interiors_far_away
 from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
@@ -57,7 +57,6 @@ __all__ = [
     "Interiors",
     "MaterialAssignment",
     "ScatteredLobe",
-    "antennas_in_media",
     "assigned_materials",
     "average_in_a_row",
     "averaging_objects",
@@ -69,6 +68,7 @@ __all__ = [
     "delays",
     "doubled_panes",
     "fluctuation_of",
+    "found_inside",
     "ground_mirror",
     "has_no_faces",
     "has_rough_facets",
@@ -84,7 +84,6 @@ __all__ = [
     "mirror_choice",
     "mirror_of",
     "mirror_property",
-    "objects_in_walls",
     "overlapping_shells",
     "refresh_materials",
     "roughness_of",

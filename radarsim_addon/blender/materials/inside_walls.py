@@ -86,60 +86,29 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
     return triangles[chosen].mean(axis=1), across[chosen] / double[chosen, None], double[chosen] / 2
 
 
-def objects_in_walls(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
-    """Find objects and antennas that are inside the material of walls, in the evaluated frame.
-
-    Only walls whose absorption and delay are applied where a ray crosses a face count.
+def found_inside(depsgraph: Any, antennas: Sequence[Real]) -> list[Finding]:
+    """Find what is inside the material of walls and other interiors, in the evaluated frame.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph
-        Up to date; walls are set for the run.
+        Up to date; materials and walls are set for the run.
     antennas
         Positions of receiver and transmitter, (3,) each [Blender units].
 
     Returns
     -------
     list of Finding
-        One ``inside-a-wall`` that names each object and its wall; empty where there is none.
-    """
-    snapshot = take_snapshot(depsgraph)
-    visible = snapshot.layout.visible
-    walls = np.flatnonzero(visible & snapshot.of_shapes([_at_faces(s) for s in snapshot.shapes]))
-    if not walls.size:
-        return []
-    shown = visible & snapshot.of_shapes([_is_surface(shape) for shape in snapshot.shapes])
-    names: dict[str, None] = {}
-    boxes = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
-    for row in walls.tolist():
-        wall = _Wall(snapshot, row)
-        if np.any(wall.holds(np.asarray(antennas, dtype=np.float64))):
-            names[f"the radar in {snapshot.label(row)}"] = None
-        for other, points in _near(snapshot, row, shown, *boxes):
-            if np.mean(wall.holds(points)) > _LEAST_INSIDE:
-                names[f"{snapshot.label(other)} in {snapshot.label(row)}"] = None
-    return [finding("inside-a-wall", *names)] if names else []
-
-
-def antennas_in_media(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> list[Finding]:
-    """Find the objects with an interior that hold antennas in the evaluated frame.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date; materials are set for the run.
-    antennas
-        Positions of receiver and transmitter, (3,) each [Blender units].
-
-    Returns
-    -------
-    list of Finding
-        One ``antenna-in-medium`` per object, with its index and what spreading is off by at most.
+        One ``inside-a-wall`` that names each object and antenna with its wall, of the walls whose
+        absorption and delay are applied where a ray crosses a face. One ``antenna-in-medium`` per
+        object that holds an antenna, with its index and what spreading is off by at most.
     """
     snapshot, places = take_snapshot(depsgraph), np.asarray(antennas, dtype=np.float64)
     low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
-    within = ((places[:, None] > low) & (places[:, None] < high)).all(axis=2).any(axis=0)
     found = []
+    if names := list(_in_walls(snapshot, places, low, high)):
+        found.append(finding("inside-a-wall", *names))
+    within = ((places[:, None] > low) & (places[:, None] < high)).all(axis=2).any(axis=0)
     for row in np.flatnonzero(within & snapshot.layout.visible).tolist():
         shape = snapshot.shapes[snapshot.layout.shape[row]]
         entered = [one for one in shape.materials if has_interior(one)]
@@ -152,6 +121,22 @@ def antennas_in_media(depsgraph: Any, antennas: Sequence[Sequence[float]]) -> li
             label = snapshot.label(row)
             found.append(finding("antenna-in-medium", label, index=index, power_db=power_db))
     return found
+
+
+def _in_walls(snapshot: Snapshot, antennas: Real, low: Real, high: Real) -> dict[str, None]:
+    """Objects and antennas inside walls that absorb at their faces, each with its wall."""
+    visible = snapshot.layout.visible
+    walls = np.flatnonzero(visible & snapshot.of_shapes([_at_faces(s) for s in snapshot.shapes]))
+    shown = visible & snapshot.of_shapes([_is_surface(shape) for shape in snapshot.shapes])
+    names: dict[str, None] = {}
+    for row in walls.tolist():
+        wall = _Wall(snapshot, row)
+        if np.any(wall.holds(antennas)):
+            names[f"the radar in {snapshot.label(row)}"] = None
+        for other, points in _near(snapshot, row, shown, low, high):
+            if np.mean(wall.holds(points)) > _LEAST_INSIDE:
+                names[f"{snapshot.label(other)} in {snapshot.label(row)}"] = None
+    return names
 
 
 def _is_surface(shape: Any) -> bool:

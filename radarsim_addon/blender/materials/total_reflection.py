@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects in which waves meet a face beyond the critical angle, which straight rays do not know."""
+"""Objects that waves leave otherwise than straight rays do: totally reflected, or by a corner."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mathutils.bvhtree import BVHTree
 
 from ...array_types import Mask, Real
 from ...findings import Finding, finding_about
-from ...vectors import crosses, norms
+from ...vectors import crosses, dots, norms
 from ..nodes import attributes
 from ..nodes.group_search import group_input
 from ..nodes.materials import has_interior
@@ -30,6 +30,9 @@ _TRIANGLES = 500
 #: are known to; and that above which one is a caution: 0.2 dB. Rims of walls cause up to a
 #: hundredth, facets of round objects a few (sphere of 128 segments: 0.012 at an index of 2.3).
 _LEAST_FRACTION, _DANGER = 0.005, 0.05
+#: Largest cosine between the faces by which a ray enters and leaves a corner where walls meet: up
+#: to 40 degrees a wall may be round.
+_CORNER = math.cos(math.radians(40.0))
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
 
@@ -69,7 +72,8 @@ def total_reflections(
     -------
     list of Finding
         One ``total-reflection`` for information and one as a caution, if any, with the least and
-        largest indices and fractions of their objects.
+        largest indices and fractions of their objects; and the same of ``wall-corners``, of objects
+        whose faces absorb and delay.
     """
     is_inside, inside_of = cache(has_interior), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
@@ -86,23 +90,29 @@ def total_reflections(
             of_part = _reflected_in_convex(part, [bodies[item] for item in part.items], places)
             fractions.update(zip(part.items, of_part.tolist(), strict=True))
             bending.difference_update(part.items)
+    by_corners = dict.fromkeys(bodies, 0.0)
     for item in bending:
-        fractions[item] = _reflected(item, depsgraph, bodies[item], places)
-    found = [(fractions[item], body.refraction, item.name_full) for item, body in bodies.items()]
+        fractions[item], by_corners[item] = _reflected(item, depsgraph, bodies[item], places)
+    return [
+        *_said(fractions, bodies, lambda found: finding_about("total-reflection", found)),
+        *_said(by_corners, bodies, lambda found: finding_about("wall-corners", found)),
+    ]
+
+
+def _said(
+    fractions: dict[Any, float], bodies: dict[Any, _Body], about: Callable[[Any], Finding]
+) -> list[Finding]:
+    """Findings about objects, without those whose fractions are small even in sum."""
+    found = sorted((fraction, item.name_full, item) for item, fraction in fractions.items())
     # what is not said stays below this in the sum: waves may pass all of them
-    found.sort()
     unsaid = np.cumsum([fraction for fraction, _, _ in found])
     information: dict[str, dict[str, float]] = {}
     caution: dict[str, dict[str, float]] = {}
-    for fraction, index, name in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
+    for fraction, name, item in found[int((unsaid <= _LEAST_FRACTION).sum()) :]:
         named = caution if fraction > _DANGER else information
-        named[name] = {"fraction": fraction, "index": float(index)}
-    said = []
-    if information:
-        said.append(finding_about("total-reflection", information).as_information())
-    if caution:
-        said.append(finding_about("total-reflection", caution))
-    return said
+        named[name] = {"fraction": fraction, "index": float(bodies[item].refraction)}
+    said = [about(information).as_information()] if information else []
+    return said + ([about(caution)] if caution else [])
 
 
 def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
@@ -129,15 +139,16 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
 
 def _reflected(
     item: Any, depsgraph: Any, body: _Body, antennas: Sequence[Sequence[float]]
-) -> float:
-    """Fraction of the entering power that arrives where it is totally reflected, or seems to leave.
+) -> tuple[float, float]:
+    """Fractions of the entering power that arrive where they are totally reflected, or seem to
+    leave, and that leave by a face across the one where they entered, if faces stand for walls.
 
     Echoes through an object on both their ways are absorbed once more, and so is what stays inside.
     """
     evaluated = item.evaluated_get(depsgraph)
     with evaluated_mesh(evaluated) as mesh:
         if mesh is None or not len(mesh.polygons):
-            return 0.0
+            return 0.0, 0.0
         vertices, corners = read_triangles(mesh)
     matrix = np.array(evaluated.matrix_world, dtype=np.float64)
     # About the object's origin: the tree is in float32.
@@ -146,8 +157,9 @@ def _reflected(
         corners = corners[:, ::-1]
     starts, normals, areas = _starts(points[corners])
     off = _OFF_FACE * float(np.ptp(points, axis=0).max())
-    arrive = partial(_arrivals, BVHTree.FromPolygons(points.tolist(), corners.tolist()))
-    entering, reflected = 0.0, 0.0
+    tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
+    arrive = partial(_arrivals, tree)
+    entering, reflected, by_corners = 0.0, 0.0, 0.0
     for place in antennas:
         ray = starts - (np.asarray(place) - matrix[:3, 3])
         distance = norms(ray)
@@ -161,7 +173,11 @@ def _reflected(
         seen = areas[enters] * cosine[enters]
         entering += float(seen[first & met].sum())
         reflected += float(np.sum(seen * lost))
-    return min(reflected / entering, 1.0) if entering else 0.0
+        if np.isfinite(body.at_most):
+            begin = start - off * outward
+            by_corners += float(seen @ _cut(body, ray, cosine[enters], outward, begin, tree))
+    entering = max(entering, 1e-300)
+    return min(reflected / entering, 1.0), min(by_corners / entering, 1.0)
 
 
 def _reflected_in_convex(
@@ -195,15 +211,30 @@ def _lost(
     fraction of its power that cannot leave there, (...,).
     """
     index = np.asarray(body.refraction)
-    bent = np.sqrt(1 - (1 - cosine**2) / index**2)
-    onward = ray / index[..., None] + (cosine / index - bent)[..., None] * outward
-    out, way = arrive(begin, onward)
+    out, way = arrive(begin, _bent(index, ray, cosine, outward))
     with np.errstate(invalid="ignore"):
         beyond = index * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1  # false where it is NaN
     across = np.abs(np.einsum("...x,...x->...", ray, body.layer))
     straight = arrive(begin, ray, beyond)[1] * np.where(np.isnan(across), 1.0, across)
     least = np.minimum(np.fmin(way, straight), body.at_most)
     return np.isfinite(out), np.where(beyond, np.exp(-body.per_unit * least), 0.0)
+
+
+def _bent(index: Real, ray: Real, cosine: Real, outward: Real) -> Real:
+    """Directions of rays (..., 3) within a body that they enter."""
+    bent = np.sqrt(1 - (1 - cosine**2) / index**2)
+    return np.asarray(ray / index[..., None] + (cosine / index - bent)[..., None] * outward)
+
+
+def _cut(body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, tree: BVHTree) -> Real:
+    """Fraction of the power of rays (n, 3) that leaves a wall by a face across the first, (n,)."""
+    index = np.asarray(body.refraction)
+    onward = _bent(index, ray, cosine, outward)
+    normals, way = _met(tree, begin, onward)
+    with np.errstate(invalid="ignore"):
+        sine = np.sqrt(np.maximum(0.0, 1 - dots(normals, onward) ** 2))
+        cut = (index * sine <= 1) & (np.abs(dots(normals, outward)) < _CORNER)
+    return np.where(cut, np.exp(-body.per_unit * np.minimum(way, body.at_most)), 0.0)
 
 
 def _arrivals(
@@ -214,6 +245,12 @@ def _arrivals(
     Returns the cosine to the normal there and the length of the way, (n,) each; NaN where the mesh
     is open.
     """
+    normals, way = _met(tree, starts, onward, asked)
+    return np.sum(normals * onward, axis=1), way
+
+
+def _met(tree: BVHTree, starts: Real, onward: Real, asked: Mask | None = None) -> tuple[Real, Real]:
+    """As `_arrivals`, with the normals there, (n, 3), in place of the cosines."""
     found = np.full((len(starts), 4), np.nan)
     chosen = np.arange(len(starts)) if asked is None else np.flatnonzero(asked)
     rays = zip(starts[chosen].tolist(), onward[chosen].tolist(), strict=True)
@@ -221,7 +258,7 @@ def _arrivals(
         _, normal, _, way = tree.ray_cast(start, along)
         if way is not None:
             found[row] = *normal, way
-    return np.sum(found[:, :3] * onward, axis=1), found[:, 3]
+    return found[:, :3], found[:, 3]
 
 
 def _starts(triangles: Real) -> tuple[Real, Real, Real]:

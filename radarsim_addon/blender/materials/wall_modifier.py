@@ -7,10 +7,11 @@ import math
 from typing import Any
 
 import bpy
+import numpy as np
 
 from ...array_types import Real
 from ..nodes import attributes
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, read_numbers
 
 _NAME = "radarsim walls"
 
@@ -72,10 +73,15 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
     recorder
         Records the change.
     item : bpy.types.Object
-        Of this file, not linked from another.
+        One linked from another file keeps its normals if it has modifiers or normals of its own;
+        else its mesh is changed in memory.
     angle_deg
         Between the faces on both sides of an edge.
     """
+    if item.library is not None:
+        if not item.modifiers and "custom_normal" not in item.data.attributes:
+            _sharpen_mesh(recorder, item.data, 0.0 if _is_distorted(item) else angle_deg)
+        return
     tree = _add_modifier(recorder, item)
     kinds = (
         "NodeGroupInput",
@@ -90,8 +96,7 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
     above.inputs[1].default_value = math.radians(angle_deg)
     remove.inputs["Name"].default_value = "custom_normal"
     shade.inputs["Shade Smooth"].default_value = False
-    scale = item.matrix_world.to_scale()
-    if max(scale) > 1.01 * min(scale):
+    if _is_distorted(item):
         shade.domain = "FACE"
         above.operation, above.inputs[1].default_value = "ADD", 1.0  # all
     for source, target in (
@@ -102,6 +107,31 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
         (shade.outputs[0], end.inputs["Geometry"]),
     ):
         tree.links.new(source, target)
+
+
+def _is_distorted(item: Any) -> bool:
+    """Whether a scale by axes changes the angles of an object."""
+    scale = item.matrix_world.to_scale()
+    return bool(max(scale) > 1.01 * min(scale))
+
+
+def _sharpen_mesh(recorder: SettingsRestorer, mesh: Any, angle_deg: float) -> None:
+    """Mark the edges of a linked mesh with more than this angle as sharp, in memory."""
+    name = "sharp_edge"
+    edge = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
+    sides = read_numbers(mesh.polygons, "loop_total", dtype=np.int32).ravel()
+    normal = np.repeat(read_numbers(mesh.polygons, "normal", 3), sides, axis=0)
+    order = np.argsort(edge, kind="stable")
+    one, other = order[:-1], order[1:]
+    cosine = np.einsum("nx,nx->n", normal[one], normal[other])
+    sharp = (edge[one] == edge[other]) & (cosine < math.cos(math.radians(angle_deg)))
+    before = mesh.attributes.get(name)
+    if before is None:  # else by another object of this mesh
+        mesh.attributes.new(name, "BOOLEAN", "EDGE")
+        recorder.on_restore(name, lambda: mesh.attributes.remove(mesh.attributes[name]))
+    for index in np.unique(edge[one[sharp]]).tolist():  # foreach_set leaves linked data as it is
+        recorder.set(mesh.edges[index], "use_edge_sharp", True)
+    mesh.update_tag()
 
 
 def _add_modifier(recorder: SettingsRestorer, item: Any) -> Any:

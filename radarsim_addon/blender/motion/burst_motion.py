@@ -32,7 +32,7 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Rig, evaluated_poses, instance_name, pose_in_metres
+from ..scene import Rig, evaluated_poses, instance_name, may_move_at_whole_frames, pose_in_metres
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
@@ -43,6 +43,7 @@ from .bodies import Bodies, Part
 from .deforming import Deformations, DeformingSurface, may_deform, vertex_positions
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
+from .whole_frames import stepped_at_frames
 
 _FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
@@ -91,6 +92,7 @@ class BurstMotion:
         self.render = render
         self._show, self._rig, self._plan = show, rig, plan
         self._smooth, self._frozen = motion != "linear", motion == "off"
+        self._by_scripts = may_move_at_whole_frames()
         self._kind = receiver_kind
         self._names = names
         self._units = plan.metres_per_unit
@@ -134,8 +136,9 @@ class BurstMotion:
         changing: list[str] = []
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
         moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
-        if self._smooth and any(map(deforms_linearly_between_frames, candidates.values())):
-            # A cache may hold its vertices from frame to frame.
+        cached = any(map(deforms_linearly_between_frames, candidates.values()))
+        if self._by_scripts or (self._smooth and cached):
+            # A cache or a script may hold its vertices from frame to frame.
             moments += self._plan.whole_frames()
         for _, moment in moments:
             depsgraph = self._show(moment)
@@ -208,13 +211,17 @@ class BurstMotion:
             sampler.take(*moment)
         grid = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
         count = min(_FIRST_SAMPLES, plan.max_samples)
-        smooth = self._smooth_rows()
-        smooth_surfaces = self._smooth_surfaces()
+        smooth, smooth_surfaces = self._smooth_rows(), self._smooth_surfaces()
+        if self._by_scripts:
+            rows, surfaces, said = stepped_at_frames(sampler, list(self._moving_items()))
+            self.findings += said
+            if self._smooth:
+                smooth |= rows
+                smooth_surfaces |= dict.fromkeys(surfaces, (0.0, 1.0))
         if smooth or smooth_surfaces:
             whole = plan.whole_frames()
             own = [plan.whole_frames(*frames) for frames in smooth_surfaces.values() if frames]
-            if None in smooth_surfaces.values():
-                own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
+            own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
             for moment in itertools.chain(whole, *own):
                 sampler.take(*moment)
         fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)

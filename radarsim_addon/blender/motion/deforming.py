@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
+from mathutils.kdtree import KDTree
 from numpy.typing import NDArray
 
 from ...array_types import Real, Single
@@ -38,33 +39,56 @@ def may_deform(item: Any) -> bool:
 
 
 def vertex_positions(item: Any, depsgraph: Any) -> Single:
-    """Return the vertices of the evaluated mesh, own axes, shape (n, 3), Blender units."""
-    with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-        if mesh is None:
-            return np.empty((0, 3), dtype=np.float32)
-        return read_numbers(mesh.vertices, "co", 3)
+    """Return the vertices of the evaluated mesh, or the points of hair curves and point clouds, own
+    axes, shape (n, 3), Blender units.
+    """
+    evaluated = item.evaluated_get(depsgraph)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is not None:
+            return read_numbers(mesh.vertices, "co", 3)
+    held = getattr(evaluated.data, "attributes", {}).get("position")
+    if held is None:
+        return np.empty((0, 3), dtype=np.float32)
+    return read_numbers(held.data, "vector", 3)
 
 
 class DeformingSurface:
-    """Mesh of one object at the frame's time, and the vertices that paths need."""
+    """Mesh or points of one object at the frame's time, and the vertices that paths need."""
 
     def __init__(self, item: Any, depsgraph: Any, metres_per_unit: float) -> None:
         self.item = item
         self._units = metres_per_unit
         with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-            positions, self.triangles = read_triangles(mesh)
+            if mesh is not None:
+                positions, self.triangles = read_triangles(mesh)
+        if mesh is None:  # each point is a triangle of its own
+            positions = vertex_positions(item, depsgraph)
+            self.triangles = np.repeat(
+                np.arange(len(positions), dtype=np.int32)[:, None], 3, axis=1
+            )
         self._vertices = positions.astype(np.float64)
-        self._tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
+        self._nearest = self._finder(mesh is None)
         self.count = len(self._vertices)
         #: Vertices that surface points use: index in the mesh to index in the series.
         self.needed: dict[int, int] = {}
+
+    def _finder(self, points: bool) -> Callable[[Sequence[float]], int | None]:
+        """Return a function that finds the triangle, or point, that is nearest to a place."""
+        if not points:
+            tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
+            return lambda place: tree.find_nearest(place)[2]
+        balanced = KDTree(len(self._vertices))
+        for number, point in enumerate(self._vertices.tolist()):
+            balanced.insert(point, number)
+        balanced.balance()
+        return lambda place: balanced.find(place)[1]
 
     def attach(self, local_m: Real) -> tuple[NDArray[np.int32], Real]:
         """Return vertices (n, 3) and weights (n, 3) of the nearest surface points to (n, 3) [m]."""
         faces = np.zeros(len(local_m), dtype=np.intp)
         points = local_m / self._units
         for row, point in enumerate(points):
-            face = self._tree.find_nearest(tuple(point))[2]
+            face = self._nearest(tuple(point))
             faces[row] = 0 if face is None else face
         corners = self.triangles[faces]
         weights = barycentric(points, self._vertices[corners])

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -161,25 +163,33 @@ class Fits:
         """Return the times of the frames between which a surface is linear [s]."""
         return [at_s for at_s, _ in self._plan.whole_frames(*self._smooth_surfaces[name] or ())]
 
-    def _off_whole_frames_mps(self, name: str) -> float:
-        """Return the change of speed from frame to frame of a surface not linear between them.
-
-        0 for one that is, or whose frames are known. [m/s]
+    def _off_whole_frames_mps(self, sampled: Mapping[float, Any]) -> float:
+        """Return the change of speed from frame to frame of points (n, 3) [m] by time that are not
+        on straight lines between them; 0 for those that are. [m/s]
         """
-        plan, sampled = self._plan, self._sampler.vertices[name]
+        plan = self._plan
         whole = plan.whole_frames()
         middles = [plan.between(*pair)[0] for pair in itertools.pairwise(whole)]
-        if self._smooth_surfaces[name] is not None:
-            return 0.0
         there = [sampled[at_s] for at_s in (*(at_s for at_s, _ in whole), *middles)]
-        if any(one is None for one in there):
+        if any(one is None or np.isnan(one).any() for one in there):
             return 0.0
         values = np.stack(there).astype(np.float64)
         frames, between = values[: len(whole)], values[len(whole) :]
+        if np.array_equal(frames[:-1], between):  # no cache: a script holds them for each frame
+            return 0.0
         apart = np.abs((frames[1:] + frames[:-1]) / 2 - between).max()
         bent = float(np.linalg.norm(np.diff(frames, 2, axis=0), axis=2).max())
         step = _rounding_step(values, plan.metres_per_unit)
         return bent * plan.fps if apart > _MAX_MISS * step + _ON_FRAMES * bent else 0.0
+
+    def _places(self, index: int) -> dict[float, Real]:
+        """Return the place of a body by time, (1, 3) each [m]."""
+        return {at_s: poses[index, None, :3, 3] for at_s, poses in self._sampler.poses.items()}
+
+    def _turns(self, index: int) -> bool:
+        """Return whether the axes of a body change from one whole frame to the next."""
+        whole = [self._sampler.poses[at_s][index] for at_s, _ in self._plan.whole_frames()]
+        return not all(np.allclose(one[:3, :3], whole[0][:3, :3], atol=1e-5) for one in whole)
 
     def _fit_body(self, index: int, times_s: Real, poses: Real) -> BodyMotion:
         plan = self._plan
@@ -336,8 +346,19 @@ class Fits:
             moved = dict.fromkeys("antennas" if i < 2 else parts[i - 2].name for i in smooth)
             moved |= dict.fromkeys(surfaces)
             found.append(finding("motion-between-frames", *moved))
-        for name in surfaces:
-            off_mps = self._off_whole_frames_mps(name)
+        sampled = [
+            (name, self._sampler.vertices[name])
+            for name in surfaces
+            if self._smooth_surfaces[name] is None  # else its frames are known
+        ]
+        # What turns is on arcs between the frames of any cache.
+        sampled += [
+            (parts[i - 2].name if i > 1 else "antennas", self._places(i))
+            for i in smooth
+            if not self._turns(i)
+        ]
+        for name, points in sampled:
+            off_mps = self._off_whole_frames_mps(points)
             if off_mps > 0:
                 found.append(finding("cache-between-frames", name, speed_mps=off_mps))
         if self._missed:

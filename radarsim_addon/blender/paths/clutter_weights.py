@@ -22,6 +22,7 @@ from ..motion import Bodies
 from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
 from ..nodes.group_search import group_input
 from .hit_points import HitPoints, Normals
+from .reverse_marks import ReverseMarks
 from .rough_mirrors import RoughMirrors
 from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
@@ -52,6 +53,7 @@ class ClutterWeights:
         self._hits, self._carrier_hz = hits, carrier_hz
         wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
         self._rough = RoughMirrors(hits, bodies, wavelength_m)
+        self._reverses = ReverseMarks(hits, bodies)
         self._surfaces: list[ClutterLobe | DirectiveLobe] = []
         known: dict[str, int] = {}
         self._several: set[str] = set()
@@ -81,11 +83,14 @@ class ClutterWeights:
         return bool(self._surfaces or self._several)
 
     def apply(self, rows: PathRows, normals: Normals, origin_m: Real, transmitter_m: Real) -> None:
-        """Multiply powers of labelled, refined rows with the normals that refining met.
+        """Multiply powers of labelled, refined rows with the normals that refining met, and mark
+        those that have a reverse.
 
         Rays start at `origin_m`, (3,) or (n, 3).
         """
-        self._rough.keep_coherent(rows, normals, np.broadcast_to(origin_m, (rows.size, 3)))
+        origins_m = np.broadcast_to(origin_m, (rows.size, 3))
+        self._reverses.mark(rows, normals, origins_m)
+        self._rough.keep_coherent(rows, normals, origins_m)
         if not self._surfaces:
             return
         known = normals.all()

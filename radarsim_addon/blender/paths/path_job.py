@@ -19,10 +19,11 @@ from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
-from ..materials import Interiors, marked_mirrors, objects_in_walls
+from ..materials import Interiors, found_inside, marked_mirrors
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
+from ..scene import ground_truth as ground_truth
 from ..scene import no_echo_findings
 from ..state import Shape
 from ..views import PathScene
@@ -300,11 +301,12 @@ class PathJob(MeasurementJob):
             render=render,
         )
         depsgraph = motion.begin()
-        motion.findings += self._in_walls(depsgraph)
         receiver, transmitter = self._antenna_records(depsgraph, units)
         receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
         ways = None
         if self._run.interiors.delay:
+            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
+            motion.findings += found_inside(depsgraph, antennas)
             reach_m = self.plan.extent.from_receiver_m
             ways = ways_to_transmitter(
                 motion.bodies.snapshot, receiver, transmitter, reach_m, units
@@ -363,12 +365,6 @@ class PathJob(MeasurementJob):
             f"{record.path_count:,} paths, standard error {known}, lengths known to "
             f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
         )
-
-    def _in_walls(self, depsgraph: Any) -> list[Finding]:
-        """Find what lies in walls at this moment."""
-        items = (self.rig.camera, self.rig.emitter)
-        antennas = [item.evaluated_get(depsgraph).matrix_world.translation for item in items]
-        return objects_in_walls(depsgraph, antennas)
 
     # -- progress of a frame -----------------------------------------------------------------------
 

@@ -12,7 +12,9 @@ from typing import Any
 import bpy
 
 from ...errors import RadarSimError
+from ...physics.directive_lobes import MOST_EXPONENT
 from ...physics.materials import TABLE, models
+from ..materials import LOBE_EXPONENT
 from ..materials import physical_materials as pm
 from ..plan import shortest_decimal
 from .material_clutter import clutter_fields
@@ -108,6 +110,18 @@ def _number(
     )
 
 
+def _set_lobe_exponent(settings: Any, value: int) -> None:
+    if value > 0:
+        settings.id_data[LOBE_EXPONENT] = value
+    else:
+        settings.id_data.pop(LOBE_EXPONENT, None)
+
+
+def _get_lobe_exponent(settings: Any) -> int:
+    value = settings.id_data.get(LOBE_EXPONENT, 0)
+    return int(value) if isinstance(value, int | float) and 0 <= value <= MOST_EXPONENT else 0
+
+
 class MaterialSettings(bpy.types.PropertyGroup):
     """Medium, surface and clutter of a material."""
 
@@ -143,6 +157,17 @@ class MaterialSettings(bpy.types.PropertyGroup):
         "Rms slope of the surface, where height and correlation length do not give it",
         min=0.0, max=0.7071, precision=4,
     )  # fmt: skip
+    lobe_exponent: bpy.props.IntProperty(
+        name="Scattered Lobe",
+        description="Set the exponent of the lobe around the mirrored wave. The lobe contains the "
+        "power that the material does not mirror. For walls with effective roughness and mirrors "
+        "with an RMS height. 1 is wide, 1000 is narrow. 0 means no lobe",
+        get=_get_lobe_exponent,
+        set=_set_lobe_exponent,
+        min=0,
+        max=MOST_EXPONENT,
+        soft_max=200,
+    )
     sheet_thickness_mm: _number(
         pm.SHEET_THICKNESS,
         "Thin Sheet [mm]",

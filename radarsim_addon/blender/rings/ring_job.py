@@ -15,9 +15,12 @@ import bpy
 
 from ...atomic_files import AtomicFile
 from ...errors import RadarSimError, RenderError
+from ...findings import Finding, merge
 from ...sidecar import write_record
+from ..materials import found_inside
 from ..plan import Task
 from ..run import MeasurementJob, output_folder, run_files
+from ..scene import ground_truth as ground_truth
 from .exr_check import verify_exr
 from .render_result import save_render
 
@@ -35,6 +38,20 @@ class RingJob(MeasurementJob):
         super().__init__(*arguments, **keywords)
         self._pending: list[Task] = []
         self._scene_written: int | None = None
+
+    def _config_findings(self) -> list[Finding]:
+        return [*super()._config_findings(), *merge(self._inside_by_frame())]
+
+    def _inside_by_frame(self) -> Iterator[Finding]:
+        """What is inside walls and other interiors in each frame; sidecars hold no findings."""
+        assert self._settings is not None
+        if not self._settings.interiors.delay:  # nothing has an interior
+            return
+        for frame in self._measurement.frames:
+            depsgraph = self._show(self.plan.instants(frame)[0])
+            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
+            for one in found_inside(depsgraph, antennas):
+                yield one.in_frame(frame)
 
     def _plan_renders(self) -> None:
         tasks = list(self.plan.tasks(self.own_frames))

@@ -44,6 +44,7 @@ from ..plan import (
 from ..scene import (
     Rig,
     disabled_drivers,
+    driven_by_whole_frames,
     find_rig,
     receiver_record,
     renders_whole_frames_only,
@@ -293,6 +294,7 @@ class MeasurementJob:
             self._speeds.by_object,
         )
         stuck = [one.name for one in self._scene.objects if renders_whole_frames_only(one)]
+        stuck += driven_by_whole_frames()
         if stuck and self._renders_between_frames():
             found.append(finding("rendered-at-whole-frames", *stuck))
         assert self._settings is not None

@@ -18,7 +18,6 @@ from ...findings import Finding, finding
 from ..materials import (
     EXACT_FACETS,
     Interiors,
-    antennas_in_media,
     assigned_materials,
     average_in_a_row,
     averaging_objects,
@@ -360,7 +359,6 @@ class MeasurementSettings:
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),
-            *antennas_in_media(depsgraph, antennas),
             *total_reflections(depsgraph, antennas, wavelength, extinction_length),
         ]
 

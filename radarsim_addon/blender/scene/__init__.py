@@ -12,7 +12,11 @@ from .closing_speeds import (
     keyed_step,
     nothing_moves,
 )
-from .driver_checks import disabled_drivers
+from .driver_checks import (
+    disabled_drivers,
+    driven_by_whole_frames,
+    may_move_at_whole_frames,
+)
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import echoing_boxes, scene_extent
 from .instance_poses import (
@@ -84,6 +88,7 @@ __all__ = [
     "disabled_drivers",
     "distance_from_box",
     "draw_patterns",
+    "driven_by_whole_frames",
     "echoes",
     "echoing_boxes",
     "evaluated_poses",
@@ -100,6 +105,7 @@ __all__ = [
     "keyed_move",
     "keyed_speeds",
     "keyed_step",
+    "may_move_at_whole_frames",
     "measure_pixel_spans",
     "no_echo_findings",
     "nothing_moves",

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drivers that Blender does not evaluate: the objects that they drive do not move."""
+"""Drivers that Blender does not evaluate, and what moves at whole frames only."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
 import bpy
 
 from ...findings import Finding, finding
+
+#: The whole number of the frame, as expressions and variables of drivers name it.
+_WHOLE_FRAME = re.compile(r"\bframe_current\b")
 
 
 def disabled_drivers() -> list[Finding]:
@@ -21,13 +25,60 @@ def disabled_drivers() -> list[Finding]:
     """
     names: dict[str, None] = {}
     count = 0
+    for item, curve in _drivers():
+        if not (curve.is_valid and curve.driver.is_valid):
+            names[item.name] = None
+            count += 1
+    return [finding("driver-disabled", *names, count=count)] if count else []
+
+
+def driven_by_whole_frames() -> list[str]:
+    """Return the data-blocks whose drivers read the whole number of the frame.
+
+    Returns
+    -------
+    list of str
+        Their names, each once.
+    """
+    reads = (
+        item.name
+        for item, curve in _drivers()
+        if any(map(_WHOLE_FRAME.search, _read_by(curve.driver)))
+    )
+    return list(dict.fromkeys(reads))
+
+
+def may_move_at_whole_frames() -> bool:
+    """Return whether scripts or drivers may move objects at whole frames only.
+
+    Returns
+    -------
+    bool
+        True for drivers that name `frame_current`, and for handlers of other add-ons and scripts
+        that Blender calls at each frame.
+    """
+    own = __name__.rpartition(".blender.")[0]
+    called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
+    others = any(not getattr(one, "__module__", "").startswith(own) for one in called)
+    return others or bool(driven_by_whole_frames())
+
+
+def _drivers() -> Iterator[tuple[Any, Any]]:
+    """All data-blocks with each of their drivers that is not muted."""
     for item in _data_blocks():
         animation = getattr(item, "animation_data", None)
         for curve in animation.drivers if animation is not None else ():
-            if not curve.mute and not (curve.is_valid and curve.driver.is_valid):
-                names[item.name] = None
-                count += 1
-    return [finding("driver-disabled", *names, count=count)] if count else []
+            if not curve.mute:
+                yield item, curve
+
+
+def _read_by(driver: Any) -> Iterator[str]:
+    """Expression of a driver, and the paths of properties that its variables read."""
+    if driver.type == "SCRIPTED":
+        yield driver.expression
+    for variable in driver.variables:
+        if variable.type in ("SINGLE_PROP", "CONTEXT_PROP"):
+            yield from (target.data_path for target in variable.targets)
 
 
 def _data_blocks() -> Iterator[Any]:

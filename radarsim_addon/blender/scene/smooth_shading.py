@@ -37,9 +37,16 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
         Up to date; walls are set for the run.
     """
     known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
-    for item, materials in assigned_materials(depsgraph):
-        is_wall = any(np.any(item.get(name, 0.0)) for name in known)
-        if not is_wall or item.library is not None or not any(map(is_entered, materials)):
+    assigned = assigned_materials(depsgraph)
+    walls = [
+        one.item
+        for one in assigned
+        if any(np.any(one.item.get(name, 0.0)) for name in known)
+        and any(map(is_entered, one.materials))
+    ]
+    others = {one.item.data for one in assigned if one.item not in set(walls)}
+    for item in walls:
+        if item.library is not None and item.data in others:  # whose normals stay
             continue
         with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
             bent = 0.0 if mesh is None else _bent(mesh)

@@ -28,7 +28,7 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
     view_layer : bpy.types.ViewLayer
     """
     rendered = set()
-    for layer in _rendered_collections(view_layer.layer_collection):
+    for layer in _rendered_collections(view_layer):
         recorder.set(layer, "hide_viewport", False)
         recorder.set(layer.collection, "hide_viewport", False)
         rendered.update(layer.collection.objects)
@@ -36,15 +36,20 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
         if item.hide_render:
             continue
         recorder.set(item, "hide_viewport", False)
-        if item.hide_get(view_layer=view_layer):
-            item.hide_set(False, view_layer=view_layer)
-            recorder.on_restore(
-                f"{item.name}: hidden",
-                lambda item=item: item.hide_set(True, view_layer=view_layer),
-            )
+        for layer in _view_layers(view_layer):
+            if item.hide_get(view_layer=layer):
+                item.hide_set(False, view_layer=layer)
+                recorder.on_restore(
+                    f"{item.name}: hidden",
+                    lambda item=item, layer=layer: item.hide_set(True, view_layer=layer),
+                )
 
     # Others are there by what instances them; what is in the view layer follows its own rules.
-    present = {layer.collection for layer in _present_collections(view_layer.layer_collection)}
+    present = {
+        layer.collection
+        for one in _view_layers(view_layer)
+        for layer in _present_collections(one.layer_collection)
+    }
     for collection in bpy.data.collections:
         if collection in present or collection.hide_render:
             continue
@@ -63,7 +68,7 @@ def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
         Restores the former visibility.
     view_layer : bpy.types.ViewLayer
     """
-    for layer in _rendered_collections(view_layer.layer_collection):
+    for layer in _rendered_collections(view_layer):
         for item in filter(is_hidden_at_times, layer.collection.objects):
             recorder.set(item, "hide_render", False)
     show_what_renders(recorder, view_layer)
@@ -134,20 +139,34 @@ def _present_collections(layer: Any) -> Iterator[Any]:
             yield from _present_collections(child)
 
 
-def _rendered_collections(layer: Any) -> Iterator[Any]:
-    """Yield this layer collection and those below it that are rendered."""
-    if layer.exclude or layer.collection.hide_render:
-        return
-    yield layer
-    for child in layer.children:
-        yield from _rendered_collections(child)
+def _view_layers(view_layer: Any) -> list[Any]:
+    """A view layer, and those of its scene's background set, of the set's own set, and so on."""
+    found, scene = {view_layer.id_data: view_layer}, view_layer.id_data.background_set
+    while scene is not None and scene not in found:
+        found[scene] = next((one for one in scene.view_layers if one.use), scene.view_layers[0])
+        scene = scene.background_set
+    return list(found.values())
+
+
+def _rendered_collections(view_layer: Any) -> Iterator[Any]:
+    """Yield the layer collections that are rendered with a view layer."""
+
+    def below(layer: Any) -> Iterator[Any]:
+        if layer.exclude or layer.collection.hide_render:
+            return
+        yield layer
+        for child in layer.children:
+            yield from below(child)
+
+    for one in _view_layers(view_layer):
+        yield from below(one.layer_collection)
 
 
 def rendered_objects(view_layer: Any) -> set[Any]:
     """Return the objects that are rendered themselves; not those that are only instanced."""
     return {
         item
-        for layer in _rendered_collections(view_layer.layer_collection)
+        for layer in _rendered_collections(view_layer)
         for item in layer.collection.objects
         if not item.hide_render
     }

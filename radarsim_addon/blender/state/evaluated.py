@@ -16,6 +16,9 @@ from ...array_types import Real
 #: Empty for the object itself.
 Key = tuple[Any, ...]
 
+#: Types of objects of which Blender makes meshes; it refuses hair curves and point clouds.
+_MESHED = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
 
 class EvaluatedObject(NamedTuple):
     """One object, or one instance of it, in Blender units.
@@ -113,6 +116,9 @@ def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
     bpy.types.Mesh or None
         None for an object without a surface.
     """
+    if evaluated.type not in _MESHED:
+        yield None
+        return
     if evaluated.type == "MESH" and evaluated.mode == "OBJECT" and not evaluated.modifiers:
         yield evaluated.data  # what Blender would copy
         return

@@ -24,7 +24,6 @@ from ..state import Snapshot, take_snapshot
 from .live_drawing import draw_live, forget_drawing, is_drawn_in_part
 from .live_scene import LiveReader, LiveScene
 from .live_worker import DraftProcess
-from .scene_reading import redraw_panels
 from .translations import tr
 
 LIVE_PROPERTY = "radarsim_live"
@@ -39,7 +38,8 @@ _SLICE_S = 0.008
 @dataclass
 class _Statistics:
     """Longest slice of the timer by the clock and by this thread's own time, times of drawings [s];
-    drafts that have come, and those of them that were the first after a change.
+    drafts that have come, those of them that were the first after a change, and the longest
+    processor time that the other process took for one of these [s].
     """
 
     longest_slice_s: float = 0.0
@@ -48,6 +48,7 @@ class _Statistics:
     slices: int = 0
     drafts: int = 0
     first_drafts: int = 0
+    longest_draft_s: float = 0.0
 
 
 class LivePreview:
@@ -92,7 +93,7 @@ class LivePreview:
             return _SETTINGS_S
         self._receive(context)
         if is_drawn_in_part():
-            redraw_panels(context)
+            _redraw(context)
         depsgraph = context.evaluated_depsgraph_get()
         snapshot = take_snapshot(depsgraph)
         if self._reading is not None and snapshot is not self._snapshot:
@@ -131,10 +132,9 @@ class LivePreview:
             if message.fields["number"] != self._number:
                 continue
             if message.fields["kind"] == DRAFT:
-                self.statistics.drafts += 1
-                self.statistics.first_drafts += message.fields["level"] == 0
+                self._count(message)
                 self.draft, self.fault = message, ""
-                redraw_panels(context)
+                _redraw(context)
             else:
                 self._show_fault(context, message.fields["text"])
             self._waiting = False
@@ -143,10 +143,17 @@ class LivePreview:
             self._waiting = True  # for ever
             self._show_fault(context, tr("The preview's process has ended: {words}", words=words))
 
+    def _count(self, draft: Message) -> None:
+        found = self.statistics
+        found.drafts += 1
+        if draft.fields["level"] == 0:
+            found.first_drafts += 1
+            found.longest_draft_s = max(found.longest_draft_s, draft.fields["time_s"])
+
     def _show_fault(self, context: Any, text: str) -> None:
         if text != self.fault:
             self.fault, self.draft = text, None
-            redraw_panels(context)
+            _redraw(context)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -199,6 +206,15 @@ class LivePreview:
     def close(self) -> None:
         """End the process."""
         self._process.close()
+
+
+def _redraw(context: Any) -> None:
+    """Draw the 3D views again, without their sidebars."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            for region in area.regions if area.type == "VIEW_3D" else ():
+                if region.type == "WINDOW":
+                    region.tag_redraw()
 
 
 _preview: LivePreview | None = None

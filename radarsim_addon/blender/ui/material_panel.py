@@ -11,7 +11,7 @@ import bpy
 from ...errors import RadarSimError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE
-from ..materials import is_entered, media_beyond_their_band
+from ..materials import is_entered, media_beyond_their_band, scattered_lobe_of
 from ..materials import physical_materials as pm
 from ..materials.material_limits import limits_of
 from ..nodes.physical_material import EXTINCTION, INDEX
@@ -69,6 +69,7 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
         column.prop(settings, "rms_height_mm")
         column.prop(settings, "correlation_length_mm")
         column.prop(settings, "rms_slope")
+        column.prop(settings, "lobe_exponent")
         if pm.is_physical(material):
             layout.prop(settings, "sheet_thickness_mm")
         self._draw_surface(context, layout, material)
@@ -102,9 +103,10 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
 
     def _draw_surface(self, context: Any, layout: Any, material: Any) -> None:
         surface = pm.surface_of(material)
-        if surface is None:
-            return
         try:
+            scattered_lobe_of(material)
+            if surface is None:
+                return
             layout.label(text=tr("Rms slope {slope:.4g}", slope=surface.slope))
             draw_findings(context, layout, limits_of(material, carrier_hz(context.scene)))
         except RadarSimError as error:

@@ -60,7 +60,8 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
         self.x, self.y = x, y = context.region.view2d.region_to_view(*mouse)
         if not (LEFT <= x * WIDTH < WIDTH - RIGHT and BOTTOM <= y * HEIGHT < HEIGHT - TOP):
             return {"PASS_THROUGH"}
-        return self.execute(context)
+        done = self.execute(context)
+        return done if done == {"FINISHED"} else {*done, "PASS_THROUGH"}  # for Blender's own tools
 
     def execute(self, context: Any) -> set[str]:
         view = shown_view()

@@ -4,7 +4,8 @@
 In: a window of the receiver's image. Out: rows of the path table.
 """
 
-from .path_classes import PowerBeyond, TracedReplicate, TraceLimits, look_beyond, trace_replicate
+from .path_classes import TracedReplicate, TraceLimits, trace_replicate
+from .power_beyond import PowerBeyond, look_beyond
 from .requests import PathClass, RenderRequest, View
 from .rows import pixel_numbers, ray_origins, rows_of_replicate
 from .view_scene import PathScene

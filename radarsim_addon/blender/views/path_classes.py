@@ -23,13 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
-from .requests import PathClass, Region, RenderRequest, View, bounding_region, variance_of_sum
+from .requests import PathClass, Region, RenderRequest, View, bounding_region
 
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.
 _GREY_TOLERANCE = 1e-5
-#: Orders above the limit whose power is measured, without following their paths.
-_PROBED_ORDERS = 4
 #: Transparent surfaces after which it is asked whether anything worth following is left.
 _TAIL_EVERY = 4
 #: Differences of renders below this fraction of the minuend are float32 rounding.
@@ -183,42 +181,7 @@ def trace_replicate(
     return found
 
 
-@dataclass(frozen=True)
-class PowerBeyond:
-    """Power of the orders above the limit: W per square Blender unit.
-
-    Attributes
-    ----------
-    power, variance
-        Their power, and the square of its standard error.
-    strongest_ray
-        Most power that one ray brought.
-    pixels_per_ray
-        Pixels of the frame that share a ray.
-    """
-
-    power: float = 0.0
-    variance: float = 0.0
-    strongest_ray: float = 0.0
-    pixels_per_ray: float = 1.0
-
-
-def look_beyond(
-    limits: TraceLimits, weight: Real, pixels_per_ray: float, coloured: bool
-) -> Generator[RenderRequest, View, PowerBeyond]:
-    """Measure the power of the next `_PROBED_ORDERS` orders, whose paths are not followed.
-
-    Yields its only render; `weight` as for `trace_replicate`, and `coloured` as that found the
-    scene.
-    """
-    path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
-    view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
-    power = _amplitude(view, limits.amplitude_channel if coloured else "B") * weight
-    strongest = float(power.max(initial=0.0))
-    return PowerBeyond(float(power.sum()), variance_of_sum(power), strongest, pixels_per_ray)
-
-
-def _amplitude(view: View, channel: str) -> Real:
+def amplitude_of(view: View, channel: str) -> Real:
     """The channel that is the amplitude: "R", "G", "B" or "mean"."""
     if channel == "mean":
         red, green, blue = view.channels()
@@ -240,7 +203,7 @@ class _Tracer:
 
     def amplitude(self, view: View) -> Real:
         """The channel that is the amplitude; blue, unless the scene is coloured."""
-        return _amplitude(view, self._limits.amplitude_channel if self._found.coloured else "B")
+        return amplitude_of(view, self._limits.amplitude_channel if self._found.coloured else "B")
 
     def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
         """What the path classes must add up to; also tells whether the scene is coloured."""

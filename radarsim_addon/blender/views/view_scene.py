@@ -101,8 +101,9 @@ class PathScene:
             self._keep_changing()
             self._add_camera()
             self._set_format()
-            add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
+            # first: the operator that adds a light group has Blender evaluate what was changed
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
+            add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
             for name in (
                 attributes.ATTR_ORDER_MIN,
                 attributes.ATTR_ORDER_MAX,

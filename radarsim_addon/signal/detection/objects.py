@@ -28,7 +28,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
 from ..paths import PathRows, Paths, Places, edge_variances, has_images, lone_variances, usable
 from ..runs import RadarFrame
-from ..scattering import Link, interference_factors
+from ..scattering import Link, interference_factors, reverse_factors
 
 #: Names in the message of a name that is unknown.
 _NAMES_SHOWN = 10
@@ -66,7 +66,10 @@ class ObjectEcho:
 
 
 def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
-    """Return each row's contribution to the cross section of its object, (n,) [m^2]."""
+    """Return each row's contribution to the cross section of its object, (n,) [m^2].
+
+    A path and its reverse add up coherently.
+    """
     receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
     emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
     there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
@@ -81,7 +84,7 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
     found = np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
     if has_images(rows):  # of the object alone, without mirrors
         found[rows["mirrors"] > 0] = 0.0
-    return found
+    return found * reverse_factors(rows, record, record.carrier_hz, math.inf)
 
 
 def path_power_w(
@@ -102,6 +105,7 @@ def path_power_w(
         power = power * link.mean_factor_of_rows(rows, number)
     if has_images(rows):
         power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
+    power = power * reverse_factors(rows, record, carrier_hz, range_resolution_m)
     return np.asarray(power, dtype=np.float64)
 
 

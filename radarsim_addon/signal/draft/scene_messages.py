@@ -110,7 +110,7 @@ def draft_message(draft: Draft, level: int, triangles: int, time_s: float) -> Me
     triangles
         Triangles of the scene.
     time_s
-        Time that the draft took [s].
+        Processor time that the draft took [s].
 
     Returns
     -------

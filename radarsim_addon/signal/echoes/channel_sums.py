@@ -12,7 +12,7 @@ from ...array_types import Complex, Mask, Real
 from ..motion import AntennaMotion, PathMotion
 from ..paths import Paths, channel_lengths
 from ..radar import Channel, Radar
-from ..scattering import Link
+from ..scattering import Link, reverse_amplitudes
 from ..spectrum import AmplitudeHistory, Spectrum, SpectrumAccumulator, SynthesisReport
 from .echoes import EchoOptions
 
@@ -51,7 +51,15 @@ class ChannelPaths:
 
     def amplitudes_of(self, paths: Paths, channel: Channel) -> AmplitudeHistory:
         """Return the amplitudes of paths in a channel."""
-        return self.options.history(paths, channel, self.radar, self.link)
+        found = self.options.history(paths, channel, self.radar, self.link)
+        antennas = self.antennas or (None if self.link is None else self.link.antennas)
+        if antennas is None or self.options.speckle_seed is None:
+            return found  # without speckle, rows add up coherently as they are
+        waveform = self.radar.waveform
+        factors = reverse_amplitudes(
+            paths, channel, antennas, waveform.carrier_hz, waveform.range_resolution_m
+        )
+        return found if factors is None else found.select(slice(None), factors)
 
 
 class ChannelSums:

@@ -42,7 +42,7 @@ from ..paths import (
 )
 from ..radar import FmcwWaveform, LineWaveform, Radar
 from ..runs import RadarFrame
-from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factors
+from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factors, reverse_factors
 from ..spectrum import check_finite, repeat_orders
 from .ray_gaps import RayGaps
 from .smearing import FINER, Smearing
@@ -287,7 +287,7 @@ class _TableSums:
             gain = self._link.mean_factor_of_rows(rows, number)
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
-        return gain
+        return gain * reverse_factors(rows, self._record, *self._band)
 
 
 class _Replicates:
@@ -298,8 +298,11 @@ class _Replicates:
 
     def add(self, values: Real) -> None:
         self._count += 1
+        if self._count == 1:
+            self.mean = values
+            return
         change = values - self.mean
-        self.mean += change / self._count
+        self.mean = self.mean + change / self._count
         self._squares += change * (values - self.mean)
 
     def error(self) -> Real:

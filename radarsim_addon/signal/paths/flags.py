@@ -36,6 +36,10 @@ class PathFlag:
     CROSSED_SHELL = 64
     """The echo moved into the neighbouring ring between the snapshots, and was found there."""
 
+    HAS_REVERSE = 128
+    """Its first and last scatterer scatter in many directions: the wave also takes the reverse way,
+    a path of its own. `power_w` is that of one of the two."""
+
 
 #: Value of each flag by its name in files.
 PATH_FLAGS = {name.lower(): flag for name, flag in vars(PathFlag).items() if name.isupper()}

@@ -312,6 +312,8 @@ def along_steps(steps: Real, row: Indices, place: Real) -> Real:
         each = [along_steps(steps[..., i], row, place) for i in range(steps.shape[3])]
         return np.stack(each).T
     total = np.zeros(row.size)
+    if not steps.any():
+        return total
     for axis, (mean, half, bent) in enumerate(_courses(steps)):
         here = place[:, axis]
         total += here * mean[row]

@@ -12,6 +12,7 @@ from .frame_speckle import FrameSpeckle, table_footprints
 from .interference import interference_factors
 from .rain_volume import rain_paths, rain_rows
 from .random_phases import path_phasors
+from .reverse_paths import reverse_amplitudes, reverse_factors
 from .speckle_report import SpeckleReport
 
 __all__ = [
@@ -28,5 +29,7 @@ __all__ = [
     "path_phasors",
     "rain_paths",
     "rain_rows",
+    "reverse_amplitudes",
+    "reverse_factors",
     "table_footprints",
 ]

@@ -12,6 +12,7 @@ pair.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from ..radar import window_at
 
 #: Points of a band in the overlap of two responses.
 _BAND_POINTS = 257
+#: Turns of the phase over the band from which on responses do not overlap (1 % without a taper),
+#: and steps of the table in a turn, which leave 3e-5.
+_MOST_TURNS, _STEPS = 32, 128
 
 
 def interference_factors(
@@ -72,19 +76,24 @@ def interference_factors(
             break
         other = first + apart
         both = np.cos(phase[first] - phase[other])
-        both *= _overlap(length_m[first] - length_m[other], range_resolution_m, range_taper)
+        both *= range_overlap(length_m[first] - length_m[other], range_resolution_m, range_taper)
         np.add.at(added, first, both * amplitude[other] / amplitude[first])
         np.add.at(added, other, both * amplitude[first] / amplitude[other])
     factors[shared] += added
     return factors
 
 
-def _overlap(apart_m: Real, range_resolution_m: float, taper: str) -> Real:
-    """Correlation of range responses whose total lengths differ, as a table of the difference."""
+def range_overlap(apart_m: Real, range_resolution_m: float, taper: str) -> Real:
+    """Correlation of range responses whose total lengths differ."""
+    # A difference d of the length turns the phase over the band by 2 pi B d / c.
+    turns = np.abs(apart_m / (2 * range_resolution_m))
+    return np.asarray(np.interp(turns, *_overlap_table(taper), right=0.0))
+
+
+@lru_cache(maxsize=16)
+def _overlap_table(taper: str) -> tuple[Real, Real]:
+    """Turns of the phase over the band, and the correlation there."""
     place = (np.arange(_BAND_POINTS) + 0.5) / _BAND_POINTS - 0.5
     weight = window_at(taper, place) ** 2
-    # A difference d of the length turns the phase over the band by 2 pi B d / c.
-    turns = apart_m / (2 * range_resolution_m)
-    grid = np.linspace(0.0, float(np.abs(turns).max(initial=0.0)), 1025)
-    table = np.cos(2 * np.pi * grid[:, None] * place) @ weight / weight.sum()
-    return np.asarray(np.interp(np.abs(turns), grid, table))
+    grid = np.arange(_MOST_TURNS * _STEPS + 1) / _STEPS
+    return grid, np.cos(2 * np.pi * grid[:, None] * place) @ weight / weight.sum()

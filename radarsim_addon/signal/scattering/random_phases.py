@@ -42,6 +42,8 @@ def path_phasors(paths: Paths, seed: int) -> Complex:
     ndarray
         Complex, (paths,).
     """
+    if paths.phasors is not None and not np.isnan(paths.phasors).any():
+        return paths.phasors
     state = np.full(len(paths), seed % 2**64, dtype=_U64)
     for part in (paths.ring, paths.row, paths.col):
         state = hash_step(state ^ part.astype(np.int64).view(_U64))

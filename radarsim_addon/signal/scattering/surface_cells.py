@@ -126,7 +126,7 @@ class SurfaceCells:
 
     def _by_pose(self, pose: Integers) -> Iterator[tuple[Integers | slice, Real, Real]]:
         """Rows, rotation and origin of each pose."""
-        found = np.unique(pose)
+        found = np.flatnonzero(np.bincount(pose))
         for number in found.tolist():
             mine = slice(None) if found.size == 1 else np.flatnonzero(pose == number)
             yield mine, *self._poses[number]

@@ -53,7 +53,7 @@ class AmplitudeHistory:
             lambda times_s, rows: np.repeat(amplitude[rows, None], np.size(times_s), axis=1),
         )
 
-    def select(self, rows: Rows, factor: Real | float = 1.0) -> AmplitudeHistory:
+    def select(self, rows: Rows, factor: Real | Complex | float = 1.0) -> AmplitudeHistory:
         """Return the history of some rows, times factors of these rows, (rows,) or one."""
         index = np.arange(self.constant.size)[rows]
         factors = np.broadcast_to(factor, index.shape)

@@ -63,8 +63,11 @@ def test_what_does_not_overlap() -> None:
     assert named() == []
 
 
-def test_a_ball_that_moves_into_a_wall(tmp_path: Path) -> None:
-    """It crosses the front wall of a room; in the room, and before it, nothing is said."""
+@pytest.mark.parametrize("rings", [False, True])
+def test_what_moves_into_a_wall(tmp_path: Path, rings: bool) -> None:
+    """A ball crosses the front wall of a room, then the radar does; in the room, and before it,
+    nothing is said.
+    """
     rs.new_scene()
     ph.field_of_view(2.0)
     item = room((10.0, 10.0, 10.0), 0.0, 0.4, 4.2)
@@ -72,13 +75,21 @@ def test_a_ball_that_moves_into_a_wall(tmp_path: Path) -> None:
     ball = bpy.context.object
     ball.name = "Ball"
     ball.data.materials.append(ph.rough_metal())
-    for frame, place in ((1, 14.0), (2, 15.2), (3, 17.0)):
+    rig = bpy.data.objects["Radar"]
+    for frame, place, ahead in ((1, 14.0, 0.0), (2, 15.2, 0.0), (3, 17.0, 15.2), (4, 17.0, 17.0)):
         ball.location.y = place
         ball.keyframe_insert("location", frame=frame)
-    run = ph.run_paths(tmp_path, width_px=4, height_px=4, frames=(1, 2, 3))
-    said = [one for one in run.job.frame_findings if one.code == "inside-a-wall"]
-    assert [one.subjects for one in said] == [(f"Ball in {item.name}",)]
-    assert said[0].frames == (2,)
+        rig.location.y = ahead
+        rig.keyframe_insert("location", frame=frame)
+    bpy.context.scene.frame_set(3)  # what the file shows is not what is measured
+    wanted = {"width_px": 4, "height_px": 4, "frames": (1, 2, 3, 4)}
+    run = rs.run(tmp_path, rings=1, **wanted) if rings else ph.run_paths(tmp_path, **wanted).job
+    said = run.run_findings if rings else run.findings
+    codes = ("inside-a-wall", "antenna-in-medium")
+    assert [(one.code, one.subjects, one.frames) for one in said if one.code in codes] == [
+        ("inside-a-wall", (f"Ball in {item.name}", f"the radar in {item.name}"), (2, 3)),
+        ("antenna-in-medium", (item.name,), (3,)),
+    ]
 
 
 @pytest.mark.parametrize("inside", [True, False])

@@ -359,3 +359,21 @@ def test_panel_tells_index_band_and_limits() -> None:
         assert "radarsim.make_physical" in drawn(plain)
     finally:
         properties.unregister()
+
+
+def test_panel_sets_the_scattered_lobe_and_says_where_it_cannot_be() -> None:
+    properties.register()
+    rs.setup_rig(bpy.context.scene)
+    try:
+        made = pm.make_physical_material("m", "metal", carrier_hz=5.3e9, rms_height_m=1e-3)
+        assert made.radarsim.lobe_exponent == 0 and "lobe_exponent" in drawn(made)
+        made.radarsim.lobe_exponent = 60
+        assert made["radarsim_lobe_exponent"] == 60 and "expected an RMS height" not in drawn(made)
+        made.radarsim.rms_height_mm = 0.0
+        assert "expected an RMS height above 0" in drawn(made)
+        made.radarsim.lobe_exponent = 0
+        assert "radarsim_lobe_exponent" not in made and "expected" not in drawn(made)
+        made["radarsim_lobe_exponent"] = "wide"
+        assert made.radarsim.lobe_exponent == 0 and "'wide'; expected a whole number" in drawn(made)
+    finally:
+        properties.unregister()

@@ -271,13 +271,13 @@ def test_cloth_that_is_not_baked_falls(tmp_path: Path, kind: str) -> None:
     assert [f.code for f in record.findings] == ["motion-between-frames"]
 
 
-@pytest.mark.parametrize("what", ["object", "mesh"])
+@pytest.mark.parametrize("what", ["object", "mesh", "object at 30 frames per second"])
 def test_an_alembic_file_is_a_cubic_through_whole_frames(tmp_path: Path, what: str) -> None:
     """Blender holds vertices of a file from frame to frame, so that nothing moves in a burst."""
     mh.scene_at(20.0, 2.0)
     item = mh.facets("Fallen", [(0, 20.0, 0)], 1.2)
     fallen = [GRAVITY * ((frame - 1) / FPS) ** 2 / 2 for frame in range(1, 41)]
-    if what == "object":
+    if what != "mesh":
         mh.key(item, "location", *((n, (0.0, -y, 0.0)) for n, y in enumerate(fallen, start=1)))
         mh.interpolation(item, "LINEAR")
     else:
@@ -297,8 +297,19 @@ def test_an_alembic_file_is_a_cubic_through_whole_frames(tmp_path: Path, what: s
     (read,) = (one for one in bpy.data.objects if one.type == "MESH")
     read.data.materials.clear()
     read.data.materials.append(ph.lambert(0.5))
+    if what not in ("object", "mesh"):  # frames of the file are between those of the scene
+        bpy.context.scene.render.fps = 30
     rows, _, record = measured(tmp_path / "run", 9)
     speed = rows["range_rate_mps"] / rows["direction"][:, 1]
+    if what not in ("object", "mesh"):
+        said = record.findings[-1]
+        assert said.code == "cache-between-frames"
+        # Blender has frame 1 of the file at 1 / 24 s
+        off_mps = np.abs(speed + GRAVITY * (9 / 30 - 1 / FPS)).max()
+        bound_mps = said.numbers["speed_mps"]
+        assert isinstance(bound_mps, float)
+        assert 0.01 < off_mps < bound_mps < 1.0
+        return
     assert np.abs(speed + GRAVITY * 8 / FPS).max() < 1e-4
     assert np.abs(rows["last_scatterer_m"][:, 1] - (20 - fallen[8])).max() < 1e-6
     assert [f.code for f in record.findings] == ["motion-between-frames"]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -93,3 +94,31 @@ def test_walls_get_sharp_edges_and_stay_round(empty_scene: Any) -> None:
     assert not box.modifiers and len(tank.modifiers) == 1
     assert list(bpy.data.node_groups) == before
     assert named() == (box.name, tank.name)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_linked_walls_get_sharp_edges_in_memory(
+    empty_scene: Any, tmp_path: Path, shared: bool
+) -> None:
+    """Unless another object, which is no wall, has the same mesh."""
+    bpy.ops.mesh.primitive_cube_add()
+    box = smooth(bpy.context.object)
+    box.name = "Box"
+    box[attributes.OBJECT_LAYER_NORMAL] = (0.0, 1.0, 0.0)
+    box.data.materials.append(physical_material(2.3, 0.01))
+    library = str(tmp_path / "walls.blend")
+    bpy.data.libraries.write(library, {box})
+    bpy.ops.wm.read_homefile(use_empty=True)
+    with bpy.data.libraries.load(library, link=True) as (_, target):
+        target.objects = ["Box"]
+    (linked,) = target.objects
+    bpy.context.scene.collection.objects.link(linked)
+    if shared:
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new("Plain", linked.data))
+    before = named()
+    recorder = SettingsRestorer()
+    sharpen_walls(recorder, bpy.context.evaluated_depsgraph_get())
+    assert named() == (before if shared else ())
+    assert recorder.restore() == []
+    assert named() == before and "Box" in before[0]
+    assert "sharp_edge" not in linked.data.attributes

@@ -143,3 +143,23 @@ def test_particles_that_the_viewport_leaves_out_move(
     np.testing.assert_allclose(rows["range_rate_mps"], 5.0, rtol=1e-3)
     for name, value in display.items():
         assert getattr(settings, name) == value
+
+
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_background_set_is_measured_as_the_scene_itself(tmp_path: Path, hidden: bool) -> None:
+    """The same table of paths, although the scene has only the radar: place, speed and power."""
+    tables = []
+    for own in (True, False):
+        scene = rs.new_scene()
+        plate = rs.add_plate(20, 2)
+        rs.move_steadily(plate, (0.0, 3.0, 0.0))
+        if not own:
+            behind = bpy.data.scenes.new("Set")
+            scene.collection.objects.unlink(plate)
+            behind.collection.objects.link(plate)
+            if hidden:
+                plate.hide_set(True, view_layer=behind.view_layers[0])
+            scene.background_set = behind
+        tables.append(ph.run_paths(tmp_path / str(own), width_px=8, height_px=8).table())
+    assert tables[0].size
+    np.testing.assert_array_equal(*tables)

@@ -21,9 +21,11 @@ pytestmark = pytest.mark.blender
 
 #: Properties that are not settings. use_nodes is always on from 5.0, where reading it warns;
 #: storage_type is how Blender packs an attribute in memory.
-SKIPPED = {"rna_type", "session_uid", "is_evaluated", "depsgraph", "storage_type"} | (
-    {"use_nodes"} if bpy.app.version >= (5, 0, 0) else set()
-)
+#: `uv_layer_clone` is one of `uv_layers`: in Blender 4.5, reading the selection of a layer moves
+#: all layers in memory, so that it is met once or twice.
+SKIPPED = {
+    *("rna_type", "session_uid", "is_evaluated", "depsgraph", "storage_type", "uv_layer_clone")
+} | ({"use_nodes"} if bpy.app.version >= (5, 0, 0) else set())
 #: Data of the user interface, and what no file holds.
 NOT_IN_SCENE = {"window_managers", "workspaces", "screens", "brushes"}
 

@@ -83,7 +83,7 @@ def script(robot: Robot) -> Any:
     result["start"] = times(found)
     result["triangles"] = preview.draft.fields["triangles"]
     yield 1.0
-    robot.shot("live_preview")
+    yield from robot.shot("live_preview")
     yield 1.5
     # The user moves the ball: an update may come only once it has been drawn.
     reset(found)
@@ -97,7 +97,7 @@ def script(robot: Robot) -> Any:
         "updates_per_s": found.first_drafts / (time.monotonic() - began),
         **times(found),
     }
-    robot.shot("live_moving")
+    yield from robot.shot("live_moving")
     yield 1.0
     # A mesh that changes is read again.
     reset(found)
@@ -117,7 +117,7 @@ def script(robot: Robot) -> Any:
     yield from robot.click_until("radarsim_live", lambda: not state.radarsim_live, "the end")
     result["left"] = [name for name in dir(live) if name == "_preview" and live._preview]
     yield 0.5
-    robot.shot("live_off")
+    yield from robot.shot("live_off")
     yield 1.0
 
 

@@ -62,6 +62,7 @@ class Robot:
         self._own_s: list[float] = []
         self._gaps: list[float] | None = None
         self._found: dict[str, int] = {}
+        self._refused = 0
 
     # -- running ---------------------------------------------------------------------------------
     def run(self, script: Callable[[Robot], Steps]) -> None:
@@ -84,8 +85,11 @@ class Robot:
             try:
                 bpy.ops.robot.step()
             except RuntimeError as error:  # a timer that raises is never called again
-                self.log(f"a step was refused: {error}")
+                if self._refused % 200 == 0:  # each line of a hang would hide what came before it
+                    self.log(f"a step was refused: {error}")
+                self._refused += 1
                 return BEAT_S
+            self._refused = 0
             return ROBOT_OT_step.wait_s
 
         bpy.utils.register_class(ROBOT_OT_step)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Paths and their reverses: over the same scatterers in the other order, they add up coherently.
+
+Of two or more reflections a wave takes both ways, and the table has both, found separately: the way
+A, B where the receiver sees A, the way B, A where it sees B. They have one phase of scattering, so
+where the lengths are equal (antennas in one place) the power is twice the sum of both powers. The
+amplitude of each path is multiplied by (1 + o exp(-j k d)) / sqrt(1 + o^2), with d the length of
+the reverse less that of the path, and o the overlap of their responses in range. Where antennas are
+apart, d changes over the surfaces by many wavelengths: the mean power is then the sum of both.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...array_types import Complex, Mask, Real
+from ...contract import PathsRecord
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ...vectors import distances
+from ..motion import AntennaMotion, PathImages, places_m
+from ..paths import PathFlag, PathRows, Paths, images_of
+from ..radar import Channel
+from .interference import range_overlap
+
+
+def reverse_factors(
+    rows: PathRows,
+    record: PathsRecord,
+    carrier_hz: float,
+    range_resolution_m: float,
+    range_taper: str = "none",
+) -> Real:
+    """Return the factors on the expected powers of paths that have a reverse.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+    record
+        Of their table.
+    carrier_hz
+        Carrier [Hz].
+    range_resolution_m
+        c / (2 bandwidth) [m].
+    range_taper
+        Taper over the band, by name.
+
+    Returns
+    -------
+    ndarray
+        (n,); 1 for a path without a reverse.
+    """
+    factors = np.ones(rows.size)
+    chosen = np.flatnonzero(rows["flags"] & PathFlag.HAS_REVERSE)
+    if record.receiver.kind == "orthographic" or not chosen.size:
+        return factors
+    mine = rows[chosen]
+    receiver_m, transmitter_m = (
+        np.asarray(one.matrix_world, dtype=np.float64)[:3, 3]
+        for one in (record.receiver, record.transmitter)
+    )
+    if _in_one_place(receiver_m, transmitter_m, carrier_hz):
+        factors[chosen] = 2.0
+        return factors
+    ends = mine["first_scatterer_m"], mine["last_scatterer_m"]
+    longer_m, known = _longer_m(*ends, receiver_m, transmitter_m, images_of(mine, record.images))
+    both = range_overlap(longer_m, range_resolution_m, range_taper)
+    both *= np.cos(2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
+    factors[chosen[known]] += both[known]
+    return factors
+
+
+def reverse_amplitudes(
+    paths: Paths,
+    channel: Channel,
+    antennas: AntennaMotion,
+    carrier_hz: float,
+    range_resolution_m: float,
+) -> Complex | None:
+    """Return the factors on the amplitudes of speckled paths in a channel.
+
+    Parameters
+    ----------
+    paths
+        n paths.
+    channel
+        Elements; places are those at the frame's time.
+    antennas
+        Motion of the antennas.
+    carrier_hz
+        Carrier [Hz].
+    range_resolution_m
+        c / (2 bandwidth) [m].
+
+    Returns
+    -------
+    ndarray or None
+        (n,); None where no path has a reverse.
+    """
+    chosen = np.flatnonzero(paths.flags & PathFlag.HAS_REVERSE)
+    geometry = paths.geometry
+    if antennas.orthographic or geometry is None or not chosen.size:
+        return None
+    now_s = np.zeros(1)
+    receiver_m = places_m(antennas.receiver, now_s, np.asarray(channel.rx.position_m))[0]
+    transmitter_m = places_m(antennas.transmitter, now_s, np.asarray(channel.tx.position_m))[0]
+    factors = np.ones(len(paths), dtype=np.complex128)
+    if _in_one_place(receiver_m, transmitter_m, carrier_hz):
+        factors[chosen] = math.sqrt(2.0)
+        return factors
+    images = None if geometry.images is None else geometry.images.select(chosen)
+    ends = geometry.first_scatterer_m[chosen], geometry.last_scatterer_m[chosen]
+    longer_m, known = _longer_m(*ends, receiver_m, transmitter_m, images)
+    overlap = np.maximum(range_overlap(longer_m, range_resolution_m, "none"), 0.0)
+    turned = np.exp(-2j * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
+    both = (1 + overlap * turned) / np.sqrt(1 + overlap**2)
+    factors[chosen[known]] = both[known]
+    return factors
+
+
+def _in_one_place(receiver_m: Real, transmitter_m: Real, carrier_hz: float) -> bool:
+    """Whether all paths are as long as their reverses, to 2e-3 wavelengths."""
+    apart_m = float(np.linalg.norm(receiver_m - transmitter_m))
+    return apart_m * carrier_hz <= 1e-3 * SPEED_OF_LIGHT_MPS
+
+
+def _longer_m(
+    first_m: Real, last_m: Real, receiver_m: Real, transmitter_m: Real, images: PathImages | None
+) -> tuple[Real, Mask]:
+    """Lengths of reverses less those of paths (n,) [m], 0 where unknown, and where known."""
+    receiver_here, receiver_there = receiver_m, receiver_m
+    transmitter_here, transmitter_there = transmitter_m, transmitter_m
+    if images is not None:  # the reverse goes over the other antenna's mirrors
+        receiver_here, receiver_there = (images.places(end, receiver_m) for end in (0, 1))
+        transmitter_here, transmitter_there = (images.places(end, transmitter_m) for end in (1, 0))
+    longer_m = distances(first_m, transmitter_there) - distances(first_m, receiver_here)
+    longer_m += distances(last_m, receiver_there) - distances(last_m, transmitter_here)
+    known = np.isfinite(longer_m)
+    return np.where(known, longer_m, 0.0), known
