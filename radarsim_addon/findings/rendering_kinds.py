@@ -214,8 +214,9 @@ SCENE = {
         "caution",
         "{fraction:percent} of the power that enters {subjects} from the antennas leaves by "
         "corners where walls meet (index {index:.3g}).",
-        "These walls absorb and delay at their faces. Such rays count half of each wall that they "
-        "enter and leave by, whatever their path within the corner.",
+        "radarsim applies half of a wall's absorption and delay at each of its faces. Such rays "
+        "get half of the wall that they enter and half of the wall that they leave, whatever the "
+        "length of their path within the corner.",
         "If such echoes matter, make each wall an object of its own, a plain box near the radar.",
     ),
     "walls-averaged-separately": Kind(
