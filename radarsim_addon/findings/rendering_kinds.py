@@ -23,11 +23,12 @@ SCENE = {
         "caution",
         "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
         "and soft bodies that are not baked, cache files without Vertex Interpolation, and drivers "
-        "that read frame_current.",
+        "and scripts that read frame_current.",
         "Range rates from two snapshots are too small for them or 0, and further renders of a "
         "burst show them where they were.",
         "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, use "
-        "the variable frame in drivers, or measure by paths with one render per burst.",
+        "the variable frame in drivers and scene.frame_current_final in scripts, or measure by "
+        "paths with one render per burst.",
     ),
     "camera-markers": Kind(
         "info",

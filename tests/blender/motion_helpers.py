@@ -7,8 +7,9 @@ formula, not Blender's float32 curves), and adds up echoes frequency by frequenc
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,17 @@ def facets(name: str, centres: list[tuple[float, float, float]], size: float) ->
     item = bpy.data.objects.new(name, mesh)
     bpy.context.scene.collection.objects.link(item)
     return item
+
+
+@contextlib.contextmanager
+def handler(called: Callable[..., None]) -> Iterator[None]:
+    """Have a function called before each frame."""
+    bpy.app.handlers.frame_change_pre.append(called)
+    try:
+        yield
+    finally:
+        kept = [one for one in bpy.app.handlers.frame_change_pre if one is not called]
+        bpy.app.handlers.frame_change_pre[:] = kept
 
 
 def scene_at(distance_m: float, width_m: float) -> None:

@@ -15,12 +15,13 @@ import bpy
 
 from ...atomic_files import AtomicFile
 from ...errors import RadarSimError, RenderError
-from ...findings import Finding, merge
+from ...findings import Finding, finding, merge
 from ...sidecar import write_record
 from ..materials import found_inside
-from ..plan import Task
+from ..plan import Task, instant_at
 from ..run import MeasurementJob, output_folder, run_files
 from ..scene import ground_truth as ground_truth
+from ..scene import moved_by_scripts
 from .exr_check import verify_exr
 from .render_result import save_render
 
@@ -40,7 +41,20 @@ class RingJob(MeasurementJob):
         self._scene_written: int | None = None
 
     def _config_findings(self) -> list[Finding]:
-        return [*super()._config_findings(), *merge(self._inside_by_frame())]
+        found = [*super()._config_findings(), *merge(self._inside_by_frame())]
+        held = self._held_by_scripts()
+        return [*found, finding("rendered-at-whole-frames", *held)] if held else found
+
+    def _held_by_scripts(self) -> list[str]:
+        """Objects that scripts hold between the snapshots of the first frame, and move after it."""
+        first, *later = self.plan.instants(self._measurement.frames[0])
+        if not later or not moved_by_scripts():
+            return []
+        moments = (first, *later, instant_at(first.frame + 1.0, self._fps()))
+        then, soon, next_frame = (
+            {one.name: one.matrix_world.copy() for one in self._show(at).objects} for at in moments
+        )
+        return [n for n, at in then.items() if at == soon.get(n) and at != next_frame.get(n, at)]
 
     def _inside_by_frame(self) -> Iterator[Finding]:
         """What is inside walls and other interiors in each frame; sidecars hold no findings."""

@@ -16,6 +16,7 @@ from .driver_checks import (
     disabled_drivers,
     driven_by_whole_frames,
     may_move_at_whole_frames,
+    moved_by_scripts,
 )
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import echoing_boxes, scene_extent
@@ -107,6 +108,7 @@ __all__ = [
     "keyed_step",
     "may_move_at_whole_frames",
     "measure_pixel_spans",
+    "moved_by_scripts",
     "no_echo_findings",
     "nothing_moves",
     "pose_in_metres",

@@ -57,10 +57,19 @@ def may_move_at_whole_frames() -> bool:
         True for drivers that name `frame_current`, and for handlers of other add-ons and scripts
         that Blender calls at each frame.
     """
+    return moved_by_scripts() or bool(driven_by_whole_frames())
+
+
+def moved_by_scripts() -> bool:
+    """Return whether other add-ons or scripts have handlers that Blender calls at each frame.
+
+    Returns
+    -------
+    bool
+    """
     own = __name__.rpartition(".blender.")[0]
     called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
-    others = any(not getattr(one, "__module__", "").startswith(own) for one in called)
-    return others or bool(driven_by_whole_frames())
+    return any(not getattr(one, "__module__", "").startswith(own) for one in called)
 
 
 def _drivers() -> Iterator[tuple[Any, Any]]:

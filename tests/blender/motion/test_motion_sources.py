@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,12 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.signal import open_run
+from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
 
@@ -37,9 +41,7 @@ def test_what_the_number_of_the_frame_moves(tmp_path: Path, how: str) -> None:
     def follow(scene: Any, depsgraph: Any = None) -> None:
         target.location.y = 20 + (scene.frame_current - 3) * 3 / 24
 
-    if how == "handler":
-        bpy.app.handlers.frame_change_pre.append(follow)
-    else:
+    if how != "handler":
         owner, path, index = target, "location", 1
         if how == "shape key":
             target.shape_key_add(name="Basis")
@@ -53,12 +55,8 @@ def test_what_the_number_of_the_frame_moves(tmp_path: Path, how: str) -> None:
         variable.targets[0].id_type, variable.targets[0].id = "SCENE", bpy.context.scene
         variable.name, variable.targets[0].data_path = "number", "frame_current"
         curve.expression = f"{20 if how == 'driver' else 0} + (number - 3) * 3 / 24"
-    try:
+    with mh.handler(follow) if how == "handler" else contextlib.nullcontext():
         rows, paths, run = mh.measured(tmp_path, CARRIER_HZ, BURST, frame=3)
-    finally:
-        bpy.app.handlers.frame_change_pre[:] = [
-            one for one in bpy.app.handlers.frame_change_pre if one is not follow
-        ]
     assert rows.size > 10
     error = mh.iq_error(rows, paths, CARRIER_HZ, BURST, recede)
     assert error < WITHIN, error
@@ -119,3 +117,23 @@ def move_by_nodes(item: Any, speed: float) -> None:
     tree.links.new(along.outputs[0], move.inputs["Offset"])
     tree.links.new(move.outputs[0], end.inputs[0])
     item.modifiers.new("Move", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("number", ["frame_current", "frame_current_final"])
+def test_rings_of_what_a_script_moves(tmp_path: Path, number: str) -> None:
+    """Two snapshots within a frame see no motion where the script knows whole frames only."""
+    mh.scene_at(20.0, 2.0)
+    target = mh.facets("Target", [(0, 0, 0), (0.3, 0.2, -0.4)], 0.4)
+    target.data.materials[0] = ph.rough_metal()
+
+    def follow(scene: Any, depsgraph: Any = None) -> None:
+        target.location.y = 20 + (getattr(scene, number) - 3) * 3 / 24
+
+    with mh.handler(follow):
+        job = rs.run(
+            tmp_path, frames=(3,), snapshots=2, snapshot_interval_s=0.01, ring_step_m=100.0, rings=1
+        )
+        rates = frame_paths(open_run(tmp_path).frame(3)).range_rate_mps
+    held = [one.subjects for one in job.findings if one.code == "rendered-at-whole-frames"]
+    assert held == ([("Target",)] if number == "frame_current" else [])
+    assert np.median(rates) == pytest.approx(0.0 if held else 3.0, abs=0.02)
