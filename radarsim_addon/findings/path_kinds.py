@@ -25,18 +25,18 @@ PATHS = {
     "clutter-of-several-materials": Kind(
         "caution",
         "{subjects} have several materials, one of them with a clutter model or a scattered lobe.",
-        "Bistatic echoes and second reflections of their clutter have the albedo towards the "
-        "receiver, not sigma0 of both angles. Backscatter of clutter models is right. Scattered "
-        "lobes are Lambert lobes.",
+        "With bistatic radars and in second reflections, sigma0 of their clutter depends only on "
+        "the angle towards the receiver, not on both angles. Backscatter of clutter models is "
+        "right. Scattered lobes are replaced by Lambert lobes.",
         "Give the surface with the clutter model or the lobe an object of its own.",
     ),
     "clutter-of-higher-orders": Kind(
         "caution",
-        "{fraction:percent} of the received power has more than two reflections, one at least at a "
-        "surface with a clutter model or a scattered lobe.",
-        "Such paths have the albedo towards the receiver, not sigma0 of both angles, and a Lambert "
-        "lobe in place of a scattered one.",
-        "Where they matter, compare with Max reflections of 2.",
+        "{fraction:percent} of the received power has more than two reflections, at least one of "
+        "them at a surface with a clutter model or a scattered lobe.",
+        "In these paths, sigma0 of a clutter model depends only on the angle towards the receiver, "
+        "not on both angles. A scattered lobe is replaced by a Lambert lobe.",
+        "If these paths matter, compare the result with Max reflections of 2.",
     ),
     "clutter-beyond-angles": Kind(
         "caution",
@@ -117,12 +117,12 @@ MIRRORS = {
         "{subjects} mirror waves, and radarsim followed single reflections only.",
         "Paths via these mirrors are missing: ghosts, and the fading of targets above smooth "
         "ground.",
-        "Set Max reflections to 3 if you want them: one for the target, one for a mirror on each "
-        "way.",
+        "Set Max reflections to 3 to include these paths: one reflection at the target, one at a "
+        "mirror on transmit, and one at a mirror on receive.",
     ),
     "mirror-both-ways-left-out": Kind(
         "caution",
-        "Max reflections is 2: paths that go via {subjects} on both ways have 3.",
+        "Max reflections is 2: paths that go via {subjects} on transmit and on receive have 3.",
         "Power and fading of targets near these mirrors are not those of all paths.",
         "Set Max reflections to 3.",
     ),
@@ -147,9 +147,8 @@ MIRRORS = {
         "{subjects} are mirrors with an RMS height and no slope: paths via these mirrors have the "
         "coherent part of the amplitude.",
         "The diffuse part of the reflected power is in the paths only if the material has a "
-        "scattered lobe. "
-        "A second mirror in a row on the way from the receiver has the reflectance of a smooth "
-        "one.",
+        "scattered lobe. On the way from the receiver, the second of two mirrors in a row has the "
+        "reflectance of a smooth mirror.",
         "If the diffuse part matters, give the material a scattered lobe: "
         "radarsim.set_scattered_lobe(material, exponent).",
     ),
@@ -157,10 +156,10 @@ MIRRORS = {
         "caution",
         "{subjects} are smooth and curved, and radarsim computes no reflection to the transmitter "
         "at {fraction:percent} of the area of their mirrors.",
-        "Paths that go from a scatterer via this area to the transmitter are missing. The material "
-        "is not a Radar Material with numbers as inputs, the mesh is too coarse for the "
-        "wavelength, or the radius of curvature is below 1.6 wavelengths.",
-        "Assign a Radar Material with numbers as inputs and subdivide the mesh. Or give these "
+        "Paths that go from a scatterer via this area to the transmitter are missing. Possible "
+        "reasons: the material is not a Radar Material, or nodes are linked to its inputs; the "
+        "mesh is too coarse for the wavelength; the radius of curvature is below 1.6 wavelengths.",
+        "Assign a Radar Material without linked inputs and subdivide the mesh. Or give these "
         "surfaces a roughness above 0, or set Shade Flat for meshes with flat faces.",
     ),
     "mirror-curved-off": Kind(

@@ -215,8 +215,9 @@ SCENE = {
         "caution",
         "{fraction:percent} of the power that enters {subjects} from the antennas leaves by "
         "corners where walls meet (index {index:.3g}).",
-        "These walls absorb and delay at their faces. Such rays count half of each wall that they "
-        "enter and leave by, whatever their path within the corner.",
+        "radarsim applies half of a wall's absorption and delay at each of its faces. Such rays "
+        "get half of the wall that they enter and half of the wall that they leave, whatever the "
+        "length of their path within the corner.",
         "If such echoes matter, make each wall an object of its own, a plain box near the radar.",
     ),
     "walls-averaged-separately": Kind(
@@ -310,24 +311,26 @@ SETTINGS = {
     ),
     "footprints-too-coarse": Kind(
         "caution",
-        "{subjects} are seen at grazing incidence: at {range_m:length}, one pixel spans "
-        "{step_m:length} of range, {range_cells:.3g} times the range resolution.",
-        "Between rays so far apart radarsim cannot follow the surface: powers from there are wrong "
-        "by 0.3 dB where a pixel spans 0.3 of its range, by several decibels above 1. With rings, "
-        "such pixels leave gaps in the range profile.",
+        "The radar sees {subjects} at grazing incidence: at a range of {range_m:length}, one pixel "
+        "covers a range interval of {step_m:length}, {range_cells:.3g} times the range resolution.",
+        "radarsim cannot follow the surface between rays that are so far apart. Powers from there "
+        "are wrong by 0.3 dB where the range interval of one pixel is 0.3 times the range, and by "
+        "several decibels where it is more than the range. With rings, such pixels leave gaps in "
+        "the range profile.",
         "Raise the resolution, narrow the field of view, or set a Range stop before this range.",
     ),
     "run-takes-long": Kind(
         "caution",
         "The run takes about {hours:.2g} hours on this computer.",
-        "The estimate comes from earlier runs; a run up to a standard error takes longer.",
-        "Use fewer frames, a lower resolution, fewer reflections or the quality Draft, set Range "
-        "limits, or use several workers (docs/workers.md).",
+        "The estimate uses the time per ray of earlier runs, or a typical value before the first "
+        "run. With a Max standard error, the run takes longer.",
+        "Use fewer frames, a lower resolution, fewer reflections or the quality Draft. Or set "
+        "Range limits, or use several workers (docs/workers.md).",
     ),
     "objects-below-a-pixel": Kind(
         "caution",
-        "{subjects} are smaller than a pixel of the rings: {size_px:.2g} of a pixel across.",
-        "A ray may miss such an object; then its echo is missing.",
+        "{subjects} are smaller than one pixel of the rings: their size is {size_px:.2g} pixels.",
+        "All rays may miss such an object. Then its echo is missing.",
         "Raise the resolution, narrow the field of view, or set Sampling mode to Paths, which "
         "measures small objects with pixels of their own.",
     ),

@@ -72,11 +72,11 @@ class CurvedPaths:
         self.focusing: set[int] = set()
 
     def over(self, rows: PathRows, normals: Real) -> tuple[PathRows, Real, float]:
-        """Return the paths over mirrors to the scatterers of direct paths, where they are
-        reflected, (n, 3) [m], and the power of those left out because open objects lie on the way
-        [W].
+        """Return the paths via curved mirrors to the scatterers of direct paths, the points of
+        reflection (n, 3) [m], and the power of paths that are left out because objects that let
+        waves through lie on the way [W].
 
-        `normals` (n, 3) are those at the scatterers, on the side that is seen; NaN: unknown.
+        `normals` (n, 3): unit normals at the scatterers, on the side that is seen; NaN: unknown.
         """
         places_m = rows["last_scatterer_m"]
         ways = self._ways(places_m)

@@ -159,9 +159,9 @@ class MaterialSettings(bpy.types.PropertyGroup):
     )  # fmt: skip
     lobe_exponent: bpy.props.IntProperty(
         name="Scattered Lobe",
-        description="Exponent of the lobe around the mirrored wave, in which the material scatters "
-        "what it does not mirror: a wall by effective roughness, or a mirror with an RMS height. "
-        "1 is wide, 1000 is narrow; 0: none",
+        description="Set the exponent of the lobe around the mirrored wave. The lobe contains the "
+        "power that the material does not mirror. For walls with effective roughness and mirrors "
+        "with an RMS height. 1 is wide, 1000 is narrow. 0 means no lobe",
         get=_get_lobe_exponent,
         set=_set_lobe_exponent,
         min=0,

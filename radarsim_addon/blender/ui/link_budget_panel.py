@@ -176,7 +176,7 @@ def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
     ]
     if noise_w > 0:
         snr = predicted_snr(power_w, radar, system, "hamming", "hamming")
-        found.insert(2, tr("Noise: {dbm:.2f} dBm a sample", dbm=_dbm(noise_w)))
+        found.insert(2, tr("Noise: {dbm:.2f} dBm per sample", dbm=_dbm(noise_w)))
         found.append("    " + tr("in the map: {snr:.1f} dB above noise", snr=snr.burst_db))
     return found
 

@@ -309,9 +309,9 @@ def register_live() -> None:
         get=_is_on,
         set=_switch,
         options={"SKIP_SAVE"},
-        description="Draw a draft of profile and map in the 3D view while you move things. It has "
-        "paths of one reflection only: no multipath, nothing behind or in walls, no mirrors, no "
-        "noise, velocities of keyframes alone",
+        description="Draw a draft of profile and map in the 3D view while you move things. The "
+        "draft has paths of one reflection only: no multipath, nothing inside or behind walls, no "
+        "mirrors, no random noise. Velocities come from keyframes only",
     )
     setattr(bpy.types.WindowManager, LIVE_PROPERTY, switch)
 

@@ -217,7 +217,7 @@ def _notes(
     texts = (
         (mirrors, tr("materials whose mirror-like part is left out: {count}", count=mirrors)),
         (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
-        (guessed, tr("materials guessed as diffuse: {count}", count=guessed)),
+        (guessed, tr("materials taken as diffuse: {count}", count=guessed)),
         (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),
         (left_out, tr("hair and point clouds, which are left out: {count}", count=left_out)),
         (apart, tr("shadows of the transmitter are left out")),

@@ -70,7 +70,7 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
         place = self.x * WIDTH - 0.5, (1 - self.y) * HEIGHT - 0.5
         row, away_px = nearest_target(self.kind, view, *place)
         if away_px > _REACH_PX:
-            self.report({"INFO"}, "No target of the list is there. Click nearer to a target.")
+            self.report({"INFO"}, "No target of the list is near the mouse. Click on a target.")
             return {"CANCELLED"}
         target = choose_row(context, row)
         assert target is not None

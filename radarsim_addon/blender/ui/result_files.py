@@ -81,7 +81,7 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
     movie: bpy.props.BoolProperty(
         name="MP4",
         default=False,
-        description="Write a movie by Blender's FFmpeg. Off: a GIF that repeats",
+        description="Write a movie with Blender's FFmpeg. Off: a GIF that repeats",
     )
     seconds: bpy.props.FloatProperty(
         name="Time per Frame [s]",

@@ -29,7 +29,7 @@ def effort(context: Any, measurement: Measurement) -> tuple[str, float]:
             if not rings and record is not None:
                 rings = automatic_rings(measurement.ring_step_m, record.extent)
             if not rings:
-                return tr("{count} renders a ring", count=measurement.renders(1)), 0.0
+                return tr("{count} renders per ring", count=measurement.renders(1)), 0.0
             count = measurement.renders(rings)
             return tr("{count} renders, {rings} rings", count=count, rings=rings), 0.0
         options = read_path_options(active_radar(context.scene))

@@ -129,7 +129,7 @@ class BudgetReport:
         if self.noise_w is not None:
             found.append(
                 f"received {_text(_dbm(self.received_w))} dBm in all, noise "
-                f"{_text(_dbm(self.noise_w))} dBm a sample"
+                f"{_text(_dbm(self.noise_w))} dBm per sample"
             )
         if self.clutter is not None:
             found.append(self.clutter.line())

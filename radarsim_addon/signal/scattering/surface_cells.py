@@ -24,10 +24,10 @@ _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
 
 @dataclass(frozen=True)
 class Body:
-    """What cells are fixed to: a name that nothing else has, and its pose (4, 4) [m].
+    """A body to which cells are fixed: its unique name, and its pose (4, 4) [m].
 
-    `box` holds the corners of its mesh in its own axes (2, 3) [m at scale 1]; None: scatterers may
-    lie anywhere in their cells. `turns`: its parts have velocities of their own.
+    `box`: lowest and highest corner of its mesh in its own axes (2, 3) [m at scale 1]; None:
+    scatterers may lie anywhere in their cells. `turns`: its parts have different velocities.
     """
 
     name: str
