@@ -9,6 +9,7 @@ unknown.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -57,11 +58,13 @@ class ClutterWeights:
         self._surfaces: list[ClutterLobe | DirectiveLobe] = []
         known: dict[str, int] = {}
         self._several: set[str] = set()
+        models, lobes = cache(clutter_of), cache(scattered_lobe_of)  # a material is asked once
+        rows_of = cache(lambda material: group_input(material, CLUTTER_ROW))
         of_shape = np.zeros(len(bodies.snapshot.shapes), dtype=np.intp)
         for number, shape in enumerate(bodies.snapshot.shapes):
             for material in {one for one in shape.materials if one is not None}:
-                clutter, lobe = clutter_of(material), scattered_lobe_of(material)
-                if group_input(material, CLUTTER_ROW) is None:
+                clutter, lobe = models(material), lobes(material)
+                if rows_of(material) is None:
                     clutter = None
                 if clutter is None and lobe is None:
                     continue
