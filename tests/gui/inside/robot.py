@@ -10,6 +10,7 @@ timer, independent of the script, measures how long the window does not respond.
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import time
@@ -32,22 +33,42 @@ SCAN_PX = 16
 class ROBOT_OT_step(bpy.types.Operator):
     """Go on with the script"""
 
-    # Not in the timer itself: Blender notes that a panel is being drawn, so that data must not be
-    # changed, once for all threads. A render that begins meanwhile leaves the note there, and
-    # timers could change nothing any more; operators may whatever it says.
+    # Modal, and not Blender's timers: Blender notes that a panel is being drawn, so that data must
+    # not be changed, once for all threads. A render that begins meanwhile leaves the note there:
+    # then timers can change nothing any more. Modal operators still can.
 
     bl_idname = "robot.step"
     bl_label = "Step"
     bl_options: ClassVar[set[str]] = {"INTERNAL"}
 
     advance: ClassVar[Callable[[], float | None] | None] = None
-    wait_s: ClassVar[float | None] = None
+    due_s: ClassVar[float] = 0.0
+    last_s: ClassVar[float] = 0.0
+    running: ClassVar[int] = 0
+    _number = 0
+    _timer: Any = None
 
-    def execute(self, context: Any) -> set[str]:
+    def invoke(self, context: Any, event: Any) -> set[str]:
         kind = type(self)
-        assert kind.advance is not None
-        kind.wait_s = kind.advance()
-        return {"FINISHED"}
+        kind.running += 1
+        self._number, kind.last_s = kind.running, time.monotonic()
+        self._timer = context.window_manager.event_timer_add(BEAT_S, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: Any, event: Any) -> set[str]:
+        kind = type(self)
+        if self._number != kind.running:  # another one has taken its place
+            context.window_manager.event_timer_remove(self._timer)
+            return {"CANCELLED", "PASS_THROUGH"}
+        kind.last_s = time.monotonic()
+        if event.type == "TIMER" and kind.last_s >= kind.due_s:
+            kind.due_s = math.inf  # no step within a step
+            assert kind.advance is not None
+            wait_s = kind.advance()
+            kind.last_s = time.monotonic()
+            kind.due_s = math.inf if wait_s is None else kind.last_s + wait_s
+        return {"PASS_THROUGH"}
 
 
 class Robot:
@@ -62,7 +83,6 @@ class Robot:
         self._own_s: list[float] = []
         self._gaps: list[float] | None = None
         self._found: dict[str, int] = {}
-        self._refused = 0
 
     # -- running ---------------------------------------------------------------------------------
     def run(self, script: Callable[[Robot], Steps]) -> None:
@@ -80,18 +100,17 @@ class Robot:
                 self._quit()
             return None
 
-        def tick() -> float | None:
-            ROBOT_OT_step.advance = advance
-            try:
-                bpy.ops.robot.step()
-            except RuntimeError as error:  # a timer that raises is never called again
-                if self._refused % 200 == 0:  # each line of a hang would hide what came before it
-                    self.log(f"a step was refused: {error}")
-                self._refused += 1
-                return BEAT_S
-            self._refused = 0
-            return ROBOT_OT_step.wait_s
+        def tick() -> float:
+            """Start it, again after a file was loaded or while a popup takes all events."""
+            if time.monotonic() - ROBOT_OT_step.last_s > 2:
+                try:
+                    with bpy.context.temp_override(window=self.window):
+                        bpy.ops.robot.step("INVOKE_DEFAULT")
+                except RuntimeError as error:  # a timer that raises is never called again
+                    self.log(f"the script waits: {error}")
+            return 0.5
 
+        ROBOT_OT_step.advance = advance
         bpy.utils.register_class(ROBOT_OT_step)
         bpy.app.timers.register(tick, first_interval=1.5, persistent=True)
         bpy.app.timers.register(self._beat, first_interval=1.5, persistent=True)
@@ -148,7 +167,8 @@ class Robot:
 
     def modal_operators(self) -> list[str]:
         """Names of the operators that are running in the window."""
-        return [operator.bl_idname for operator in self.window.modal_operators]
+        running = (operator.bl_idname for operator in self.window.modal_operators)
+        return [name for name in running if name != ROBOT_OT_step.__name__]
 
     # -- the sidebar -----------------------------------------------------------------------------
     @property
