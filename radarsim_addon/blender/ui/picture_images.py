@@ -19,6 +19,7 @@ from ...array_types import Single
 from ...errors import OutputError
 from .result_pictures import KINDS
 from .smooth_lines import resized
+from .timer_writes import may_write
 
 COVERAGE_IMAGE = "Radar coverage"
 #: Names of the images of all kinds of pictures.
@@ -106,6 +107,7 @@ def show_images(context: Any, images: list[Any]) -> None:
     if not bpy.app.background:
         left = [_MAX_FITS]
 
+        @may_write
         def fit() -> float | None:
             left[0] -= 1
             return None if _fit_images() or not left[0] else _FIT_INTERVAL_S
@@ -184,6 +186,7 @@ def _wanted_px() -> dict[str, int]:
     return {name: px for name, px in limited.items() if px != bpy.data.images[name].size[0]}
 
 
+@may_write
 def _sharpen() -> None:
     """Give images the size at which they are shown; what an editor shows stays in its place."""
     for name, width in _wanted_px().items():

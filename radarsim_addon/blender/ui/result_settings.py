@@ -21,6 +21,7 @@ from .shown_results import (
     shown_run,
     shown_view,
 )
+from .timer_writes import may_write, register_timer_writes, unregister_timer_writes
 
 #: Time after the last change at which a run is processed again [s].
 _CALM_S = 0.4
@@ -35,6 +36,7 @@ def _process_again(_: Any = None, __: Any = None) -> None:
     bpy.app.timers.register(_process_now, first_interval=_CALM_S)
 
 
+@may_write
 def _process_now() -> float | None:
     manager = bpy.context.window_manager
     if getattr(manager, PROGRESS_PROPERTY).running:
@@ -229,6 +231,7 @@ def chosen_processing(context: Any) -> list[str]:
 
 def register_results() -> None:
     """Register the state of the results; a second call changes nothing."""
+    register_timer_writes()
     if not TargetRow.is_registered:
         bpy.utils.register_class(TargetRow)
         bpy.utils.register_class(RadarResults)
@@ -246,3 +249,4 @@ def unregister_results() -> None:
         delattr(bpy.types.WindowManager, RESULTS_PROPERTY)
         bpy.utils.unregister_class(RadarResults)
         bpy.utils.unregister_class(TargetRow)
+    unregister_timer_writes()

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Timers that may change data: what they return, and what they raise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+bpy = pytest.importorskip("bpy")
+
+from radarsim_addon.blender.ui import timer_writes
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture(autouse=True)
+def registered() -> Iterator[None]:
+    before = hasattr(bpy.types.WindowManager, "radarsim_timer")
+    timer_writes.register_timer_writes()
+    yield
+    if not before:
+        timer_writes.unregister_timer_writes()
+
+
+@pytest.mark.parametrize("pause_s", [None, 0.25])
+def test_a_timer_runs_in_the_update_of_a_property(pause_s: float | None) -> None:
+    seen = []
+
+    @timer_writes.may_write
+    def timer() -> float | None:
+        seen.append(bpy.context.window_manager.radarsim_timer)
+        return pause_s
+
+    assert timer() == timer() == pause_s
+    assert seen == [not seen[1], seen[1]]  # the property was set before
+    assert not timer_writes._calls
+
+
+def test_its_error_is_raised() -> None:
+    @timer_writes.may_write
+    def timer() -> float | None:
+        raise RuntimeError("no file")
+
+    with pytest.raises(RuntimeError, match="no file"):
+        timer()
