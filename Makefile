@@ -24,7 +24,7 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test validate lint bench slips fuzz chaos gui-test extension extension-wheels docs \
+.PHONY: help install demo test validate lint bench slips fuzz chaos gui-chroot gui-test extension extension-wheels docs \
 	test-all-blenders validate-all-blenders clean
 
 help:
@@ -82,6 +82,9 @@ docs: $(STAMP)
 
 extension: $(STAMP)
 	@$(PY) scripts/build_extension.py
+
+gui-chroot:
+	@scripts/gui_chroot.sh
 
 gui-test: $(STAMP)
 	$(PY) -m pytest tests/gui $(PYTEST_ARGS)

@@ -155,11 +155,8 @@ class AntennaRecord:
     parameters: dict[str, Any] = field(default_factory=dict)
 
 
-_LOSS: dict[str, Any] = {"default": 0.0, "unit": "dB", "minimum": 0.0, "digits": 2}
-
-
-def _loss(label: str, where: str) -> Any:
-    return setting(label, f"Set the loss {where}", **_LOSS)
+def _loss(label: str, what: str, **more: Any) -> Any:
+    return setting(label, f"Set the {what}", 0.0, unit="dB", minimum=0.0, digits=2, **more)
 
 
 @documented
@@ -176,13 +173,11 @@ class LinkBudget:
     )  # fmt: skip
     transmitter: AntennaRecord = field(default_factory=AntennaRecord)
     receiver: AntennaRecord = field(default_factory=AntennaRecord)
-    transmit_loss_db: float = _loss("Transmit loss", "between transmitter and antenna")
-    receive_loss_db: float = _loss("Receive loss", "between antenna and receiver")
-    other_loss_db: float = setting(
-        "Other losses", "Set the losses that remain: atmosphere, processing", **_LOSS
-    )
-    noise_figure_db: float = setting(
-        "Noise figure", "Set the noise figure of the receiver, at 290 K", initial=3.0, **_LOSS
+    transmit_loss_db: float = _loss("Transmit loss", "loss between transmitter and antenna")
+    receive_loss_db: float = _loss("Receive loss", "loss between antenna and receiver")
+    other_loss_db: float = _loss("Other losses", "losses that remain: atmosphere, processing")
+    noise_figure_db: float = _loss(
+        "Noise figure", "noise figure of the receiver, at 290 K", initial=3.0
     )
     antenna_temperature_k: float = setting(
         "Antenna temperature", "Set the noise temperature of the antenna", 290.0, unit="K",

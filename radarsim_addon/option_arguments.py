@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 from .options import Declared, declared
 
@@ -15,9 +16,43 @@ _TEXTS: dict[Any, str] = {True: "on", False: "off", None: "none", MISSING: ""}
 _MAX_WORKERS = 1024
 
 
+class CommandParser(argparse.ArgumentParser):
+    """A parser whose errors are a sentence with a hint, without the list of all options."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message, with the nearest option if one is unknown; exit with 2."""
+        kind, _, words = message.partition("unrecognized arguments: ")
+        near = [] if kind or not words else self._near(words.split()[0].partition("=")[0])
+        hint = f". Did you mean {' or '.join(near)}?" if near else "."
+        text = f"{self.prog}: error: {message.rstrip('.')}{hint} {self.prog} --help lists all.\n"
+        self.exit(2, text)
+
+    def _near(self, word: str) -> list[str]:
+        """Options of this parser and of its commands that resemble a word."""
+        commands = [
+            command
+            for action in self._actions
+            if isinstance(action, argparse._SubParsersAction)
+            for command in action.choices.values()
+        ]
+        flags = {
+            flag: None
+            for parser in (self, *commands)
+            for action in parser._actions
+            if action.help != argparse.SUPPRESS
+            for flag in action.option_strings
+        }
+        return difflib.get_close_matches(word, flags, n=2, cutoff=0.7)
+
+
 def finite_number(text: str) -> float:
     """Return a number that is neither NaN nor infinite."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no number. Give the number alone, without its unit"
+        ) from None
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text} is not a finite number")
     return value

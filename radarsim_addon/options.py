@@ -14,6 +14,7 @@ metres, seconds, kelvins, watts and pixels out (``--ring-step`` sets ``ring_step
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import math
 import types
@@ -205,7 +206,7 @@ class Declared:
             stem = stem.removesuffix(ending)
         return self.of.flag or f"--{stem.replace('_', '-')}"
 
-    @property
+    @functools.cached_property
     def number(self) -> Any:
         """int or float, also for a pair of them; None for what is no number."""
         kind = self.kind
@@ -264,7 +265,7 @@ class Declared:
         """Raise a ConfigError unless `value` (SI) has the type and is within the bounds."""
         if value is None and self.optional:
             return
-        if self._fits(value):
+        if self.fits(value):
             return
         unit = f" {self.of.unit}" if self.of.unit and isinstance(value, int | float) else ""
         hint = f" {self.of.hint}" if self.of.hint else ""
@@ -273,7 +274,8 @@ class Declared:
             f"{self.of.label} is {value!r:.60}{unit}; expected {self.expected}{none}.{hint}"
         )
 
-    def _fits(self, value: Any) -> bool:
+    def fits(self, value: Any) -> bool:
+        """Whether a value (SI) has the type and is within the bounds."""
         of = self.of
         if of.choices:
             listed = of.lists and isinstance(value, list | tuple)

@@ -29,8 +29,8 @@ _KEPT_BYTES, _OWN_PAGES_BYTES = 1 << 28, 1 << 25
 def keep_freed_memory() -> None:
     """Let the C library keep what arrays of up to 32 MiB free, up to 256 MiB, for the next ones.
 
-    Else such arrays have pages of their own, which the system clears for each anew: a fifth of the
-    processor time of a frame. Other C libraries than glibc are left as they are.
+    Otherwise each such array has pages of its own, which the system clears every time: a fifth of
+    the processor time of a frame. Other C libraries than glibc are left as they are.
     """
     with contextlib.suppress(OSError, AttributeError, TypeError):
         mallopt = ctypes.CDLL(None).mallopt

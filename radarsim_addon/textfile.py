@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 class TextTooLongError(ValueError):
-    """A file goes on beyond what is read of it."""
+    """A file is longer than the part that is read."""
 
 
 def read_text(path: Path, most_bytes: int) -> str:

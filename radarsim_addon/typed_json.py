@@ -77,14 +77,16 @@ class _Reader:
         """An instance of a dataclass."""
         if not isinstance(data, dict):
             raise self.error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
-        fields = {item.name: item for item in dataclasses.fields(kind)}
-        settings, hints = declared(kind), _hints(kind)
+        fields, known = _fields(kind), _known(kind, self.limits)
         values: dict[str, Any] = {}
         for key, value in data.items():
             name = todays_name(key, fields)
             if name in fields:
-                setting = settings.get(name) or _limited(self.limits, name, hints[name])
-                values[name] = self._value(hints[name], value, f"{where}: {key}", setting)
+                hint, plain, setting = known[name]
+                if type(value) is plain and _fits(value, setting):
+                    values[name] = value
+                else:
+                    values[name] = self._value(hint, value, f"{where}: {key}", setting)
             elif self.strict:
                 near = difflib.get_close_matches(key[:60], fields, 1)
                 guess = f" Do you mean {near[0]!r}?" if near else ""
@@ -124,6 +126,9 @@ class _Reader:
         if origin is list:
             if not isinstance(value, list):
                 self._refuse(value, where, "a list")
+            plain = inner[0]
+            if plain is float and all(type(x) is plain and _fits(x, setting) for x in value):
+                return value
             items = [
                 self._value(inner[0], v, f"{where}[{i}]", setting) for i, v in enumerate(value)
             ]
@@ -153,9 +158,35 @@ class _Reader:
 
 
 @functools.cache
-def _hints(kind: Any) -> dict[str, Any]:
-    """Annotations of a dataclass by field."""
-    return typing.get_type_hints(kind)
+def _fields(kind: Any) -> dict[str, dataclasses.Field[Any]]:
+    """Fields of a dataclass by name."""
+    return {item.name: item for item in dataclasses.fields(kind)}
+
+
+@functools.cache
+def _known(
+    kind: Any, limits: Callable[[str], Setting] | None
+) -> dict[str, tuple[Any, Any, Declared | None]]:
+    """By field of a dataclass: annotation, the type of plain values, None for others, and bounds.
+
+    Few values of a file are anything else.
+    """
+    settings = declared(kind)
+    return {
+        name: (
+            hint,
+            plain if (plain := _parts(hint)[0]) in _EXPECTED else None,
+            settings.get(name) or _limited(limits, name, hint),
+        )
+        for name, hint in typing.get_type_hints(kind).items()
+    }
+
+
+def _fits(value: Any, setting: Declared | None) -> bool:
+    """Whether a plain value of the right type is within its bounds."""
+    if setting is not None:
+        return setting.fits(value)
+    return type(value) is not float or math.isfinite(value)
 
 
 @functools.cache

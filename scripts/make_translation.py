@@ -41,11 +41,18 @@ def drawn_arguments(tree: ast.AST) -> list[tuple[str, ast.expr]]:
 
 
 def source_texts() -> set[str]:
-    """Return the constant texts that the modules of the window draw."""
+    """Return the constant texts that the modules of the window draw, and labels in their sources:
+    Blender replaces the label of a preset menu by the name of the chosen preset.
+    """
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in UI.glob("*.py")]
+    items = [item for tree in trees for _, item in drawn_arguments(tree)]
+    for tree in trees:
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "bl_label":
+                items.append(node.value)
     return {
         item.value
-        for path in UI.glob("*.py")
-        for _, item in drawn_arguments(ast.parse(path.read_text(encoding="utf-8")))
+        for item in items
         if isinstance(item, ast.Constant) and isinstance(item.value, str) and item.value
     }
 
@@ -59,11 +66,14 @@ def declared_texts() -> set[str]:
     from radarsim_addon.findings.catalogue import CATALOGUE
 
     found: set[str] = {title_of(code) for code in CATALOGUE}
+    bases = (bpy.types.Operator, bpy.types.PropertyGroup)
+    of_blender = {item.identifier for base in bases for item in base.bl_rna.properties}
 
     def add(kind: Any) -> None:
-        found.update((kind.bl_rna.name, kind.bl_rna.description))
+        if kind in addon.CLASSES and issubclass(kind, bpy.types.Operator):
+            found.update((kind.bl_label, kind.bl_rna.description))
         for item in kind.bl_rna.properties:
-            if not item.is_runtime and kind not in addon.CLASSES:
+            if item.identifier in of_blender:
                 continue
             # the tab draws units behind the fields
             found.update((item.name, item.name.partition(" [")[0], item.description))
@@ -71,7 +81,6 @@ def declared_texts() -> set[str]:
                 found.update((one.name, one.description))
 
     for kind in addon.CLASSES:
-        found.add(getattr(kind, "bl_label", ""))
         if issubclass(kind, bpy.types.Operator):
             add(kind)
     for kind in bpy.types.PropertyGroup.__subclasses__():

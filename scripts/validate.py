@@ -174,12 +174,13 @@ def _work(keys: list[str], quick: bool, result: Path) -> None:
     """The other process: run the cases, write what they found."""
     import bpy
 
+    from scripts.validation.kept_groups import kept_groups
     from scripts.validation.registry import groups
 
     outcomes: list[Outcome] = []
     curves: dict[str, Any] = {}
     sections: dict[str, list[str]] = {}
-    with tempfile.TemporaryDirectory(prefix="radarsim_cases_") as name:
+    with tempfile.TemporaryDirectory(prefix="radarsim_cases_") as name, kept_groups(Path(name)):
         for group in groups(keys, quick):
             bench = Bench(Path(name) / group.key, quick)
             bench.folder.mkdir()

@@ -10,7 +10,8 @@ from __future__ import annotations
 from .kinds import Kind
 from .path_kinds import MIRRORS, MOTION, NO_ECHO, PATHS
 from .processing_kinds import COVERAGE, PROCESSING, ROUGHNESS
-from .rendering_kinds import RUNS, SCENE, SETTINGS
+from .scene_kinds import SCENE
+from .settings_kinds import RUNS, SETTINGS
 
 #: Codes by topic, in the order of the reference page.
 TOPICS: dict[str, dict[str, Kind]] = {

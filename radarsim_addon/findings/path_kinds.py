@@ -15,6 +15,14 @@ PATHS = {
         "be at most as strong as the strongest one found.",
         "Raise Max reflections.",
     ),
+    "reverse-outside-view": Kind(
+        "caution",
+        "{fraction:percent} of the received power comes from paths via two scatterers of which the "
+        "second is outside the field of view.",
+        "The wave also takes the reverse path, which begins at the second scatterer. The table does "
+        "not contain it, so the power of such a pair is up to 3 dB too low.",
+        "Widen the field of view, or use a panoramic camera.",
+    ),
     "transparency-truncated": Kind(
         "caution",
         "{fraction:percent} of the received power lies behind more transparent surfaces than "
@@ -168,13 +176,13 @@ MIRRORS = {
         "Paths that go from a scatterer via these mirrors to the transmitter are missing.",
         "Set Mirror images above 0.",
     ),
-    "mirror-curved-two-places": Kind(
+    "mirror-curved-orthographic": Kind(
         "caution",
-        "The antennas are separate, or the camera is orthographic: radarsim computes no reflection "
-        "to the transmitter at the curved mirrors {subjects}.",
+        "The camera is orthographic: radarsim computes no reflection to the transmitter at the "
+        "curved mirrors {subjects}.",
         "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
         "whose ray from the receiver meets the mirror first are included.",
-        "Put both antennas in one place, and use a perspective or panoramic camera.",
+        "Use a perspective or panoramic camera.",
     ),
     "mirror-curved-target": Kind(
         "caution",
@@ -182,6 +190,17 @@ MIRRORS = {
         "Paths that go from these objects via the curved mirror to the transmitter are missing. "
         "Paths whose ray from the receiver meets the mirror first are included.",
         "Give these objects a diffuse surface (Specularity 0), if paths via the mirror matter.",
+    ),
+    "mirror-curved-in-a-row": Kind(
+        "caution",
+        "A wave can reflect at a curved mirror ({subjects}) and then at a second mirror, or at "
+        "another part of the same one.",
+        "Paths that go from a scatterer via two mirrors in a row to the transmitter are missing if "
+        "at least one of the mirrors is curved. Included are paths in the order receiver, "
+        "mirror, mirror, scatterer, transmitter.",
+        "If such paths matter, model a mirror of few faces with planar faces (Shade Flat): "
+        "radarsim computes paths via pairs of planar mirrors. Or set Mirror Images of mirrors "
+        "that do not matter to Never.",
     ),
     "mirror-focuses": Kind(
         "caution",

@@ -7,6 +7,7 @@ out where no normal below halves the angle between the two places.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,6 +81,12 @@ class SpecularSearch:
         edges_m = patches.corners_m[:, 1:] - patches.corners_m[:, :1]
         self._edges = edges_m / np.linalg.norm(edges_m, axis=2)[:, :, None]
         self._build_tree()
+
+    def to(self, antenna_m: Real) -> SpecularSearch:
+        """Return the search to another antenna, over the same tree."""
+        other = copy(self)
+        other._antenna_m = np.asarray(antenna_m, dtype=np.float64)
+        return other
 
     def find(self, places_m: Real) -> SpecularPoints:
         """Return all reflections on ways from places (n, 3) to the antenna, nothing in between."""

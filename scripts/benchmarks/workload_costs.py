@@ -9,6 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from radarsim_addon import contract
+from radarsim_addon.signal.paths import open_table
+
 from .clock import command_cost, half_range
 from .stages import process_cost, render_cost
 
@@ -54,14 +57,25 @@ def run_frames(folder: Path, quick: bool = False) -> dict[str, Any]:
 
 
 def run_scenes(folder: Path, quick: bool = False) -> dict[str, Any]:
-    """Scenes of many instances and objects, processor seconds without Blender's start."""
+    """Scenes of many instances and objects, processor seconds without Blender's start.
+
+    Of a mirror: processor time and number of paths over those without its image.
+    """
     run = folder / "run"
 
+    def later_frame_s(name: str) -> tuple[float, float]:
+        """Time to the first render, and of a frame after the second."""
+        few, more = (
+            render_cost(folder / f"{name}.blend", run, "--frames", f"1:{n}") for n in (2, 6)
+        )
+        return few["preparation_s"], (more["render_s"] - few["render_s"]) / 4
+
     def field() -> dict[str, float]:
-        blend = folder / "instances.blend"
-        cost = render_cost(blend, run)
-        begun, each = cost["begun_s"], cost["renders"] // 3
-        return {"first_render_s": cost["preparation_s"], "frame_s": begun[2 * each] - begun[each]}
+        first_s, frame_s = later_frame_s("instances")
+        return {"first_render_s": first_s, "frame_s": frame_s}
+
+    def moving() -> dict[str, float]:
+        return {"frame_s": later_frame_s("traffic")[1]}
 
     def prepared() -> dict[str, float]:
         return {"preparation_s": render_cost(folder / "objects.blend", run)["preparation_s"]}
@@ -69,9 +83,18 @@ def run_scenes(folder: Path, quick: bool = False) -> dict[str, Any]:
     def town() -> dict[str, float]:
         return {"render_s": render_cost(folder / "city.blend", run)["render_s"]}
 
+    def mirror() -> dict[str, float]:
+        blend, costs, counts = folder / "mirror.blend", [], []
+        for images in ("0", "8"):
+            costs.append(render_cost(blend, run, "--mirror-images", images)["render_s"])
+            table = open_table(run / contract.frame_dir(1) / contract.PATHS_TABLE)
+            counts.append(table.size)
+        return {"cost_ratio": costs[1] / costs[0], "path_ratio": counts[1] / counts[0]}
+
     found = {}
-    for name, once in (("city", town), ("objects", prepared), ("instances", field)):
-        if not (quick and name == "instances"):
+    each = {"city": town, "objects": prepared, "instances": field, "traffic": moving}
+    for name, once in (each | {"mirror": mirror}).items():
+        if not (quick and name in ("instances", "traffic")):
             _built(name, folder)
             found[name] = _median(once, quick)
     return found

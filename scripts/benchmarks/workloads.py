@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes of the benchmark that are made for it: one street, many instances, many objects.
+"""Scenes of the benchmark that are made for it: one street, many instances, many objects, a mirror.
 
-python -m scripts.benchmarks.workloads car|instances|objects|city OUTPUT.blend
+python -m scripts.benchmarks.workloads car|instances|traffic|objects|city|mirror OUTPUT.blend
 """
 
 from __future__ import annotations
@@ -25,6 +25,13 @@ BUILDINGS = 2366
 CAR_MPS = 15.0
 
 
+def _drive(body: Any, x: float, y: float) -> None:
+    for frame in (1, FRAMES + 25):
+        body.location = (x, y + CAR_MPS * (frame - 1) / bpy.context.scene.render.fps, 0.0)
+        body.keyframe_insert("location", frame=frame)
+    make_linear(body)
+
+
 def _ground(half_x: float, half_y: float) -> None:
     corners = [(x, y, 0.0) for x, y in (
         (-half_x, -half_y), (half_x, -half_y), (half_x, half_y), (-half_x, half_y))]  # fmt: skip
@@ -46,10 +53,7 @@ def car() -> None:
     metal = make_material("Metal", 1e4, 1e4, specularity=0.0, penetrable=False)
     radarsim.assign_material(body, metal)
     scene.frame_start, scene.frame_end, scene.render.fps = 1, FRAMES, 25
-    for frame in (1, FRAMES + 25):
-        body.location = (1.0, 15.0 + CAR_MPS * (frame - 1) / 25, 0.0)
-        body.keyframe_insert("location", frame=frame)
-    make_linear(body)
+    _drive(body, 1.0, 15.0)
     radarsim.add_radar(
         (0.0, 0.0, 0.7),
         (0.0, 50.0, 0.7),
@@ -64,15 +68,23 @@ def car() -> None:
 
 
 def instances() -> None:
-    """A field of instances of one box on the vertices of a mesh, seen from above; three frames."""
+    """A field of instances of one box on the vertices of a mesh, seen from above."""
     side = round(INSTANCES**0.5)
     places = [(2.0 * (i % side) - side, 2.0 * (i // side) + 20.0, 0.0) for i in range(INSTANCES)]
     field = add_mesh("Field", places, [])
     stone = add_box("Stone", (-0.5, -0.5, 0.0), (0.5, 0.5, 1.0))
     stone.parent, field.instance_type = field, "VERTS"
     radarsim.assign_material(stone, _opaque())
-    bpy.context.scene.frame_end = 3
+    bpy.context.scene.frame_end = 6
     _look((0.0, 0.0, 60.0), (0.0, 300.0, 0.0), 256, frame_mode="scene")
+
+
+def traffic() -> None:
+    """The same field, with one box that moves over it."""
+    instances()
+    car = add_box("Car", (-2.0, -1.0, 2.0), (2.0, 1.0, 4.0))
+    radarsim.assign_material(car, _opaque())
+    _drive(car, 0.0, 100.0)
 
 
 def objects() -> None:
@@ -96,6 +108,15 @@ def city() -> None:
     _look((0.0, 0.0, 150.0), (0.0, 500.0, 0.0), 1000)
 
 
+def mirror() -> None:
+    """A wall that fills half of the view, over a smooth road that lies under everything."""
+    corners = [(x, y, 0.0) for x, y in ((-200, -200), (200, -200), (200, 200), (-200, 200))]
+    smooth = make_material("Smooth", *GROUND, specularity=1.0, roughness=0.0, penetrable=False)
+    radarsim.assign_material(add_mesh("Road", corners, [(0, 1, 2, 3)]), smooth)
+    radarsim.assign_material(add_box("Wall", (-80.0, 40.0, 0.1), (80.0, 41.0, 60.0)), _opaque())
+    _look((0.0, 0.0, 5.0), (0.0, 40.0, 5.0), 512, max_reflections=2)
+
+
 def _look(
     location: tuple[float, ...], target: tuple[float, ...], side_px: int, **values: Any
 ) -> None:
@@ -115,7 +136,8 @@ def _look(
 def main(name: str, output: str) -> None:
     """Build a scene and save it."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    {"car": car, "instances": instances, "objects": objects, "city": city}[name]()
+    scenes = (car, instances, traffic, objects, city, mirror)
+    {one.__name__: one for one in scenes}[name]()
     bpy.ops.wm.save_as_mainfile(filepath=str(Path(output).resolve()))
 
 

@@ -49,12 +49,12 @@ def smith_albedo(
     return float(np.sum(weight[:, None] * value) / 320)
 
 
-def _surface(bench: Bench, material: Callable[[], Any], sky: tuple[float, float]) -> Any:
-    """Sky and plate, face up; the scene."""
-    scene = sky_scene(*sky)
+def _surface(material: Callable[[], Any], angle_deg: float) -> Any:
+    """Sky and plate, face up, seen at an angle; the scene."""
+    scene = sky_scene()
     plate = facing_plate((0.0, 0.0, 0.0), 1e3, 90.0, spin_deg=13.0)
     add_plate("Plate", plate, material())
-    del bench
+    look_down(scene, angle_deg)
     return scene
 
 
@@ -68,13 +68,7 @@ def smooth_surfaces(bench: Bench) -> list[Check]:
 
         found = []
         for angle_deg in ANGLES_DEG:
-            shares = []
-            for sky in ((1.0, 0.0), (0.0, 1.0)):
-                scene = _surface(bench, material, sky)
-                look_down(scene, angle_deg)
-                shares.append(radiance(bench, scene, 64))
-            total = shares[0][0] + shares[1][0]
-            spread = math.hypot(shares[0][1], shares[1][1])
+            total, spread = radiance(bench, _surface(material, angle_deg), 64).both
             # A metal is opaque: it absorbs what it does not reflect.
             passes = nodes.fresnel.OPAQUE_BELOW_TRANSMITTANCE
             index = complex(preset.n, preset.kappa)
@@ -117,9 +111,7 @@ def rough_conductors(bench: Bench) -> list[Check]:
             found = []
             exact = new or abs(index) > 1e3
             for angle_deg in ANGLES_DEG:
-                scene = _surface(bench, material, (1.0, 1.0))
-                look_down(scene, angle_deg)
-                value, spread = radiance(bench, scene, 64)
+                value, spread = radiance(bench, _surface(material, angle_deg), 64).both
                 expected = smith_albedo(alpha, angle_deg, reflectance)
                 row = absolute_check(
                     f"albedo at {angle_deg:g} deg",
@@ -160,9 +152,8 @@ def presets(bench: Bench) -> list[Check]:
     for key in nodes.PRESETS:
         values = []
         for angle_deg in (*ANGLES_DEG, 85.0):
-            scene = _surface(bench, lambda key=key: preset_material(key), (1.0, 1.0))
-            look_down(scene, angle_deg)
-            values.append(radiance(bench, scene, 64)[0])
+            scene = _surface(lambda key=key: preset_material(key), angle_deg)
+            values.append(radiance(bench, scene, 64).both[0])
         checks.append(not_above(f"preset {key}", values))
     assert bpy.data.materials
     return checks

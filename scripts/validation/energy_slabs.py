@@ -27,7 +27,7 @@ from radarsim_addon.blender.ui.asset_library import BLEND
 
 from .case import Bench, Check, absolute_check, worst_of
 from .fresnel import textbook_reflectance
-from .furnace import look_down, radiance, sky_scene
+from .furnace import Radiance, look_down, radiance, sky_scene
 from .scenes import CARRIER_HZ, add_box, add_plate, facing_plate, wavelength
 
 SLAB_ANGLES_DEG = (0.0, 30.0, 60.0)
@@ -57,7 +57,7 @@ def simple_slabs(bench: Bench) -> list[Check]:
         # Thick enough for some 60 % to be absorbed on one passage, straight through.
         depth = 0.07 / preset.kappa if preset.penetrable else 0.5
         found = []
-        scene = sky_scene(1.0, 0.0)
+        scene = sky_scene()
         material = nodes.make_material(
             "Slab", preset.n, preset.kappa, 1.0, 0.0, penetrable=preset.penetrable
         )
@@ -70,7 +70,7 @@ def simple_slabs(bench: Bench) -> list[Check]:
                 cosine = math.cos(math.radians(angle_deg))
                 sent = _series(faces, (1 - faces) ** 2, 4 * math.pi * preset.kappa * depth / cosine)
             for number, name in enumerate(POLARISATIONS):
-                total, spread = furnace(angle_deg, number)
+                total, spread = furnace(angle_deg, number).both
                 brightest.append(total)
                 found.append(_sum_check(angle_deg, name, total, sent, spread))
         thickness = f"{depth:.3g} units" if preset.penetrable else "opaque"
@@ -99,8 +99,8 @@ def library_slabs(bench: Bench) -> list[Check]:
         for angle_deg in angles:
             expected = _library_series(index, opaque, angle_deg)
             mean = np.mean(expected, axis=0)
-            up = furnace(angle_deg, 0, (1.0, 0.0))
-            down = furnace(angle_deg, 0, (0.0, 1.0))
+            average = furnace(angle_deg)
+            up, down, _ = average
             off = up[0] - mean[0], down[0] - mean[1]
             row.append(f"{off[0]:+.4f} / {off[1]:+.4f} / {sum(off):+.4f}")
             for what, one, value in (("reflected", up, mean[0]), ("transmitted", down, mean[1])):
@@ -119,7 +119,8 @@ def library_slabs(bench: Bench) -> list[Check]:
                     continue
                 # The plane of incidence holds world Z: vertical is p.
                 sent = float(np.sum((mean, expected[1], expected[0])[number]))
-                total, spread = furnace(angle_deg, number)
+                seen = furnace(angle_deg, number) if number else average
+                total, spread = seen.both
                 brightest.append(total)
                 found.append(_sum_check(angle_deg, name, total, sent, spread))
         checks.append(worst_of(f"slab of {asset.name}, {SLAB_M * 1e3:g} mm", found))
@@ -137,7 +138,7 @@ def library_faces(bench: Bench) -> list[Check]:
     values = []
     for asset in ASSETS:
         furnace = _library_furnace(bench, asset.name, 0.0)
-        values += [furnace(angle_deg)[0] for angle_deg in (0.0, 30.0, 60.0, 75.0, 85.0)]
+        values += [furnace(angle_deg).both[0] for angle_deg in (0.0, 30.0, 60.0, 75.0, 85.0)]
     return [not_above("materials of the library", values)]
 
 
@@ -168,13 +169,7 @@ class _Furnace:
     bench: Bench
     scene: Any
 
-    def __call__(
-        self, angle_deg: float, polarisation: int = 0, sky: tuple[float, float] = (1.0, 1.0)
-    ) -> tuple[float, float]:
-        """Radiance and its standard error, for a sky above and below."""
-        nodes_of_sky = self.scene.world.node_tree.nodes
-        gradient = next(node for node in nodes_of_sky if node.bl_idname == "ShaderNodeMapRange")
-        gradient.inputs["To Max"].default_value, gradient.inputs["To Min"].default_value = sky
+    def __call__(self, angle_deg: float, polarisation: int = 0) -> Radiance:
         self.scene[attributes.ATTR_POLARISATION] = float(polarisation)
         if self.scene.camera is not None:
             bpy.data.objects.remove(self.scene.camera)
@@ -185,7 +180,7 @@ class _Furnace:
 def _library_furnace(bench: Bench, name: str, thickness_m: float) -> _Furnace:
     """A slab, or a plate of no thickness, of a material from the library's file, brought up to
     date as a run does."""
-    scene = sky_scene(1.0, 0.0)
+    scene = sky_scene()
     scene[attributes.ATTR_WAVELENGTH] = wavelength()
     scene[attributes.ATTR_FACET_FRESNEL] = float(EXACT_FACETS)
     with bpy.data.libraries.load(str(BLEND), link=False) as (_, chosen):

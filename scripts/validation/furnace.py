@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 import numpy as np
@@ -17,9 +17,9 @@ from .case import Bench
 SIDE_PX = 32
 
 
-def sky_scene(upper: float, lower: float, bounces: int = 64) -> Any:
-    """A scene whose sky has these radiances above and below the horizon (z = 0)."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+def sky_scene(bounces: int = 64) -> Any:
+    """A scene whose sky is red above the horizon (z = 0), green below it and blue everywhere."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     _settings(scene, bounces)
     world = bpy.data.worlds.new("Furnace")
@@ -32,22 +32,18 @@ def sky_scene(upper: float, lower: float, bounces: int = 64) -> Any:
     background = tree.nodes.new("ShaderNodeBackground")
     output = tree.nodes.new("ShaderNodeOutputWorld")
     tree.links.new(background.outputs[0], output.inputs["Surface"])
-    background.inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    if upper == lower:
-        background.inputs["Strength"].default_value = upper
-        return scene
     place = tree.nodes.new("ShaderNodeTexCoord")
     split = tree.nodes.new("ShaderNodeSeparateXYZ")
-    above = tree.nodes.new("ShaderNodeMath")
-    above.operation = "GREATER_THAN"
-    above.inputs[1].default_value = 0.0
-    level = tree.nodes.new("ShaderNodeMapRange")
-    level.inputs["To Min"].default_value = lower
-    level.inputs["To Max"].default_value = upper
     tree.links.new(place.outputs["Generated"], split.inputs[0])
-    tree.links.new(split.outputs["Z"], above.inputs[0])
-    tree.links.new(above.outputs[0], level.inputs["Value"])
-    tree.links.new(level.outputs[0], background.inputs["Strength"])
+    colour = tree.nodes.new("ShaderNodeCombineColor")
+    colour.inputs["Blue"].default_value = 1.0
+    for operation, channel in (("GREATER_THAN", "Red"), ("LESS_THAN", "Green")):
+        half = tree.nodes.new("ShaderNodeMath")
+        half.operation = operation
+        half.inputs[1].default_value = 0.0
+        tree.links.new(split.outputs["Z"], half.inputs[0])
+        tree.links.new(half.outputs[0], colour.inputs[channel])
+    tree.links.new(colour.outputs[0], background.inputs["Color"])
     return scene
 
 
@@ -92,7 +88,15 @@ def look_down(scene: Any, angle_deg: float) -> None:
     scene.camera = eye
 
 
-def radiance(bench: Bench, scene: Any, samples: int, seed: int = 0) -> tuple[float, float]:
+class Radiance(NamedTuple):
+    """Mean radiance and its standard error, of what comes from the sky above, below, and both."""
+
+    above: tuple[float, float]
+    below: tuple[float, float]
+    both: tuple[float, float]
+
+
+def radiance(bench: Bench, scene: Any, samples: int, seed: int = 0) -> Radiance:
     """Mean radiance over the picture, and its standard error from the pixels."""
     scene.cycles.samples, scene.cycles.seed = samples, seed
     path = Path(bench.folder) / "furnace.exr"
@@ -104,7 +108,9 @@ def radiance(bench: Bench, scene: Any, samples: int, seed: int = 0) -> tuple[flo
         image.colorspace_settings.name = "Non-Color"
         pixels = np.empty(image.size[0] * image.size[1] * image.channels, dtype=np.float32)
         image.pixels.foreach_get(pixels)
-        grey = pixels.reshape(-1, image.channels)[:, 2].astype(np.float64)
+        colours = pixels.reshape(-1, image.channels)[:, :3].astype(np.float64)
     finally:
         bpy.data.images.remove(image)
-    return float(grey.mean()), float(grey.std(ddof=1) / math.sqrt(grey.size))
+    errors = colours.std(axis=0, ddof=1) / math.sqrt(len(colours))
+    above, below, both = zip(colours.mean(axis=0).tolist(), errors.tolist(), strict=True)
+    return Radiance(above, below, both)

@@ -15,17 +15,9 @@ from radarsim_addon.signal import iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.maps import expected_power, range_process
 from radarsim_addon.signal.scattering import interference_factors
 
-from .case import Bench, Case, Check, Group, absolute_check, power_check, worst_of
-from .scenes import (
-    EIRP_W,
-    Acquired,
-    acquire,
-    add_mesh,
-    add_sphere,
-    lambert,
-    new_scene,
-    wavelength,
-)
+from .case import Bench, Case, Check, Group, power_check, worst_of
+from .curved_mirrors import ball, ellipsoid
+from .scenes import EIRP_W, Acquired, acquire, add_mesh, lambert, new_scene, wavelength
 
 ALBEDO = 0.6
 #: Radar over the ground, plate behind it, and pixels along the plate [m].
@@ -42,9 +34,6 @@ GROUNDS = {
 FLOOR_DB = 30.0
 BOUND_DB = 0.05
 CHAIN_BOUND_DB = 0.1
-#: Largest error of a length over a sphere [m].
-LENGTH_M = 1e-5
-BALL = "law of reflection at the exact sphere, divergence by 2 / (a cos) and 2 cos / a"
 SOURCE = "|1 + Gamma* exp(-jk d)|^4 with spreading and cosines, Gamma of the textbook"
 
 
@@ -202,81 +191,6 @@ def chain(bench: Bench) -> list[Check]:
     return checks
 
 
-def ball(bench: Bench) -> list[Check]:
-    """Three families over a smooth sphere: lengths, and powers by its divergence."""
-    checks = []
-    for radius_m in (0.3, 1.0):
-        new_scene(1.0)
-        middle_m = np.array([6.0, 25.0, 0.0])
-        index = complex(np.sqrt(GROUNDS["conductor"][3e9]))
-        metal = make_physical_material(
-            "Metal", "index", carrier_hz=5.3e9, penetrable=False, n=index.real, k=index.imag
-        )
-        add_sphere("Ball", middle_m.tolist(), radius_m, metal, subdivisions=5)
-        half = 0.5
-        corners = [
-            (-half, 40.0, -half),
-            (half, 40.0, -half),
-            (half, 40.0, half),
-            (-half, 40.0, half),
-        ]
-        add_mesh("Plate", corners, [(0, 1, 2, 3)], lambert(ALBEDO))
-        rows = acquire(bench, 12, 12, carrier_hz=10e9, max_reflections=3).rows
-        direct = rows[rows["mirrors"] == 0]
-        order = np.argsort(direct["point"])
-        for times, name in ((1, "there"), (2, "there and back")):
-            mine = rows[(rows["mirrors"] == times) & (rows["transmitter_image"] < 0)]
-            base = direct[order[np.searchsorted(direct["point"], mine["point"], sorter=order)]]
-            lengths, powers = [], []
-            for end_m, length_m, power in zip(
-                mine["last_scatterer_m"],
-                mine["length_m"],
-                mine["power_w"] / base["power_w"],
-                strict=True,
-            ):
-                over_m, level = _over_ball(end_m, middle_m, radius_m)
-                expected_m = 2 * float(np.linalg.norm(end_m)) * (1 - times / 2) + times * over_m
-                lengths.append(absolute_check("", expected_m, length_m, LENGTH_M, BALL, unit="m"))
-                powers.append(
-                    power_check("", level**times, power, BOUND_DB * times, BALL, unit="dB")
-                )
-            label = f"over a sphere of {radius_m:g} m, {name}"
-            checks.append(worst_of(f"length {label}", lengths))
-            checks.append(worst_of(f"power {label}", powers))
-    return checks
-
-
-def _over_ball(end_m: Real, middle_m: Real, radius_m: float) -> tuple[float, float]:
-    """Length radar, sphere, end [m], and the power over that of the direct path, one way."""
-    from scipy.optimize import brentq
-
-    first = -middle_m / np.linalg.norm(middle_m)
-    second = end_m - middle_m - (end_m - middle_m) @ first * first
-    second /= np.linalg.norm(second)
-
-    def legs(angle: float) -> tuple[Real, Real, Real]:
-        normal = math.cos(angle) * first + math.sin(angle) * second
-        point_m = middle_m + radius_m * normal
-        return normal, -point_m, end_m - point_m
-
-    def tilt(angle: float) -> float:
-        """Difference of the sines of incidence and reflection."""
-        _, back_m, on_m = legs(angle)
-        along = math.cos(angle) * second - math.sin(angle) * first
-        return float((back_m / np.linalg.norm(back_m) + on_m / np.linalg.norm(on_m)) @ along)
-
-    widest = math.atan2((end_m - middle_m) @ second, (end_m - middle_m) @ first)
-    normal, back_m, on_m = legs(brentq(tilt, 0.0, widest, xtol=1e-14))
-    before_m, after_m = float(np.linalg.norm(back_m)), float(np.linalg.norm(on_m))
-    cosine = float(back_m @ normal) / before_m
-    across = 1 + after_m * (1 / before_m + 2 * cosine / radius_m)
-    along = 1 + after_m * (1 / before_m + 2 / (radius_m * cosine))
-    away_m = float(np.linalg.norm(end_m))
-    # The plate faces the radar: cosines are y over the length.
-    cosines = on_m[1] / after_m / (end_m[1] / away_m)
-    return before_m + after_m, (away_m / before_m) ** 2 / (across * along) * cosines
-
-
 def _turn_up(angle_deg: float) -> None:
     import bpy
 
@@ -301,14 +215,16 @@ GROUP = Group(
     "Mirrors",
     "A radar and a Lambert plate over a smooth ground, 10 m up, 200 m apart: direct path, over the "
     "ground there, back, and both. Grounds are a conductor, sea water and wet ground by their "
-    "permittivity. Compared down to 30 dB below the strongest. A smooth metal sphere as a curved "
-    "mirror: lengths of the paths over it, and powers over that of the direct path.",
+    "permittivity. Compared down to 30 dB below the strongest. A smooth metal sphere, and "
+    "a part of an ellipsoid with an antenna in one of its foci, as curved mirrors: lengths of the "
+    "paths over them, and powers over that of the direct path.",
     (
         Case("two-way pattern, conductor", lambda bench: swept(bench, "conductor"), 40.0),
         Case("two-way pattern, sea", lambda bench: swept(bench, "sea"), 40.0, quick=True),
         Case("two-way pattern, wet ground", lambda bench: swept(bench, "wet ground"), 40.0),
         Case("two-way pattern, bistatic, sea", lambda bench: swept(bench, "sea", APART_M), 40.0),
         Case("from the scene to the map", chain, 120.0),
-        Case("sphere", ball, 10.0, quick=True),
+        Case("sphere", ball, 20.0, quick=True),
+        Case("ellipsoid", ellipsoid, 10.0),
     ),
 )

@@ -17,6 +17,7 @@ from radarsim_addon.signal.maps import expected_power
 from radarsim_addon.signal.scattering import reverse_factors
 
 from .case import Bench, Case, Check, Group, absolute_check, power_check
+from .closed_forms import smith_lambda
 from .scenes import (
     CARRIER_HZ,
     EIRP_W,
@@ -25,6 +26,7 @@ from .scenes import (
     acquire,
     add_plate,
     lambert,
+    metallic,
     new_scene,
     wavelength,
 )
@@ -35,10 +37,14 @@ RIGHT = Plate(np.array([2.0, 10.5, 0.0]), np.array([0, 2.0, 0]), np.array([0, 0,
 #: Pixels a side, replicates.
 SIZE = (256, 12)
 BASELINES_M = (0.0, 0.01, 0.02, 0.05, 0.5)
+#: Where the wall on the left mirrors to.
+ACROSS = Plate(np.array([0.0, 20.0, 0.0]), np.array([4.0, 0, 0]), np.array([0, 0, 3.0]))
+#: Widths alpha of the lobe of a metal wall, and pixels a side, replicates.
+WIDTHS, FEW = (0.1, 0.3), (128, 24)
 
 
 def _integrals(site_m: Real) -> tuple[float, float]:
-    """Power of all pairs by themselves, both ways round, and with interference [W]."""
+    """Power of all pairs by themselves, in both directions, and with interference [W]."""
     (a, a_m2), (b, b_m2) = LEFT.nodes(40), RIGHT.nodes(40)
     across = b[None] - a[:, None]
     d = np.linalg.norm(across, axis=-1)
@@ -117,9 +123,62 @@ def _chain(bench: Bench, found: Acquired, together_w: float) -> Check:
     )
 
 
+def narrow(bench: Bench) -> list[Check]:
+    """Second reflections between a rough metal and a Lambert wall, by few rays."""
+    checks = []
+    for width in WIDTHS:
+        new_scene(26.0)
+        add_plate("Left", LEFT, metallic(1e4 + 1e4j, width / math.sqrt(2)))
+        add_plate("Across", ACROSS, lambert(ALBEDO))
+        found = acquire(bench, *FEW, max_reflections=2)
+        rows = found.rows[found.rows["order"] == 2]
+        each = FEW[1] * np.bincount(rows["replicate"], rows["power_w"], minlength=FEW[1])
+        error = float(each.std(ddof=1) / math.sqrt(FEW[1]) / each.mean())
+        label = f"rough metal (alpha {width:g}) and Lambert wall"
+        checks += [
+            power_check(
+                f"second reflections, {label}",
+                2 * _from_lobe(width),
+                float(each.mean()),
+                0.2,
+                "integral over pairs of surface elements",
+                relative_error=error,
+            ),
+            absolute_check(
+                f"their relative standard error, {FEW[0]} pixels, {FEW[1]} replicates, {label}",
+                0.0,
+                error,
+                0.03,
+                "0.10 and 0.05 where each direction has rays of its own",
+            ),
+        ]
+    return checks
+
+
+def _from_lobe(width: float) -> float:
+    """Power of the paths that begin at a Beckmann lobe of the wall on the left [W]."""
+    (a, a_m2), (b, b_m2) = LEFT.nodes(48), ACROSS.nodes(16)
+    range_m = np.linalg.norm(a, axis=1)
+    back, power_w = -a / range_m[:, None], 0.0
+    level = EIRP_W * wavelength() ** 2 / (4 * math.pi) ** 2 * ALBEDO / math.pi
+    for point, area_m2 in zip(b, b_m2, strict=True):
+        d = np.linalg.norm(point - a, axis=1)
+        onward, reach_m = (point - a) / d[:, None], float(np.linalg.norm(point))
+        half = onward + back
+        facet = half[:, 0] / np.linalg.norm(half, axis=1)
+        density = np.exp((1 - facet**-2) / width**2) / (math.pi * width**2 * facet**4)
+        masking = 1 + smith_lambda(width, onward[:, 0]) + smith_lambda(width, back[:, 0])
+        at_b = onward[:, 1] * point[1] / reach_m**3
+        power_w += area_m2 * float(a_m2 @ (density / (4 * masking) * at_b / (range_m * d) ** 2))
+    return level * power_w
+
+
 GROUP = Group(
     "reverse paths",
     "Paths and their reverses",
     "Second reflections between two walls, against integrals over pairs of surface elements.",
-    (Case("enhancement", enhancement, 60.0),),
+    (
+        Case("enhancement", enhancement, 60.0),
+        Case("narrow and wide lobes", narrow, 30.0),
+    ),
 )

@@ -43,7 +43,7 @@ def new_scene(
     transmitter_m: Sequence[float] | None = None,
 ) -> Any:
     """An empty scene with a radar; the transmitter elsewhere if told so."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     rig = radarsim.add_radar(field_of_view_deg=fov_deg, preset="paper")
     scene.unit_settings.system = "METRIC"

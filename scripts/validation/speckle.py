@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from radarsim_addon.array_types import Real
 from radarsim_addon.signal import expected_power_profile, iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.decoding import frame_paths, open_frame
-from radarsim_addon.signal.maps import range_process
-from radarsim_addon.signal.paths.paths import make_paths, path_power_w
+from radarsim_addon.signal.maps import expected_power, range_process
+from radarsim_addon.signal.paths.paths import Paths, make_paths, path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle
 
 from .case import Bench, Case, Check, Group, absolute_check
@@ -36,7 +36,11 @@ LEAST_KH, LEAST_PX = 1.5, 64
 #: A smooth surface, and pixels a side.
 SMOOTH_KH, SMOOTH_PX = 0.3, (24, 48, 96)
 SEEDS = 200
+#: Pixels a side, bandwidths [Hz], seeds: cells of scatterers are deeper than the range resolution.
+DEEP = ((24, 50e6, 400), (64, 150e6, 100), (64, 500e6, 100))
 RANGE_M, PLATE_M, TILT_DEG = 1000.0, 100.0, 70.0
+#: Further patches for the mean: centres [m], shifted by no simple fraction of pixels and cells.
+CENTRES_M = ((1.3, RANGE_M + 1.7, 0.4), (0.7, RANGE_M - 0.9, -0.9))
 #: Shifts of the radar, in units of the critical baseline; edge of the patch, and of the cells of
 #: scatterers, which must be the same from everywhere.
 BASELINES = (0.25, 0.5, 0.75, 1.0)
@@ -47,12 +51,21 @@ GROUND_HEIGHT_M, GROUND_M, GROUND_FOV_DEG = 0.5, (10.0, 300.0), 12.0
 MARGIN_M = 12.0
 
 
-def _patch(bench: Bench, side_px: int, rms_height_m: float = RMS_HEIGHT_M) -> Any:
+def _patch(
+    bench: Bench,
+    side_px: int,
+    rms_height_m: float = RMS_HEIGHT_M,
+    centre_m: tuple[float, float, float] = (0.0, RANGE_M, 0.0),
+    bandwidth_hz: float | None = None,
+) -> Any:
     """A rough plate that covers 90 m of range, measured; the run opened."""
     new_scene(6.5)
-    plate = facing_plate((0.0, RANGE_M, 0.0), PLATE_M, TILT_DEG, spin_deg=0.0)
+    plate = facing_plate(centre_m, PLATE_M, TILT_DEG, spin_deg=0.0)
     add_plate("Patch", plate, _material(rms_height_m))
-    return open_run(acquire(bench, side_px, 1).folder)
+    wide: dict[str, Any] = {}
+    if bandwidth_hz is not None:
+        wide = {"bandwidth_hz": bandwidth_hz, "sampling_rate_hz": 1.2 * bandwidth_hz}
+    return open_run(acquire(bench, side_px, 1, **wide).folder)
 
 
 def _material(rms_height_m: float | None) -> Any:
@@ -64,18 +77,23 @@ def _material(rms_height_m: float | None) -> Any:
     return material
 
 
-def _intensities(run: Any) -> Real:
-    """|s|^2 over the expected power, (seeds, range cells): cells a resolution and a half apart."""
+def _step(run: Any) -> int:
+    """Samples to the next range cell, a resolution and a half away."""
+    waveform = run.radar.waveform
+    samples: int = math.ceil(2 * waveform.range_resolution_m / waveform.sample_spacing_m)
+    return samples
+
+
+def _intensities(run: Any, seeds: int = SEEDS) -> Real:
+    """|s|^2 over the expected power of the points of all pixels, (seeds, samples)."""
     frame, radar = run.frame(1), run.radar
+    points: list[Paths] = []
+    expected_power(frame, points_to=points.append)
     reach_m = PLATE_M / 2 * math.sin(math.radians(TILT_DEG)) - MARGIN_M
     range_limits_m = (RANGE_M - reach_m - 100, RANGE_M + reach_m + 100)
-    profile = expected_power_profile(
-        iter_path_chunks(frame), radar, range_limits_m=range_limits_m, oversample=2
-    )
-    spacing_m = radar.waveform.sample_spacing_m
-    step = math.ceil(2 * radar.waveform.range_resolution_m / spacing_m)
+    profile = expected_power_profile(points, radar, range_limits_m=range_limits_m, oversample=2)
     found = []
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         speckle = FrameSpeckle(open_frame(frame), seed)
         paths = (speckle.apply(part) for part in iter_path_chunks(frame))
         echoes = synthesize(paths, radar, range_limits_m=range_limits_m, speckle_seed=seed)
@@ -83,7 +101,7 @@ def _intensities(run: Any) -> Real:
         power = np.abs(compressed.plane[0]) ** 2
         expected = np.interp(compressed.range_m, profile.range_m, profile.power)
         full = np.abs(compressed.range_m - RANGE_M) < reach_m
-        found.append((power[full] / expected[full])[::step])
+        found.append(power[full] / expected[full])
     return np.array(found)
 
 
@@ -92,7 +110,7 @@ def statistics(bench: Bench) -> list[Check]:
 
     run = _patch(bench, 192)
     report = FrameSpeckle(open_frame(run.frame(1)), 0).report()
-    ratio = _intensities(run)
+    ratio = _intensities(run)[:, :: _step(run)]
     mean, count = float(ratio.mean()), ratio.size
     spread = float(ratio.std(ddof=1) / math.sqrt(count))
     ordered = np.sort(ratio.ravel())
@@ -109,14 +127,7 @@ def statistics(bench: Bench) -> list[Check]:
     assert report is not None
     few = report.median_scatterers
     return [
-        absolute_check(
-            f"mean intensity over the sum of powers, {label}",
-            1.0,
-            mean,
-            3 * spread,
-            "sum of the paths' powers; bound 3 standard errors",
-            standard_error=spread,
-        ),
+        _mean_check(label, mean, spread),
         absolute_check(
             "standard deviation over mean of the intensity",
             1.0,
@@ -154,26 +165,20 @@ def least(bench: Bench) -> list[Check]:
     """The least roughness and number of paths at which intensity is taken to be exponential."""
     from scipy.stats import kstest
 
-    run = _patch(bench, LEAST_PX, LEAST_KH * wavelength() / (2 * math.pi))
+    rms_height_m = LEAST_KH * wavelength() / (2 * math.pi)
+    run = _patch(bench, LEAST_PX, rms_height_m)
     report = FrameSpeckle(open_frame(run.frame(1)), 0).report()
     assert report is not None
     paths = _paths_per_cell(run)
-    ratio = _intensities(run)
-    mean, count = float(ratio.mean()), ratio.size
-    # Paths that share a scatterer keep their phases, whatever the seed: cells differ, seeds do not.
-    each = ratio.mean(axis=0)
-    spread = float(each.std(ddof=1) / math.sqrt(each.size))
+    found = [_intensities(run)]
+    for centre_m in CENTRES_M:
+        patch = _patch(bench, LEAST_PX, rms_height_m, centre_m)
+        found.append(_intensities(patch, SEEDS // 2))
+    ratio = found[0][:, :: _step(run)]
+    count = ratio.size
     p_value = float(kstest(np.sort(ratio.ravel()), "expon").pvalue)
-    label = f"{ratio.shape[1]} range cells, {SEEDS} seeds, kh = {LEAST_KH:g}"
     return [
-        absolute_check(
-            f"mean intensity over the sum of powers, {label}, {paths:.0f} paths in a cell",
-            1.0,
-            mean,
-            3 * spread,
-            "sum of the paths' powers; bound 3 standard errors",
-            standard_error=spread,
-        ),
+        _plates_check(f"kh = {LEAST_KH:g}, {paths:.0f} paths in a cell", found),
         Check(
             f"Kolmogorov-Smirnov p of an exponential law, kh = {LEAST_KH:g}, shortfall from 0.01",
             1.0,
@@ -194,6 +199,35 @@ def least(bench: Bench) -> list[Check]:
             "40 to 50, counted in the table",
         ),
     ]
+
+
+def _mean_check(label: str, mean: float, spread: float, errors: float = 3.0) -> Check:
+    """Mean of the intensity, within some of its standard errors."""
+    return absolute_check(
+        f"mean intensity over the sum of powers, {label}",
+        1.0,
+        mean,
+        errors * spread,
+        f"sum of the paths' powers; bound {errors:g} standard errors",
+        standard_error=spread,
+    )
+
+
+def _plates_check(label: str, found: list[Real]) -> Check:
+    """Mean of the intensities (seeds, samples) of several plates."""
+    every = np.concatenate([ratio.mean(axis=1) for ratio in found])
+    label = f"{label}, {len(found)} plates, {every.size} seeds in all"
+    return _mean_check(label, float(every.mean()), float(every.std(ddof=1) / math.sqrt(every.size)))
+
+
+def deep_cells(bench: Bench) -> list[Check]:
+    """Pixels that cover several range cells: paths over one scatterer lie in several of them."""
+    checks = []
+    for side_px, bandwidth_hz, seeds in DEEP:
+        run = _patch(bench, side_px, bandwidth_hz=bandwidth_hz)
+        label = f"{side_px} pixels, range resolution {run.radar.waveform.range_resolution_m:.2g} m"
+        checks.append(_plates_check(label, [_intensities(run, seeds)]))
+    return checks
 
 
 def _paths_per_cell(run: Any) -> float:
@@ -234,16 +268,8 @@ def smooth(bench: Bench) -> list[Check]:
         )
         ratio = np.abs(fields) ** 2 / expected_w
         spread = float(ratio.std(ddof=1) / math.sqrt(ratio.size))
-        checks.append(
-            absolute_check(
-                f"mean intensity over the sum of powers, kh = {SMOOTH_KH:g}, {side_px} pixels",
-                1.0,
-                float(ratio.mean()),
-                3.5 * spread,
-                "sum of the paths' powers; bound 3.5 standard errors",
-                standard_error=spread,
-            )
-        )
+        label = f"kh = {SMOOTH_KH:g}, {side_px} pixels"
+        checks.append(_mean_check(label, float(ratio.mean()), spread, 3.5))
     return checks
 
 
@@ -283,13 +309,13 @@ def _fields(
     add_plate("Patch", plate, _material(rms_height_m))
     run = open_run(acquire(bench, side_px, 1).folder)
     paths = frame_paths(run.frame(1))
-    phase = np.exp(-2j * np.pi / wavelength() * paths.length_m)
     power_w = path_power_w(paths, wavelength())
     found = []
     for seed in range(BASELINE_SEEDS):
-        factors = FrameSpeckle(open_frame(run.frame(1)), seed, BASELINE_CELL_M).apply(paths).phasors
-        assert factors is not None
-        found.append((np.sqrt(power_w) * phase) @ factors)
+        over = FrameSpeckle(open_frame(run.frame(1)), seed, BASELINE_CELL_M).apply(paths)
+        assert over.phasors is not None
+        phase = np.exp(-2j * np.pi / wavelength() * over.length_m)
+        found.append((np.sqrt(power_w) * phase) @ over.phasors)
     return np.array(found), float(power_w.sum())
 
 
@@ -343,6 +369,7 @@ GROUP = Group(
     (
         Case("rough patch", statistics, 40.0, quick=True),
         Case("least roughness and paths", least, 40.0),
+        Case("pixels deeper than range cells", deep_cells, 40.0),
         Case("smooth surface", smooth, 40.0),
         Case("too few scatterers", too_few, 10.0),
         Case("radar shifted sideways", decorrelation, 40.0),

@@ -26,7 +26,7 @@ EIRP_W = 1e6
 
 def new_scene() -> Any:
     """An empty scene with a radar at the origin that looks along +Y, +Z up."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     setup_rig(scene, eirp_w=EIRP_W)
     return scene

@@ -25,7 +25,7 @@ EIRP_W = 4 * math.pi * 1e4
 
 def new_scene(size: int = 16, fov_deg: float = 20.0, max_bounces: int = 1) -> Any:
     """Empty scene with a camera at the origin looking along -Z, set for exact measurement."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     camera = bpy.data.cameras.new("Radar")
     camera.clip_start = CLIP_START

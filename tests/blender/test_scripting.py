@@ -31,7 +31,7 @@ QUIET = signal.ProcessOptions(plots=False)
 
 @pytest.fixture
 def empty() -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     yield bpy.context.scene
     rig_settings.unregister()
 

@@ -31,7 +31,10 @@ def ci(root: Path, tools: Path, failing: str, user: int) -> tuple[int, str, list
         check=False,
         env={"PATH": os.pathsep.join([str(tools), "/usr/bin", "/bin"])},
     )
-    return done.returncode, done.stdout + done.stderr, called.read_text().split()
+    targets = called.read_text().split()
+    if "gui-test" in targets:
+        targets.remove("gui-chroot")  # made meanwhile
+    return done.returncode, done.stdout + done.stderr, targets
 
 
 def test_both_pass(root: Path, tmp_path: Path):

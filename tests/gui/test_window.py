@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import statistics
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -166,12 +165,8 @@ def test_pictures_have_the_size_at_which_they_are_shown(walk: dict[str, Any]):
 
 
 def test_targets_select_their_objects_and_settings_process_again(walk: dict[str, Any]):
-    """A click takes 0.2 s of the window's thread at most. On a loaded machine, processor time grows
-    too: the median of the four counts, and none takes twice as long.
-    """
+    """A click takes at most 0.2 s of the window's thread, whatever the machine does besides."""
     listed, selected = walk["target"]
     assert listed == selected
     assert "Radar spectrogram" in walk["pictures"]
-    steps_s = walk["steps_s"]
-    assert len(steps_s) == 4 and max(steps_s) < 2 * LONGEST_STEP_S
-    assert statistics.median(steps_s) < LONGEST_STEP_S
+    assert len(walk["steps_s"]) == 4 and max(walk["steps_s"]) < LONGEST_STEP_S

@@ -14,7 +14,13 @@ import pytest
 
 from radarsim_addon.blender.plan import shortest_decimal
 from radarsim_addon.errors import ConfigError, FrameFileError
-from radarsim_addon.option_arguments import add_arguments, given, settings_table
+from radarsim_addon.option_arguments import (
+    CommandParser,
+    add_arguments,
+    finite_number,
+    given,
+    settings_table,
+)
 from radarsim_addon.options import (
     check_settings,
     declared,
@@ -173,6 +179,28 @@ def test_options_are_in_si_and_only_those_given() -> None:
 def test_options_that_cannot_be_read(words: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit, match="2"):
         parsed(*words)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["work", "--noise-figur=5"], ". Did you mean --noise-figure? radar --help lists all.\n"),
+        (["work", "--xyzzy"], "radar: error: unrecognized arguments: --xyzzy. radar --help"),
+        (["work", "--noise-figure", "5dB"], "'5dB' is no number. Give the number alone, without"),
+        (["wrok"], "choose from 'work'"),
+    ],
+)
+def test_errors_of_commands_are_one_line(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parser = CommandParser(prog="radar")
+    command = parser.add_subparsers(required=True).add_parser("work", allow_abbrev=False)
+    command.add_argument("--noise-figure", type=finite_number)
+    command.add_argument("--noise-figures", help=argparse.SUPPRESS)
+    with pytest.raises(SystemExit, match="2"):
+        parser.parse_args(words)
+    found = capsys.readouterr().err
+    assert said in found and found.count("\n") == 1
 
 
 def test_help_and_table_tell_the_same_sentence() -> None:

@@ -54,7 +54,7 @@ def test_measured(bpy: Any, tmp_path: Path) -> None:
     from scripts import make_canyon
     from scripts.benchmarks.canyon_accuracy import binned, errors_db, exact_w
 
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     radar = make_canyon.build()
     run = radarsim.measure(radar, tmp_path / "run", width_px=566, height_px=283)
     frame = run.path / frame_dir(1)

@@ -199,5 +199,5 @@ def test_readme_shows_the_example(name: str) -> None:
     section = re.search(rf"^## {name}\.blend$(.*?)(?=^## |\Z)", text, re.DOTALL | re.MULTILINE)
     assert section is not None
     assert f"../docs/images/example_{name}.png" in section[1]
-    assert "processor seconds" in section[1]
+    assert "processor second" in section[1]
     assert (ROOT / "docs" / "images" / f"example_{name}.png").stat().st_size < 150_000

@@ -36,7 +36,7 @@ def test_measured(bpy: Any, tmp_path: Path) -> None:
     from radarsim_addon.signal.paths.table import open_table
     from scripts import make_road
 
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     radar = make_road.build()
     frames = {1: 20.0, 7: 32.0, 11: 40.0, 15: 48.0}
     # Pixels of half the size, and no more of them than the plate needs.

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -14,6 +13,7 @@ from pathlib import Path
 import bpy
 
 from ...errors import RadarSimError
+from ...option_arguments import CommandParser
 from ..run.devices import (
     KINDS,
     Device,
@@ -55,8 +55,8 @@ def check_here(path: str) -> None:
 
 
 def main(words: list[str]) -> int:
-    """Check a device anew, keep the outcome, print it; 1 if a fact fails."""
-    parser = argparse.ArgumentParser(
+    """Check a device again, keep the outcome, print it; 1 if a fact fails."""
+    parser = CommandParser(
         prog="radarsim selfcheck",
         description="Check on small scenes that Cycles gives what measurements stand on.",
     )

@@ -34,7 +34,14 @@ from .mirror_marks import (
     set_mirror,
     set_mirrors,
 )
-from .mirrors import LOBE_EXPONENT, ground_mirror, is_mirror_like, lobe_width, mirror_of
+from .mirrors import (
+    LOBE_EXPONENT,
+    ground_mirror,
+    is_mirror_like,
+    lobe_width,
+    mirror_of,
+    reciprocal_lobe,
+)
 from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
@@ -85,6 +92,7 @@ __all__ = [
     "mirror_of",
     "mirror_property",
     "overlapping_shells",
+    "reciprocal_lobe",
     "refresh_materials",
     "roughness_of",
     "scattered_lobe_of",

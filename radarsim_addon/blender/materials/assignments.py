@@ -9,8 +9,9 @@ an evaluated object hold all of these.
 from __future__ import annotations
 
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
-from ..state import take_snapshot
+from ..state import Snapshot, take_snapshot
 
 #: Object types whose surface Cycles shades by material slots.
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
@@ -31,6 +32,10 @@ class MaterialAssignment(NamedTuple):
     materials: tuple[Any, ...]
 
 
+#: Those of a snapshot, hidden ones too, once they were asked for.
+_of_snapshots: WeakKeyDictionary[Snapshot, list[MaterialAssignment]] = WeakKeyDictionary()
+
+
 def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     """Return the materials of each rendered object with a surface.
 
@@ -46,12 +51,15 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     list of MaterialAssignment
         One per object, in the order of the depsgraph.
     """
-    found: dict[Any, MaterialAssignment] = {}
-    for shape in take_snapshot(depsgraph).shapes:
-        original = shape.original
-        if original not in found and original.type in SURFACE_TYPES and not original.hide_render:
-            found[original] = MaterialAssignment(original, shape.materials)
-    return list(found.values())
+    snapshot = take_snapshot(depsgraph)
+    if snapshot not in _of_snapshots:
+        found: dict[Any, MaterialAssignment] = {}
+        for shape in snapshot.shapes:
+            original = shape.original
+            if original.type in SURFACE_TYPES and original not in found:
+                found[original] = MaterialAssignment(original, shape.materials)
+        _of_snapshots[snapshot] = list(found.values())
+    return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
 
 
 def has_no_faces(item: Any) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from ...array_types import Indices, Int32, Mask, Real
 from ...vectors import crosses, norms
 from ..nodes.materials import has_interior
-from ..state import Snapshot, evaluated_mesh, read_triangles, take_snapshot
+from ..state import Snapshot, take_snapshot
 from .assignments import assigned_materials
 from .wall_faces import PARALLEL, TRIANGLE_POINTS, WIDE
 
@@ -27,8 +27,10 @@ from .wall_faces import PARALLEL, TRIANGLE_POINTS, WIDE
 _MOST_TRIANGLES = 64
 #: How far a vertex may lie outside a plane, relative to the size of the object.
 _OUTSIDE = 1e-6
+#: Difference of two normals, and of heights relative to the size, up to which planes are one.
+_SAME = 1e-12
 #: Planes times points of a part of the bodies, about: a few MB.
-_PART = 1 << 11
+_PART = 384
 
 
 class ConvexBodies(NamedTuple):
@@ -37,7 +39,8 @@ class ConvexBodies(NamedTuple):
     `items` are their objects, `origin` (n, 3) their places. About these places: `triangles`
     (n, t, 3, 3) with outward unit `normals` (n, t, 3) at `heights` (n, t), and the `areas` (n, t).
     `widths` (n, t): from each triangle to the vertex farthest behind it. `size` (n,): largest
-    extent along an axis. [Blender units]
+    extent along an axis. `planes`: triangles, without those in the plane of another in every body.
+    [Blender units]
     """
 
     items: list[Any]
@@ -48,6 +51,7 @@ class ConvexBodies(NamedTuple):
     areas: Real
     widths: Real
     size: Real
+    planes: Indices
 
     def thinnest(self) -> Real:
         """Return the least depth behind the triangles of each body, across them, (n,).
@@ -82,13 +86,14 @@ class ConvexBodies(NamedTuple):
         All of them, whichever are `asked` for: planes are compared at once. Returns the cosine
         to the normal there and the length of the way, (k, m) each.
         """
-        across = self.normals[body].transpose(0, 2, 1)
+        across = self.normals[:, self.planes][body].transpose(0, 2, 1)
         cosines = onward @ across
         with np.errstate(divide="ignore", invalid="ignore"):
-            way = (self.heights[body][:, None] - starts @ across) / cosines
+            way = self.heights[:, self.planes][body][:, None] - starts @ across
+            way /= cosines
         way[~(cosines > 0)] = np.inf
-        first = way.argmin(axis=-1)[..., None]
-        found = (np.take_along_axis(one, first, axis=-1)[..., 0] for one in (cosines, way))
+        first = way.argmin(axis=-1).ravel() + np.arange(0, way.size, len(self.planes))
+        found = (one.take(first).reshape(way.shape[:2]) for one in (cosines, way))
         return next(found), next(found)
 
 
@@ -131,16 +136,16 @@ def least_depths(depsgraph: Any) -> dict[Any, float]:
 def _find(depsgraph: Any) -> Iterable[ConvexBodies]:
     inside = cache(has_interior)
     alike: defaultdict[tuple[int, int], list[Any]] = defaultdict(list)
+    snapshot = take_snapshot(depsgraph)
+    own = {shape.original: shape for shape in snapshot.shapes if shape.own and shape.kind == "MESH"}
     for item, materials in assigned_materials(depsgraph):
-        if item.type != "MESH" or not any(map(inside, materials)):
+        if item not in own or not any(map(inside, materials)):
             continue
-        evaluated = item.evaluated_get(depsgraph)
-        with evaluated_mesh(evaluated) as mesh:
-            if mesh is None or not 3 < len(mesh.polygons) <= _MOST_TRIANGLES:
-                continue
-            points, corners = read_triangles(mesh)
+        if not 3 < snapshot.face_count(own[item]) <= _MOST_TRIANGLES:
+            continue
+        points, corners = snapshot.triangles(own[item])
         if len(corners) <= _MOST_TRIANGLES:
-            matrix = np.array(evaluated.matrix_world, dtype=np.float64)
+            matrix = np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
             alike[len(points), len(corners)].append((item, points, corners, matrix))
     for (_, count), found in alike.items():
         step = max(1, _PART // count)
@@ -168,21 +173,20 @@ def _stacked(items: tuple[Any, ...], points: Real, corners: Int32, matrices: Rea
     size = np.ptp(points, axis=1).max(axis=1)
     convex = _closed(corners, points.shape[1]) & (double > 0).all(axis=1)
     convex &= np.nan_to_num(behind, nan=-np.inf).min(axis=(1, 2)) >= -_OUTSIDE * size
-    return ConvexBodies(
-        [item for item, kept in zip(items, convex.tolist(), strict=True) if kept],
-        *(
-            part[convex]
-            for part in (
-                matrices[:, :3, 3],
-                triangles,
-                normals,
-                heights,
-                double / 2,
-                behind.max(axis=1),
-                size,
-            )
-        ),
-    )
+    kept = [item for item, one in zip(items, convex.tolist(), strict=True) if one]
+    width = behind.max(axis=1)
+    parts = matrices[:, :3, 3], triangles, normals, heights, double / 2, width, size
+    of_convex = [part[convex] for part in parts]
+    planes = _planes(normals[convex], heights[convex], size[convex])
+    return ConvexBodies._make([kept, *of_convex, planes])
+
+
+def _planes(normals: Real, heights: Real, size: Real) -> Indices:
+    """Return triangles without those that in each body lie in the plane of one before them."""
+    turned = np.abs(normals[:, :, None] - normals[:, None]).max(axis=-1)
+    apart = np.abs(heights[:, :, None] - heights[:, None])
+    same = (turned < _SAME) & (apart < _SAME * size[:, None, None])
+    return np.flatnonzero(~np.triu(same.all(axis=0), 1).any(axis=0))
 
 
 def _closed(corners: Int32, vertices: int) -> Mask:

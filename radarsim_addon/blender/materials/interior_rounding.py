@@ -44,6 +44,8 @@ _DANGER_DB, _DANGER_WAVELENGTHS = 0.1, 0.05
 _LEAST_RIM = 0.01
 #: Part of a wall's thickness by which others may reach into it and still only touch it.
 _TOUCHING = 1e-3
+#: Thickness of the box of an object that counts as flat, relative to its largest edge.
+_FLAT = 1e-6
 
 
 class Interiors(NamedTuple):
@@ -146,12 +148,11 @@ def settle_interiors_far_away(
                 if _echoes_from_its_rim(item, depsgraph):
                     loss_db = losses_db.get(item.name_full, 0.0)
                     rims.append(finding("rim-echoes-weak", item.name_full, power_db=loss_db))
-    found = [
-        _named(item.name_full, error, wavelength)
-        for item, error in errors.values()
-        if _matters(error, wavelength)
-    ]
-    found += rims
+    named = [one for one in errors.values() if _matters(one[1], wavelength)]
+    if any(_is_flat(item) for item, _ in named):
+        boxes = _Boxes(depsgraph)
+        named = [one for one in named if not boxes.nothing_behind(one[0], antennas)]
+    found = [_named(item.name_full, error, wavelength) for item, error in named] + rims
     left = [error for _, error in errors.values()]
     sigma = max((error.by_depth for error in left), default=0.0)
     return Interiors(
@@ -216,6 +217,11 @@ def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
     )
 
 
+def _is_flat(item: Any) -> bool:
+    """Whether an object lies in one plane, normal to an axis of its own."""
+    return bool(min(item.dimensions) <= _FLAT * max(item.dimensions))
+
+
 def _middle(item: Any, depsgraph: Any) -> float:
     """Place of a layer's middle along its normal, in the object's own units."""
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
@@ -255,5 +261,20 @@ class _Boxes:
             gap = _TOUCHING * float((high - low).min())
             reaches = (inside.max(axis=1) > low + gap) & (inside.min(axis=1) < high - gap)
             if reaches.all(axis=1).any():
+                return False
+        return True
+
+    def nothing_behind(self, item: Any, antennas: Sequence[Sequence[float]]) -> bool:
+        """Whether an object is flat, with all others and the antennas on one side of it."""
+        if not _is_flat(item):
+            return False
+        others = np.concatenate([self._corners.reshape(-1, 3), antennas])
+        for mine in np.flatnonzero(self._owners == item.as_pointer()):
+            size = np.ptp(self._own[mine], axis=0)
+            axis = int(np.argmin(size))
+            inverse = np.linalg.inv(self._poses[mine])
+            heights = others @ inverse[axis, :3] + inverse[axis, 3] - self._own[mine][0, axis]
+            gap = _FLAT * float(size.max())
+            if heights.min() < -gap and heights.max() > gap:
                 return False
         return True

@@ -85,7 +85,8 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
             others += [] if known else [item.name_full]
         else:
             _set_layer(recorder, item, normal, thickness)
-        item.update_tag()
+        if _is_told(item):  # Cycles reads custom properties again only after a tag; the mesh is as before
+            item.update_tag(refresh={"OBJECT"})
     if not others:
         return []
     return [
@@ -97,6 +98,11 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
             property=attributes.OBJECT_LAYER_NORMAL,
         )
     ]
+
+
+def _is_told(item: Any) -> bool:
+    """Whether an object has a custom property that the shaders of walls read."""
+    return attributes.OBJECT_LAYER_NORMAL in item or attributes.OBJECT_SHELL_THICKNESS in item
 
 
 def _set_what_is_found(

@@ -21,6 +21,10 @@ from .physical_materials import inputs_at, surface_of
 
 #: Roughness up to which Cycles takes a lobe for a mirror, and finds no Point light in it.
 SHARP = 0.0037
+#: Index from which on a surface reflects all power at all angles but the most grazing.
+_METAL = 1000.0
+#: Glossy BSDFs of one lobe that depends on both directions alike.
+_RECIPROCAL = {"ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfMetallic"}
 #: Custom property of a material: exponent of its scattered lobe.
 LOBE_EXPONENT = "radarsim_lobe_exponent"
 #: BSDFs with a reflecting lobe of their Roughness.
@@ -202,6 +206,58 @@ def lobe_width(material: Any) -> float:
     if exponent is not None:  # a facet turns the mirrored wave by twice its own angle
         return min(1 / math.sqrt(exponent), _lobe_width(material))
     return _lobe_width(material)
+
+
+def reciprocal_lobe(material: Any) -> float:
+    """Return the width of the lobe of a material that scatters alike in both directions.
+
+    Parameters
+    ----------
+    material
+        See `lobe_width`.
+
+    Returns
+    -------
+    float
+        As of `lobe_width`; 0 also for mirrors, and where Fresnel's equations are those of one of
+        the two directions.
+    """
+    if material is not None and material.get(LOBE_EXPONENT) is not None:
+        return 0.0
+    node = group_node(material)
+    if node is None:
+        return _reciprocal_shader(material)
+    sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
+    values = [float(one.default_value) for one in sockets if one is not None and not one.is_linked]
+    if len(values) < len(sockets):
+        return 0.0
+    index, extinction, roughness = values
+    kind = node.node_tree.get(KIND_PROPERTY)
+    if kind == PHYSICAL_KIND:
+        smooth = roughness <= SMOOTH_BELOW
+        if clutter_of(material) is not None:
+            return math.inf if smooth else 0.0
+        return 0.0 if smooth else roughness**2
+    if kind != KIND or abs(complex(index, extinction)) < _METAL:
+        return 0.0
+    width = _lobe_width(material)
+    return width if roughness > SHARP or math.isinf(width) else 0.0
+
+
+def _reciprocal_shader(material: Any) -> float:
+    """The same of a material whose output is one BSDF of Blender's."""
+    shaders = [] if material is None else _foreign_shaders(material)
+    if not shaders:
+        return _foreign_lobe_width(material)
+    shader = shaders[0]
+    roughness, normal = (shader.inputs.get(name) for name in ("Roughness", "Normal"))
+    if len(shaders) > 1 or roughness is None or (normal is not None and normal.is_linked):
+        return 0.0
+    if shader.bl_idname == "ShaderNodeBsdfDiffuse":
+        return math.inf
+    known = shader.bl_idname in _RECIPROCAL and not roughness.is_linked
+    alpha = float(roughness.default_value) ** 2
+    return alpha if known and roughness.default_value > SHARP else 0.0
 
 
 def _lobe_width(material: Any) -> float:

@@ -40,13 +40,7 @@ from .animation import (
     moves_in_steps,
 )
 from .bodies import Bodies, Part
-from .deforming import (
-    Deformations,
-    DeformingSurface,
-    may_deform,
-    points_within,
-    vertex_positions,
-)
+from .deforming import Deformations, DeformingSurface, may_deform, points_within, vertex_positions
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 from .whole_frames import stepped_at_frames
@@ -268,9 +262,7 @@ class BurstMotion:
         steps = [items[0].name for items in self._moving_items() if any(map(in_steps, items))]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
-        tracks = None
-        if self._deformations.body:
-            tracks = self._tracks(fits)
+        tracks = self._tracks(fits) if self._deformations.body else None
         self._bound_m = fits.displacement_error_bound_m
         return self._frame_motion(fits.motions, tracks)
 
@@ -383,7 +375,7 @@ class BurstMotion:
                     wavelengths=wavelengths,
                 )
             )
-        record = MotionRecord(
+        self.record = record = MotionRecord(
             frame=self._plan.frame,
             time_s=time_s,
             duration_s=self._plan.duration_s,

@@ -229,10 +229,13 @@ def arrange(tree: Any) -> None:
     for name in TopologicalSorter(sources).static_order():
         depth[name] = max((depth[source] + 1 for source in sources[name]), default=0)
     rows: Counter[int] = Counter()
+    places: list[float] = []
     for node in tree.nodes:
         column = depth[node.name]
-        node.location = (column * _COLUMN_WIDTH, -rows[column] * _ROW_HEIGHT)
+        places += (column * _COLUMN_WIDTH, -rows[column] * _ROW_HEIGHT)
         rows[column] += 1
+    # at once: Blender looks at the whole tree again after each node that is set by itself
+    tree.nodes.foreach_set("location", places)
 
 
 def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:

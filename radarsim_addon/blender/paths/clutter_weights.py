@@ -22,6 +22,7 @@ from ..materials import clutter_of, scattered_lobe_of
 from ..motion import Bodies
 from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
 from ..nodes.group_search import group_input
+from .better_direction import BetterDirection
 from .hit_points import HitPoints, Normals
 from .reverse_marks import ReverseMarks
 from .rough_mirrors import RoughMirrors
@@ -55,6 +56,8 @@ class ClutterWeights:
         wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
         self._rough = RoughMirrors(hits, bodies, wavelength_m)
         self._reverses = ReverseMarks(hits, bodies)
+        #: Paths in the direction in which they are sampled well.
+        self.better = BetterDirection(bodies, wavelength_m)
         self._surfaces: list[ClutterLobe | DirectiveLobe] = []
         known: dict[str, int] = {}
         self._several: set[str] = set()
@@ -92,23 +95,33 @@ class ClutterWeights:
         Rays start at `origin_m`, (3,) or (n, 3).
         """
         origins_m = np.broadcast_to(origin_m, (rows.size, 3))
-        self._reverses.mark(rows, normals, origins_m)
-        self._rough.keep_coherent(rows, normals, origins_m)
         if not self._surfaces:
+            self._mark_reverses_and_keep_coherent(rows, normals, origins_m)
             return
         known = normals.all()
-        for start in range(0, rows.size, _ROWS_AT_ONCE):
+        for start in range(0, rows.size, _ROWS_AT_ONCE):  # which stay in the cache
             some = slice(start, start + _ROWS_AT_ONCE)
+            part, ends = rows[some], [one[some] for one in known]
+            found = Normals(part.size)
+            found.add(np.arange(part.size), *ends)
+            self._mark_reverses_and_keep_coherent(part, found, origins_m[some])
             start_m = origin_m if origin_m.ndim == 1 else origin_m[some]
-            self._apply_part(rows[some], [one[some] for one in known], start_m, transmitter_m)
+            self._apply_part(part, ends, start_m, transmitter_m)
+
+    def _mark_reverses_and_keep_coherent(
+        self, rows: PathRows, normals: Normals, origins_m: Real
+    ) -> None:
+        self._reverses.mark(rows, normals, origins_m)
+        self._rough.keep_coherent(rows, normals, origins_m)
 
     def _apply_part(
         self, rows: PathRows, normals: Sequence[Real], origin_m: Real, transmitter_m: Real
     ) -> None:
         """Multiply powers of some rows, which have these normals at both ends."""
         clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
-        ends = [self._of_body.take(rows[name]) > 0 for name in ("first_body", "last_body")]
-        met, orders = ends[0] | ends[1], rows["order"].copy()
+        orders, met = rows["order"].copy(), self._of_body.take(rows["last_body"]) > 0
+        if np.any(several := orders > 1):  # else both ends are one
+            met[several] |= self._of_body.take(rows["first_body"][several]) > 0
         for order in (1, 2):
             part = np.flatnonzero((orders == order) & met)
             start_m = origin_m if origin_m.ndim == 1 else origin_m[part]
@@ -120,14 +133,14 @@ class ClutterWeights:
             if part.size < rows.size:
                 mine = rows[part]
                 first_n, last_n = (take_rows(each, part) for each in normals)
-            last_m, back = (_column(mine, name) for name in ("last_scatterer_m", "direction"))
-            back *= -1
+            last_m = np.array(mine["last_scatterer_m"], order="F")  # contiguous components
+            back = np.negative(mine["direction"], order="F")
             end = mine["last_body"], last_m
             if order == 1:
                 weight = self._weights(*end, start_m, last_n, back, transmitter_m, True)
             else:
                 # the last vertex is known along the ray of the transmitter
-                first_m = _column(mine, "first_scatterer_m")
+                first_m = np.array(mine["first_scatterer_m"], order="F")
                 before = _unit(first_m - last_m)
                 weight = self._weights(*end, transmitter_m, last_n, before, transmitter_m, False)
                 first = mine["first_body"], first_m
@@ -158,8 +171,9 @@ class ClutterWeights:
             return weight
         normal = self._hits.normals(bodies, known_from_m, vertex_m, normal)
         onward, sine_s = _unit(after_m - vertex_m), dots(normal, back)
-        side = np.copysign(1.0, sine_s)
-        normal, sine_s = normal * side[:, None], sine_s * side
+        if np.any(sine_s < 0):  # seen from the back
+            side = np.copysign(1.0, sine_s)
+            normal, sine_s = normal * side[:, None], sine_s * side
         sines = sine_s, dots(normal, onward)
         # not through the surface, and with a normal
         through = ~(sine_s > 0) | ~(sines[1] > 0)
@@ -252,8 +266,3 @@ def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Findi
 
 def _unit(vectors: Real) -> Real:
     return np.asarray(vectors / norms(vectors)[:, None])
-
-
-def _column(rows: PathRows, name: str) -> Real:
-    """A column of vectors, (n, 3), copied with contiguous components."""
-    return np.array(rows[name], order="F")

@@ -19,6 +19,9 @@ from .obstacles import Obstacles
 
 #: Least radius of curvature for rays, over the wavelength: k a = 10.
 _LEAST_RADIUS = 10 / (2 * math.pi)
+#: How far corners may lie in front of another one, over their extent, and how many of those are
+#: asked about at most, for a surface to count as convex: normals of meshes are not exact.
+_BEHIND, _MOST_ASKED = 1e-3, 256
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,19 @@ class CurvedMirrors:
         """Names of the objects with an RMS height."""
         rough = np.array([one.rms_height_m > 0 for one in self.materials])[self.material]
         return tuple(dict.fromkeys(self.names[n] for n in np.unique(self.body[rough]).tolist()))
+
+    @property
+    def see_each_other(self) -> bool:
+        """Whether waves may go from a mirror to another one, or to another part of it."""
+        if len(self.names) > 1:
+            return True
+        corners_m, normals = self.patches.corners_m.reshape(-1, 3), self.patches.normals[:, 0]
+        room_m = _BEHIND * float(np.ptp(corners_m, axis=0).max())
+        every = max(len(normals) // _MOST_ASKED, 1)
+        return any(
+            float((corners_m @ normal).max() - corner @ normal) > room_m
+            for corner, normal in zip(corners_m[::3][::every], normals[::every], strict=True)
+        )
 
     def rounded(self, wavelength_m: float) -> list[Finding]:
         """Return what to say of patches that lie far off their triangles."""

@@ -8,6 +8,7 @@ spreading by geometric optics, cosines, and what the mirror reflects.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,9 @@ from ...physics.specular_points import SpecularPoints, SpecularSearch
 from ...signal.paths import PathRows
 from ...vectors import crosses, distances, dots, norms
 from .curved_mirrors import CurvedMirrors
+from .hit_points import HitPoints
 from .obstacles import Obstacles
+from .same_point import alike_in_both
 
 #: Width of a beam, over that behind a plane, below which the mirror focuses: rays tell too little.
 _LEAST_WIDTH = 0.5
@@ -30,7 +33,7 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True)
 class _Ways:
-    """Ways from places over mirrors to the transmitter: n of each.
+    """Ways from places over mirrors to the antenna: n of each.
 
     `beams` is the ratio of areas of a beam, at the place and on the mirror.
     """
@@ -44,14 +47,18 @@ class _Ways:
 
 
 class CurvedPaths:
-    """Finds paths over the curved mirrors of a frame.
+    """Finds paths between scatterers and an antenna over the curved mirrors of a frame.
 
     Parameters
     ----------
     mirrors, obstacles
         Of the frame.
-    transmitter_m
-        Place of both antennas, (3,) [m].
+    hits
+        Finds normals.
+    lobes
+        Width of the narrowest lobe by the body's number; 0: no path over mirrors.
+    receiver_m, antenna_m
+        Places of the receiver, which sees the scatterers, and of the antenna, (3,) [m].
     polarisation, wavelength_m
         Of the run.
     """
@@ -60,51 +67,71 @@ class CurvedPaths:
         self,
         mirrors: CurvedMirrors,
         obstacles: Obstacles,
-        transmitter_m: Real,
+        hits: HitPoints,
+        lobes: Real,
+        receiver_m: Real,
+        antenna_m: Real,
         polarisation: str,
         wavelength_m: float,
     ) -> None:
         self.mirrors, self._obstacles = mirrors, obstacles
-        self._transmitter_m, self._polarisation = transmitter_m, polarisation
+        self._hits, self._lobes, self._receiver_m = hits, lobes, receiver_m
+        self._antenna_m, self._polarisation = antenna_m, polarisation
         self._wavelength_m = wavelength_m
-        self._search = SpecularSearch(mirrors.patches, transmitter_m)
-        #: Bodies that focus on the way to a scatterer.
+        self._search = SpecularSearch(mirrors.patches, antenna_m)
+        #: Bodies that focus on the way to a scatterer, and those that scatter otherwise towards a
+        #: mirror.
         self.focusing: set[int] = set()
+        self.narrow: set[int] = set()
 
-    def over(self, rows: PathRows, normals: Real) -> tuple[PathRows, Real, float]:
-        """Return the paths via curved mirrors to the scatterers of direct paths, the points of
-        reflection (n, 3) [m], and the power of paths that are left out because objects that let
-        waves through lie on the way [W].
+    def to(self, antenna_m: Real) -> CurvedPaths:
+        """Return the paths to another antenna, with the same tree and sets of bodies."""
+        other = copy(self)
+        other._antenna_m, other._search = antenna_m, self._search.to(antenna_m)
+        return other
 
-        `normals` (n, 3): unit normals at the scatterers, on the side that is seen; NaN: unknown.
+    def over(self, rows: PathRows, end: int, direct_m: Real) -> tuple[PathRows, float]:
+        """Return the paths via curved mirrors to the scatterers of paths that go straight to the
+        place `direct_m` (3,) at an end, 0 receiver, 1 transmitter; and the power of paths that are
+        left out because objects that let waves through lie on the way [W].
         """
         places_m = rows["last_scatterer_m"]
         ways = self._ways(places_m)
         found = ways.found
         place = found.place
+        normals = self._hits.normals(rows["last_body"], self._receiver_m, places_m)[place]
+        normals[dots(normals, self._receiver_m - places_m[place]) < 0] *= -1
         onto = found.points_m - places_m[place]
-        straight_m = self._transmitter_m - places_m[place]
-        direct_m = norms(straight_m)
-        cosines = dots(normals[place], onto) / ways.after_m
-        cosines /= dots(normals[place], straight_m) / direct_m
+        straight_m = direct_m - places_m[place]
+        away_m = norms(straight_m)
+        cosines = dots(normals, onto) / ways.after_m
+        cosines /= dots(normals, straight_m) / away_m
         power, phase_rad = self._reflection(ways)
-        power *= cosines * (direct_m / ways.before_m) ** 2 / ways.beams
+        power *= cosines * (away_m / ways.before_m) ** 2 / ways.beams
         seen = power > _LEAST_POWER  # NaN: not
         blocked, through = self._blocked(ways, places_m, rows["last_body"], seen)
         made = rows[place]
         made["power_w"] *= power
         made["mirror_phase_rad"] -= phase_rad  # echoes carry exp(+j w t)
-        made["length_m"] += ways.before_m + ways.after_m - direct_m
+        made["length_m"] += ways.before_m + ways.after_m - away_m
         made["order"] += 1
-        made["mirrors"] = 1
+        made["mirrors"] += 1
         offset_m = dots(found.normals, found.points_m)
-        made["transmitter_plane"] = np.column_stack([found.normals, offset_m])
+        name = ("receiver", "transmitter")[end]
+        made[f"{name}_plane"] = np.column_stack([found.normals, offset_m])
         through_w = float(made["power_w"][seen & through].sum())
         kept = seen & ~blocked & ~through
         made, place = made[kept], place[kept]
         first = np.searchsorted(place, place)
-        made["transmitter_image"] = first - np.arange(place.size) - 1
-        return made, found.points_m[kept], through_w
+        made[f"{name}_image"] = first - np.arange(place.size) - 1
+        alike = self.alike(made, found.points_m[kept])
+        self.narrow.update(np.unique(made["last_body"][~alike]).tolist())
+        return made[alike], through_w
+
+    def alike(self, rows: PathRows, points_m: Real) -> Mask:
+        """Whether surfaces scatter nearly alike towards the antenna and points (n, 3), (n,)."""
+        lobe = self._lobes[rows["last_body"]]
+        return alike_in_both(rows["last_scatterer_m"], self._antenna_m, points_m, lobe)
 
     def met(self, rows: PathRows) -> tuple[Mask, Real]:
         """Return which rows come over a mirror to their last scatterer, (n,), and where their
@@ -124,9 +151,9 @@ class CurvedPaths:
         """All ways from places (n, 3), except those with a focus."""
         found = self._search.find(places_m)
         ends_m = places_m[found.place]
-        before_m = distances(found.points_m, self._transmitter_m)
+        before_m = distances(found.points_m, self._antenna_m)
         after_m = distances(found.points_m, ends_m)
-        incoming = (found.points_m - self._transmitter_m) / before_m[:, None]
+        incoming = (found.points_m - self._antenna_m) / before_m[:, None]
         cosine = -dots(incoming, found.normals)
         across = crosses(incoming, found.normals)
         straight = norms(across) < _PARALLEL
@@ -169,7 +196,7 @@ class CurvedPaths:
         # The mesh lies below the smooth surface where it is convex, and above it elsewhere.
         raised_m = found.points_m[chosen]
         raised_m = raised_m + 2 * self.mirrors.lift_m[patch, None] * found.normals[chosen]
-        ends_m = np.broadcast_to(self._transmitter_m, raised_m.shape)
+        ends_m = np.broadcast_to(self._antenna_m, raised_m.shape)
         for start_m, end_m, own in (
             (places_m[place], raised_m, bodies[place]),
             (raised_m, ends_m, self.mirrors.body[patch]),

@@ -267,8 +267,7 @@ class FrameWork:
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
         quality = QualitySums()
         powers: list[ReplicatePowers] = []
-        rows_of: list[int] = []
-        renders = 0
+        rows_of, renders = list[int](), 0
         with self._parts.writer(key) as part:
             for replicate in range(count):
                 rows, origin_m, traced = yield from self._tracer.replicate_tasks(
@@ -287,7 +286,8 @@ class FrameWork:
                         number, tile, replicate, rows, traced, quality
                     )
                     renders += made
-                quality.add_rows(rows)
+                rows = self._clutter.better.in_better_direction(rows, self._tracer)
+                quality.add_rows(rows, self._receiver)
                 powers.append(self._grid.replicate_powers(rows, count, self._receiver))
                 rows_of.append(rows.size)
                 part.add(rows)
@@ -371,7 +371,7 @@ class FrameWork:
         findings = [
             part
             for item in quality.findings(wavelength_m, scene.objects, target)
-            for part in by_surface(item)
+            for part in by_surface(item, self._mirrors.bodies.values())
         ]
         if quality.total_w == 0:
             seen = [scene.objects[n - 1] for n in sorted(quality.seen) if n > 0]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import bpy
@@ -45,12 +46,12 @@ def holds_rough_facets(view_layer: Any) -> bool:
     return any(has_rough_facets(material) for material in _assigned(view_layer))
 
 
-def by_surface(item: Finding) -> list[Finding]:
-    """Tell silent objects that are rough from mirrors."""
+def by_surface(item: Finding, images: Collection[str] = ()) -> list[Finding]:
+    """Tell silent objects that are rough from mirrors, but for mirrors that have `images`."""
     if item.code != "object-without-echo":
         return [item]
     named = (one for one in bpy.data.objects if one.name_full in item.subjects)
     rough = {one.name_full for one in named if is_rough(one)}
-    others = [name for name in item.subjects if name not in rough]
+    others = [name for name in item.subjects if name not in rough and name not in images]
     found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
     return found + ([finding("object-without-echo", *others)] if others else [])

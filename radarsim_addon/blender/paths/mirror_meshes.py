@@ -63,8 +63,7 @@ def mirroring_objects(obstacles: Obstacles) -> list[str]:
             slots = () if mesh is None else np.minimum(mesh.slots, smooth.size - 1)
             named[number] = mesh is not None and bool(smooth[slots].any())
         elif named[number]:
-            with bodies.snapshot.mesh(shape) as surface:
-                named[number] = surface is not None and len(surface.polygons) > 0
+            named[number] = bodies.snapshot.face_count(shape) > 0
     shapes = bodies.snapshot.shapes
     return list(dict.fromkeys(shapes[n].original.name_full for n, yes in named.items() if yes))
 

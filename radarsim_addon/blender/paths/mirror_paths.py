@@ -19,7 +19,7 @@ from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ...signal.motion import PathImages
 from ...signal.paths import CURVED_IMAGE_DTYPE, IMAGE_DTYPE, PATH_DTYPE, PathFlag, PathRows
-from ...vectors import are_finite, crosses, distances, dots, norms
+from ...vectors import are_finite, crosses, distances, norms
 from ..materials import clutter_of, lobe_width
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
@@ -39,11 +39,14 @@ from .image_chains import (
 from .mirror_meshes import mirroring_objects
 from .mirrors import Mirror, find_mirrors
 from .obstacles import BodyMesh, Obstacles
-from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
+from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both
+from .vertex_view import VertexView
 from .ways_back import WaysBack, receiver_chains
 
 #: How far a mirrored ray may pass its scatterer, and its length be off, over that: float32.
 _MIRRORED = 2e-5
+#: Stands for the image of a row that was measured with the lamp at the receiver.
+_AT_RECEIVER = -1
 
 
 class MirrorPaths:
@@ -85,38 +88,24 @@ class MirrorPaths:
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
         self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
+        self._view = VertexView(hits, self._obstacles, receiver, self._receiver_m)
         self._read_materials(bodies)
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
         most = options.mirror_images if self._reflections > 1 else 0
         self.mirrors: list[Mirror] = []
-        curved: CurvedMirrors | None = None
-        if self._reflections == 1:
-            names = mirroring_objects(self._obstacles)
-            self._findings = [finding("mirrors-need-reflections", *names)] if names else []
-        else:
-            self.mirrors, self._findings = find_mirrors(
-                self._obstacles, transmitter_m, self._wavelength_m, most
-            )
-            curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
-            self._findings += said
-        if self._reflections == 2 and (self.mirrors or curved is not None):
-            names = [name for one in (*self.mirrors, curved) if one for name in one.objects]
-            self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
-        rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
-        rough += () if curved is None else curved.rough_objects
-        if rough:
-            self._findings.append(finding("mirror-slightly-rough", *dict.fromkeys(rough)))
+        self._findings: list[Finding] = []
+        curved = self._find_mirrors(most)
         apart_m = float(np.linalg.norm(self._receiver_m - transmitter_m))
         #: Whether a path and its reverse are alike.
         self._one_place = apart_m <= ONE_PLACE * reach_m and receiver.kind != "orthographic"
-        #: Paths over curved mirrors; None without any.
+        #: Paths over curved mirrors, to transmitter and receiver; None without any.
         self._curved: CurvedPaths | None = None
-        if curved is not None and self._reflections > 1:
-            self._curved = self._over_mirrors(curved, most)
-        #: Bodies that scatter otherwise towards an image, and towards a curved mirror.
+        self._curved_back: CurvedPaths | None = None
+        if curved is not None:
+            self._find_curved(curved, most)
+        #: Bodies that scatter otherwise towards an image.
         self._narrow: set[int] = set()
-        self._narrow_curved: set[int] = set()
         self.images = first_images(self.mirrors, transmitter_m)
         if self._reflections > 2:
             self._add_second_images(most)
@@ -127,8 +116,32 @@ class MirrorPaths:
             self._findings.append(finding("mirror-ways-not-in-phase"))
         elif self._reflections > 1 and not self._one_place:
             self._find_ways_back(most)
-        #: Places of the images, (n, 3) [m].
-        self.images_m: Real = np.array([one.image_m for one in self.images]).reshape(-1, 3)
+        places_m = [one.image_m for one in self.images]
+        if self._curved is not self._curved_back:
+            places_m.append(self._receiver_m)
+        #: Places of lamps that nothing blocks, (n, 3) [m]: those of the images. The last one is at
+        #: a receiver that stands apart, where curved mirrors may light what it sees in the shade.
+        self.lamps_m: Real = np.array(places_m).reshape(-1, 3)
+
+    def _find_mirrors(self, most: int) -> CurvedMirrors | None:
+        """Find the planar mirrors; return the curved ones, None without any."""
+        if self._reflections == 1:
+            if names := mirroring_objects(self._obstacles):
+                self._findings.append(finding("mirrors-need-reflections", *names))
+            return None
+        self.mirrors, self._findings = find_mirrors(
+            self._obstacles, self._transmitter_m, self._wavelength_m, most
+        )
+        curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
+        self._findings += said
+        if self._reflections == 2 and (self.mirrors or curved is not None):
+            names = [name for one in (*self.mirrors, curved) if one for name in one.objects]
+            self._findings.append(finding("mirror-both-ways-left-out", *dict.fromkeys(names)))
+        rough = [name for one in self.mirrors if one.is_rough for name in one.objects]
+        rough += () if curved is None else curved.rough_objects
+        if rough:
+            self._findings.append(finding("mirror-slightly-rough", *dict.fromkeys(rough)))
+        return curved
 
     def _read_materials(self, bodies: Bodies) -> None:
         """Find the lobes of all bodies."""
@@ -141,17 +154,30 @@ class MirrorPaths:
         weighted = np.array([any(map(clutter, every)) for every in materials], dtype=bool)
         self._plain_lobes = np.append(0.0, np.where(weighted, 0.0, widths)[bodies.shape])
 
-    def _over_mirrors(self, curved: CurvedMirrors, most: int) -> CurvedPaths | None:
-        """Paths over curved mirrors; None where they are off, or the antennas are apart."""
-        if most and self._one_place:
-            self._findings += curved.rounded(self._wavelength_m)
-            place_m, obstacles = self._transmitter_m, self._obstacles
-            return CurvedPaths(curved, obstacles, place_m, self._polarisation, self._wavelength_m)
-        if most:
-            self._findings.append(finding("mirror-curved-two-places", *curved.objects))
-        else:
+    def _find_curved(self, curved: CurvedMirrors, most: int) -> None:
+        """Find the paths over curved mirrors, unless they are off or the camera is orthographic."""
+        if not most:
             self._findings.append(finding("mirror-curved-off", *curved.objects))
-        return None
+            return
+        if self._receiver.kind == "orthographic":
+            self._findings.append(finding("mirror-curved-orthographic", *curved.objects))
+            return
+        self._findings += curved.rounded(self._wavelength_m)
+        others = set(mirroring_objects(self._obstacles)).difference(curved.objects)
+        if self._reflections > 2 and (others or curved.see_each_other):
+            self._findings.append(finding("mirror-curved-in-a-row", *curved.objects))
+        self._curved = CurvedPaths(
+            curved,
+            self._obstacles,
+            self._hits,
+            self._plain_lobes,
+            self._receiver_m,
+            self._transmitter_m,
+            self._polarisation,
+            self._wavelength_m,
+        )
+        together = self._one_place
+        self._curved_back = self._curved if together else self._curved.to(self._receiver_m)
 
     def _add_second_images(self, most: int) -> None:
         """Add the images over two mirrors in a row, as far as there may be more images."""
@@ -184,6 +210,7 @@ class MirrorPaths:
             self._polarisation,
             self._wavelength_m,
             self._reflections,
+            self._curved_back,
         )
 
     @property
@@ -192,8 +219,8 @@ class MirrorPaths:
         found = list(self._findings)
         if self._narrow and self._receiver.kind != "orthographic":
             found.append(finding("mirror-lobe-narrow", *self._names(self._narrow)))
-        if self._narrow_curved:
-            found.append(finding("mirror-curved-target", *self._names(self._narrow_curved)))
+        if self._curved is not None and self._curved.narrow:
+            found.append(finding("mirror-curved-target", *self._names(self._curved.narrow)))
         if self._curved is not None and self._curved.focusing:
             found.append(finding("mirror-focuses", *self._names(self._curved.focusing)))
         return found
@@ -232,11 +259,19 @@ class MirrorPaths:
         """The images, in the order of their numbers from 1; the receiver's own are the last."""
         return [chain.record for chain in (*self.images, *self._own_images)]
 
+    def reflections(self, image: int) -> int:
+        """Return how many reflections besides those of mirrors are asked for with an image."""
+        return self._reflections - 1 if image <= len(self.images) else 1
+
     def choose(self, image: int, rows: PathRows) -> tuple[PathRows, float]:
         """Return the paths among rows that were measured with an image, from 1, with its mirrors
         in their order, power and phase; and the power of those left out because open objects lie on
-        the way [W].
+        the way [W]. With the lamp at the receiver, those of single scatterings.
         """
+        if image > len(self.images):
+            rows = rows[rows["point"] > 0]
+            rows["transmitter_image"] = _AT_RECEIVER
+            return rows, 0.0
         chain = self.images[image - 1]
         rows = rows[are_finite(rows["last_scatterer_m"]) & (rows["flags"] & PathFlag.NO_RANGE == 0)]
         ways = ways_over(chain, rows["last_scatterer_m"])
@@ -264,7 +299,7 @@ class MirrorPaths:
             wide[name] = rows[name]
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= rows["flags"] & PathFlag.NO_RANGE == 0
-        if image:
+        if 0 < image <= len(self.images):
             alike = self._alike(rows, image)
             self._narrow.update(np.unique(rows["last_body"][once & ~alike]).tolist())
             if self._back is None:
@@ -279,49 +314,39 @@ class MirrorPaths:
         """
         if self._receiver.kind == "orthographic":
             return rows, 0.0
-        rows = rows[~self._seen_directly(rows)]
+        shaded = rows[:0]
+        if self._curved is not self._curved_back:
+            at_receiver = rows["transmitter_image"] == _AT_RECEIVER
+            shaded, rows = rows[at_receiver], rows[~at_receiver]
+        gone = self._seen_directly(rows)
+        rows = rows[~gone] if gone.any() else rows
         images = PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
+        through_w = 0.0
+        if self._curved is not None:
+            direct = rows[(rows["point"] > 0) & (rows["transmitter_image"] == 0)]
+            shaded = shaded[~np.isin(shaded["point"], direct["point"])]
+            over, through_w = self._curved.over(direct, 1, self._transmitter_m)
+            lit, blocked_w = self._curved.over(shaded, 1, self._receiver_m)
+            rows = np.concatenate([rows, over, lit])
+            through_w += blocked_w
         if self._back is None:
-            through_w = 0.0
-            if self._curved is not None:
-                over, through_w = self._over_curved(self._curved, rows)
-                rows = np.concatenate([rows, over])
             every = add_reverse_paths(
                 rows, images, self._receiver_m, self._transmitter_m, self._reflections
             )
             return every, through_w
-        every, through_w = self._back.added(rows, images)
+        every, blocked_w = self._back.added(rows, images)
         for image in range(1, len(self.images) + 1):
             of_image = np.flatnonzero((every["transmitter_image"] == image) & (every["point"] > 0))
             every["point"][of_image[~self._alike(every[of_image], image)]] = 0
         _, place, paths = np.unique(every["point"], return_inverse=True, return_counts=True)
         every["point"][paths[place] == 1] = 0
-        return every, through_w
-
-    def _over_curved(self, curved: CurvedPaths, rows: PathRows) -> tuple[PathRows, float]:
-        """Paths to the transmitter over curved mirrors, from the scatterers of direct paths, and
-        the power of those that open objects block [W].
-        """
-        direct = rows[(rows["point"] > 0) & (rows["transmitter_image"] == 0)]
-        places_m = direct["last_scatterer_m"]
-        normals = self._hits.normals(direct["last_body"], self._receiver_m, places_m)
-        away = dots(normals, self._receiver_m - places_m) < 0
-        normals[away] *= -1
-        made, points_m, through_w = curved.over(direct, normals)
-        alike = self._alike_over_curved(made, points_m)
-        self._narrow_curved.update(np.unique(made["last_body"][~alike]).tolist())
-        return made[alike], through_w
+        return every, through_w + blocked_w
 
     def _alike(self, rows: PathRows, image: int) -> Mask:
         """Whether surfaces scatter nearly alike towards the transmitter and its image, (n,)."""
         lobe = self._lobes[rows["last_body"]]
-        image_m = self.images_m[image - 1]
+        image_m = self.lamps_m[image - 1]
         return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, image_m, lobe)
-
-    def _alike_over_curved(self, rows: PathRows, points_m: Real) -> Mask:
-        """Whether surfaces scatter nearly alike towards the transmitter and points (n, 3), (n,)."""
-        lobe = self._plain_lobes[rows["last_body"]]
-        return alike_in_both(rows["last_scatterer_m"], self._transmitter_m, points_m, lobe)
 
     def _seen_directly(self, rows: PathRows) -> Mask:
         """Rows that come over mirrors to a vertex that another pixel sees."""
@@ -347,31 +372,13 @@ class MirrorPaths:
             alike = self._alike if self._back is None else self._back.alike
             mine = mine[alike(rows[mine], image)]
             place_m = over.places(0, self._receiver_m)[0]
-            gone[mine[self._as_direct(rows[mine], place_m)]] = True
-        if self._curved is not None:
+            gone[mine[self._view.sees(rows[mine], place_m)]] = True
+        if self._curved_back is not None:
             scatterers = rows["order"] - rows["mirrors"] == 2
-            over_curved = np.isin(rows["first_body"], list(self._curved.mirrors.names))
+            over_curved = np.isin(rows["first_body"], list(self._curved_back.mirrors.names))
             mine = np.flatnonzero(once & scatterers & over_curved)
-            met, points_m = self._curved.met(rows[mine])
+            met, points_m = self._curved_back.met(rows[mine])
             mine, points_m = mine[met], points_m[met]
-            wide = self._alike_over_curved(rows[mine], points_m)
-            gone[mine[wide & self._as_direct(rows[mine], points_m)]] = True
+            wide = self._curved_back.alike(rows[mine], points_m)
+            gone[mine[wide & self._view.sees(rows[mine], points_m)]] = True
         return gone
-
-    def _as_direct(self, rows: PathRows, from_m: Real) -> Mask:
-        """Whether another pixel sees last vertices, on the side from which `from_m` does."""
-        last_m = rows["last_scatterer_m"]
-        found = in_view(last_m, self._receiver)
-        chosen = np.flatnonzero(found)
-        from_m = np.broadcast_to(from_m, last_m.shape)
-        found[chosen] = self._visible(rows[chosen], from_m[chosen])
-        return found
-
-    def _visible(self, rows: PathRows, from_m: Real) -> Mask:
-        """Whether the receiver sees last vertices from the side from which `from_m` (n, 3) does."""
-        last_m = rows["last_scatterer_m"]
-        ends_m = np.broadcast_to(self._receiver_m, last_m.shape)
-        normals = self._hits.normals(rows["last_body"], from_m, last_m)
-        seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
-        blocked, through = self._obstacles.block(last_m, ends_m, rows["last_body"])
-        return np.asarray(seen & ~blocked & ~through)

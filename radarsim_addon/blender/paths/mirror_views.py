@@ -44,9 +44,9 @@ class MirrorViews:
         change is added to `quality`.
         """
         rows, renders = [self.mirrors.number(own, traced, 0)], 0
-        for image, place_m in enumerate(self.mirrors.images_m, start=1):
+        for image, place_m in enumerate(self.mirrors.lamps_m, start=1):
             found, origin_m, traced = yield from self.tracer.replicate_tasks(
-                number, tile, replicate, image
+                number, tile, replicate, image, self.mirrors.reflections(image)
             )
             renders += traced.renders
             self.motion.label(found)

@@ -21,7 +21,7 @@ from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
 from ..materials import Interiors, found_inside, marked_mirrors
 from ..motion import BurstMotion, SamplingPlan, key_frames
-from ..plan import Extent, Measurement, PathOptions, Plan, make_plan
+from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
 from ..scene import ground_truth as ground_truth
 from ..scene import no_echo_findings
@@ -34,6 +34,7 @@ from .hit_points import HitPoints, Meshes
 from .materials_in_use import holds_foreign_materials, holds_rough_facets
 from .mirror_paths import MirrorPaths
 from .obstacles import BodyMesh
+from .still_frames import StillFrames
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
 
@@ -143,6 +144,8 @@ class PathJob(MeasurementJob):
             )
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()
+            self._still = StillFrames(self.folder, self.path_scene.own_names)
+            self._restores.append(self._still.restore)
         except BaseException:
             self.restore()
             raise
@@ -168,7 +171,7 @@ class PathJob(MeasurementJob):
         side = self.options.tile_px
         tiles = -(-self._measurement.width_px // side) * -(-self._measurement.height_px // side)
         renders = self.options.visibility_updates
-        steps = tiles * self.options.replicates + 1
+        self._steps = steps = tiles * self.options.replicates + 1
         self.total = steps * len(frames) * renders
         kept = [
             (frame, render)
@@ -270,6 +273,9 @@ class PathJob(MeasurementJob):
     def _frame_tasks(self, frame: int) -> Generator[PathTask, None, None]:
         output_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
+        if not self._time.shows(begins := self.plan.instants(frame)[0]):
+            self._show(begins)
+        self._still.begin()
         for render in range(self.options.visibility_updates):
             if not self._render_is_done(frame, render):
                 output_folder.make_frame_folder(self.folder, frame, render)
@@ -291,6 +297,9 @@ class PathJob(MeasurementJob):
             key_frames(frame - 3, frame + 3 + self._span_s * self._fps(), stretch),
             stretch,
         )
+        if self._still.holds(render, sampling.rendered[0]):
+            yield from self._repeat(frame, render, sampling.rendered[1])
+            return
         motion = BurstMotion(
             self._show,
             self.rig,
@@ -331,8 +340,8 @@ class PathJob(MeasurementJob):
             self.options,
             self._body_meshes,
         )
-        tracer.images_m = mirrors.images_m
-        self.path_scene.lamps.place(mirrors.images_m / units)
+        tracer.lamps_m = mirrors.lamps_m
+        self.path_scene.lamps.place(mirrors.lamps_m / units)
         folder = self.folder / contract.burst_dir(frame, render)
         work = FrameWork(
             tracer,
@@ -358,13 +367,26 @@ class PathJob(MeasurementJob):
         if not self.keeps_frame():  # another process has taken over: it writes the frame
             return
         record = work.write(stop_reason)
+        self._still.keep(render, record, motion.record)
         self.done += 1
         self.frame_findings += record.findings
         known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
         self.summary = (
-            f"{record.path_count:,} paths, standard error {known}, lengths known to "
-            f"{record.length_sigma_wavelengths:.2g} wavelengths; ended by {stop_reason}"
+            f"{record.path_count:,} paths, standard error {known}, lengths within "
+            f"{record.length_sigma_wavelengths:.2g} wavelengths"
         )
+        if self.options.refines:
+            self.summary += f"; refined until: {stop_reason}"
+
+    def _repeat(self, frame: int, render: int, at: Instant) -> Generator[PathTask, None, None]:
+        """As `_render_tasks`, where nothing has changed."""
+        receiver, transmitter = self._antenna_records(self._view_layer.depsgraph, 1.0)
+        tracer = ViewTracer(self._run, frame, at, receiver, transmitter, None)
+        yield PathTask(tracer, 0, 0, None, "motion and path table")
+        if self.keeps_frame():
+            record = self._still.write(render, frame, at.time_s)
+            self.done += self._steps
+            self.frame_findings += record.findings
 
     # -- progress of a frame -----------------------------------------------------------------------
 

@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...contract import ReceiverRecord
 from ...findings import Finding, finding
-from ...signal.paths import PathFlag, PathRows
+from ...signal.paths import PathFlag, PathRows, has_images
+from ...vectors import are_finite
 from ..views import PowerBeyond, TracedReplicate
+from .same_point import in_view
 
 #: Fraction of the power that may be in flawed rows before the run says so, and the relative error
 #: that nobody minds if none was asked for: 0.2 dB.
@@ -39,6 +42,8 @@ class QualitySums:
         self.strongest_path = 0.0
         #: Power of paths over mirrors that go through something open on the way: left out.
         self.through_mirrored_w = 0.0
+        #: Power of paths whose reverse begins outside of the field of view.
+        self.one_way_w = 0.0
         self._bias_wm = self._sigma2_wm2 = 0.0
         self.coloured = False
         self.seen: set[int] = set()
@@ -67,12 +72,12 @@ class QualitySums:
         strongest = max(beyond.strongest_ray, beyond.pixels_per_ray * strongest_path)
         self.strongest_ray_w = max(self.strongest_ray_w, strongest * watts_per_unit)
 
-    def add_rows(self, rows: PathRows) -> None:
-        """Add the rows of a view."""
+    def add_rows(self, rows: PathRows, receiver: ReceiverRecord) -> None:
+        """Add the rows of a view, which is a part of the receiver's field of view."""
         power = rows["power_w"]
-        echoes = rows[~_next_to_nothing(rows)]
+        echoes = ~_next_to_nothing(rows)
         for name in ("last_object", "first_object"):
-            self.echoing.update(_numbers(echoes[name]))
+            self.echoing.update(_numbers(rows[name][echoes]))
         for name in ("last_body", "first_body"):
             self.bodies.update(_numbers(rows[name]))
         flags = rows["flags"]
@@ -80,6 +85,13 @@ class QualitySums:
         self._row_w += float(power.sum())
         self.mixed_w += float(power[mixed].sum())
         self.unranged_w += float(power[flags & PathFlag.NO_RANGE != 0].sum())
+        reversible = flags & PathFlag.HAS_REVERSE != 0
+        if has_images(rows):
+            reversible &= rows["transmitter_image"] == 0
+        both = np.flatnonzero(reversible & (receiver.kind != "orthographic"))
+        last_m = rows["last_scatterer_m"][both]
+        outside = are_finite(last_m) & ~in_view(last_m, receiver)
+        self.one_way_w += float(power[both[outside]].sum())
         # A mixture's range lies between those mixed: it is off by less than the path's own length.
         self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
         sigma = rows["length_sigma_m"].astype(np.float64)
@@ -193,6 +205,9 @@ class QualitySums:
         through = self.share(self.through_mirrored_w)
         if through > _WARN_SHARE:
             found.append(told(finding("mirror-way-through", fraction=through), through))
+        one_way = self.share(self.one_way_w)
+        if one_way > _WARN_SHARE:
+            found.append(told(finding("reverse-outside-view", fraction=one_way), one_way))
         mixed, unranged = self.share(self.mixed_w), self.share(self.unranged_w)
         if mixed > _WARN_SHARE:
             found.append(told(finding("mixed-paths", fraction=mixed), mixed))
@@ -226,5 +241,7 @@ def _next_to_nothing(rows: PathRows) -> NDArray[np.bool_]:
 
 def _numbers(column: NDArray[np.integer[Any]]) -> list[int]:
     """Different numbers from 0 in a column."""
-    found: list[int] = np.flatnonzero(np.bincount(column.ravel())).tolist()
+    there = np.zeros(int(column.max(initial=-1)) + 1, dtype=bool)
+    there[column] = True
+    found: list[int] = np.flatnonzero(there).tolist()
     return found

@@ -34,7 +34,7 @@ class ReverseMarks:
         rounded = np.zeros(len(shapes), dtype=bool)
         for number in np.flatnonzero(mirrors).tolist():
             with bodies.snapshot.mesh(shapes[number]) as mesh:
-                rounded[number] = _is_smooth_shaded(mesh)
+                rounded[number] = is_smooth_shaded(mesh)
         unknown = mirrors.any()
         #: By the body's number, from 1; 0 is unknown: whether it may mirror, and whether its
         #: normals are not those of its faces.
@@ -46,27 +46,32 @@ class ReverseMarks:
 
         Rays start at `origins_m`, (n, 3).
         """
-        several = (rows["order"] > 1) & (rows["flags"] & PathFlag.NO_RANGE == 0)
-        mirrors = self._mirrors[rows["first_body"]]
-        marked = several & ~mirrors
-        known = several & mirrors & (rows["order"] == 2) & ~self._rounded[rows["first_body"]]
-        chosen = np.flatnonzero(known & are_finite(rows["first_scatterer_m"]))
+        several = np.flatnonzero(rows["order"] > 1)
+        if not several.size:
+            return
+        mine = rows[several]
+        ranged = mine["flags"] & PathFlag.NO_RANGE == 0
+        mirrors = self._mirrors[mine["first_body"]]
+        marked = ranged & ~mirrors
+        known = ranged & mirrors & (mine["order"] == 2) & ~self._rounded[mine["first_body"]]
+        chosen = np.flatnonzero(known & are_finite(mine["first_scatterer_m"]))
         if chosen.size:
-            mine = rows[chosen]
+            mine, number = mine[chosen], several[chosen]
             first_m, along = mine["first_scatterer_m"], mine["direction"]
             onward = mine["last_scatterer_m"] - first_m
             normals = self._hits.normals(
-                mine["first_body"], origins_m[chosen], first_m, found.all()[0][chosen]
+                mine["first_body"], origins_m[number], first_m, found.all()[0][number]
             )
             with np.errstate(invalid="ignore"):
                 onward /= norms(onward)[:, None]
                 sines = -dots(normals, along), dots(normals, onward)
                 away = is_mirrored(sines, -along, onward)
             marked[chosen] = ~away & are_finite(normals) & are_finite(onward)
-        rows["flags"][marked] |= np.uint16(PathFlag.HAS_REVERSE)
+        rows["flags"][several[marked]] |= np.uint16(PathFlag.HAS_REVERSE)
 
 
-def _is_smooth_shaded(mesh: Any) -> bool:
+def is_smooth_shaded(mesh: Any) -> bool:
+    """Whether a mesh, or None, has faces whose normals are not those of their planes."""
     if mesh is None or not len(mesh.polygons):
         return False
     smooth = np.zeros(len(mesh.polygons), dtype=bool)

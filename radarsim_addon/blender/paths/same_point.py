@@ -56,12 +56,17 @@ def add_reverse_paths(
     both = [rows]
     if reflections >= 2:
         back = rows[over]
-        _come_back(back, rows[over])
+        _come_back(back, back)
         back["transmitter_image"] = 0
         both.append(measured(back, images, receiver_m, transmitter_m))
-    for image in np.unique(rows["transmitter_image"][over]).tolist() if reflections >= 3 else []:
+    to_image = rows["transmitter_image"][over]
+    # numpy's own `unique` takes long for many numbers
+    numbers = np.arange(to_image.min(initial=0), to_image.max(initial=0) + 1)
+    for image in numbers.tolist() if reflections >= 3 else []:
         # All paths to this image, with every mirror on the way back.
-        first = np.flatnonzero(rows["transmitter_image"][over] == image)
+        first = np.flatnonzero(to_image == image)
+        if not first.size:
+            continue
         own = np.full(int(rows["point"].max()) + 1, -1)
         own[rows["point"][over[first]]] = over[first]
         to = own[rows["point"][over]]
@@ -74,7 +79,9 @@ def add_reverse_paths(
         there["order"] += back["mirrors"]
         kept = there["order"] <= reflections
         both.append(measured(there[kept], images, receiver_m, transmitter_m))
-    alone = np.setdiff1d(direct, base)
+    alone = np.zeros(rows.size, dtype=bool)
+    alone[direct] = True
+    alone[base] = False
     rows["point"][alone] = 0
     return np.concatenate(both)
 

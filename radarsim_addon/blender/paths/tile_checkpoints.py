@@ -168,9 +168,11 @@ class TileCheckpoints:
         """
         if key in self._held:
             held = self._held[key].rows
-            rows = held[0] if len(held) == 1 else np.concatenate(held)
-            rows["tile"] = tile
-            yield from iter_rows(rows, _CHUNK)
+            if sum(rows.size for rows in held) <= _CHUNK:
+                held = [np.concatenate(held)]
+            for rows in held:
+                rows["tile"] = tile
+                yield from iter_rows(rows, _CHUNK)
             return
         with open(self.rows_file(key), "rb") as stream:
             while (rows := np.fromfile(stream, dtype=self._dtype, count=_CHUNK)).size:

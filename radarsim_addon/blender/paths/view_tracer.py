@@ -154,8 +154,8 @@ class ViewTracer:
         self.run, self.frame, self.instant = run, frame, instant
         self.receiver, self.transmitter = receiver, transmitter
         self.transmitter_m: Real = np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3]
-        #: Places of the transmitter's images, (n, 3) [m].
-        self.images_m: Real = np.empty((0, 3))
+        #: Places of lamps that nothing blocks, (n, 3) [m]: images of the transmitter.
+        self.lamps_m: Real = np.empty((0, 3))
         self._vertex_map = _vertex_map(run.plan, receiver)
         self._finished: list[View] = []
         self._ways = ways
@@ -206,13 +206,13 @@ class ViewTracer:
         return found
 
     def replicate_tasks(
-        self, number: int, tile: Tile, replicate: int, image: int = 0
+        self, number: int, tile: Tile, replicate: int, image: int = 0, reflections: int = 0
     ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
         """Make all renders of a tile replicate; return its rows, where their rays start, and all
         that was found.
 
-        With the number of an image, from 1, the transmitter is in its place and nothing blocks it;
-        rows have one reflection less than the path.
+        With the number of an image, from 1, the transmitter is in its place, nothing blocks it, and
+        paths have so many reflections at most.
         """
         run, window = self.run, tile.window
         run.scene.lamps.shine(image)
@@ -221,7 +221,7 @@ class ViewTracer:
         rays = pixel_rays(receiver, window.width_px, window.height_px)
         limits = self._limits()
         if image:
-            limits = dataclasses.replace(limits, max_reflections=limits.max_reflections - 1)
+            limits = dataclasses.replace(limits, max_reflections=reflections)
         trace = trace_replicate(limits, rays.solid_angle_sr)
         request = next(trace)
         while True:
@@ -235,7 +235,7 @@ class ViewTracer:
                 break
         shared = TileReplicate(
             rays,
-            self.images_m[image - 1] if image else self.transmitter_m,
+            self.lamps_m[image - 1] if image else self.transmitter_m,
             run.plan.range_encoding_length_m,
             receiver.near_clip_m,
             run.effective_area_m2,

@@ -18,6 +18,7 @@ from ...array_types import Mask, Real
 from ...signal.motion import PathImages
 from ...signal.paths import PathRows
 from ...vectors import dots, norms
+from .curved_paths import CurvedPaths
 from .hit_points import HitPoints
 from .image_chains import (
     ImageChain,
@@ -34,10 +35,10 @@ from .same_point import alike_in_both, measured
 
 @dataclass(frozen=True)
 class WaysBack:
-    """Finds the paths over the images of a receiver.
+    """Finds the paths over the images of a receiver, and over curved mirrors to it.
 
     `chains` are its images by their numbers, `lobes` the widths of the narrowest lobes by the
-    bodies' numbers.
+    bodies' numbers. `curved` is None without curved mirrors.
     """
 
     chains: Mapping[int, ImageChain]
@@ -49,6 +50,7 @@ class WaysBack:
     polarisation: str
     wavelength_m: float
     reflections: int
+    curved: CurvedPaths | None
 
     def added(self, rows: PathRows, images: PathImages) -> tuple[PathRows, float]:
         """Return rows of a tile replicate with the paths back over mirrors.
@@ -83,6 +85,11 @@ class WaysBack:
             back["receiver_image"] = number
             through_w += float(back["power_w"][through].sum())
             back = back[~(blocked | through)]
+            parts.append(measured(back, images, self.receiver_m, self.transmitter_m))
+        if self.curved is not None:
+            back = seen[seen["order"] < self.reflections]
+            back, blocked_w = self.curved.over(back, 0, self.receiver_m)
+            through_w += blocked_w
             parts.append(measured(back, images, self.receiver_m, self.transmitter_m))
         return np.concatenate(parts), through_w
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...array_types import Real
 from ...errors import ConfigError
-from ...option_arguments import add_arguments, finite_number
+from ...option_arguments import CommandParser, add_arguments, finite_number
 from .render_arguments import folder_name, render_settings
 
 #: Settings of the radar that the command line can replace.
@@ -74,7 +74,7 @@ def parse_axis(name: str, text: str) -> Real:
     """
     try:
         numbers = [finite_number(part) for part in text.split(":")]
-    except (ValueError, argparse.ArgumentTypeError):
+    except argparse.ArgumentTypeError:
         numbers = []
     if len(numbers) in (2, 3) and numbers[1] > numbers[0]:
         first, last = numbers[:2]
@@ -101,7 +101,7 @@ def parse_coverage_arguments(words: list[str]) -> argparse.Namespace:
     argparse.Namespace
         For `coverage_request`, and with the values of `COVERAGE_SETTINGS` that were given.
     """
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="radarsim coverage",
         description="Draw the echo of a target over the ground of a .blend file: height against "
         "range.",

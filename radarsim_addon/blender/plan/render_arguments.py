@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import ConfigError
-from ...option_arguments import add_arguments, add_share_arguments, finite_number, given
+from ...option_arguments import (
+    CommandParser,
+    add_arguments,
+    add_share_arguments,
+    finite_number,
+    given,
+)
 from ...options import Declared, declared
 from ...signal.radar import WAVEFORM_KINDS, Burst, Weather
 from .measurement import Measurement, parse_frames
@@ -69,7 +75,7 @@ def parse_render_arguments(
     argparse.Namespace
         Values by the names of the options; None where an option is not given.
     """
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog=prog,
         description="Measure the radar frames of a .blend file without a window.",
         epilog=_EXAMPLES,

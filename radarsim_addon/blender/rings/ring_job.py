@@ -22,8 +22,10 @@ from ..plan import Task, instant_at
 from ..run import MeasurementJob, output_folder, run_files
 from ..scene import ground_truth as ground_truth
 from ..scene import moved_by_scripts
+from ..views import Region, set_border
 from .exr_check import verify_exr
 from .render_result import save_render
+from .ring_regions import regions_by_ring
 
 
 class RingJob(MeasurementJob):
@@ -39,6 +41,7 @@ class RingJob(MeasurementJob):
         super().__init__(*arguments, **keywords)
         self._pending: list[Task] = []
         self._scene_written: int | None = None
+        self._regions: list[Region] | None = None
 
     def _config_findings(self) -> list[Finding]:
         found = [*super()._config_findings(), *merge(self._inside_by_frame())]
@@ -96,7 +99,13 @@ class RingJob(MeasurementJob):
         if self._records is None or not self._time.shows(task.instant):
             depsgraph = self._show(task.instant)
             self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
+            self._regions = regions_by_ring(depsgraph, self.plan, *self._records)
         self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+        render = self._scene.render
+        render.use_border = self._regions is not None
+        if self._regions is not None:
+            size_px = self._measurement.width_px, self._measurement.height_px
+            set_border(render, self._regions[task.ring], *size_px)
 
     def render(self, task: Task) -> None:
         """Render and wait for the end (not for use in the UI)."""

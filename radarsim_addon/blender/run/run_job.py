@@ -51,11 +51,7 @@ from ..scene import (
     transmitter_record,
 )
 from ..scene import ground_truth as ground_truth
-from ..state import (
-    SettingsRestorer,
-    follow_evaluations,
-    ignore_evaluations,
-)
+from ..state import SettingsRestorer, follow_evaluations, ignore_evaluations
 from . import output_folder, run_files
 from .scene_state import MeasurementSettings
 from .scene_time import SceneTime
@@ -138,10 +134,7 @@ class MeasurementJob:
         self.frame_findings: list[Finding] = []
         self.summary = ""
         self.unrestored: list[str] = []
-        self.versions = {
-            "blender": bpy.app.version_string,
-            "radarsim": __version__,
-        }
+        self.versions = {"blender": bpy.app.version_string, "radarsim": __version__}
 
     def __enter__(self) -> MeasurementJob:
         self.prepare()

@@ -51,6 +51,7 @@ from .devices import failed_facts
 
 #: Surfaces that may lie in line; transparent ones count.
 _TRANSPARENT_BOUNCES = 1024
+_BORDER = ("border_min_x", "border_max_x", "border_min_y", "border_max_y")
 
 
 class MeasurementSettings:
@@ -150,15 +151,18 @@ class MeasurementSettings:
     def _set_render(self) -> None:
         render, put = self._scene.render, self._recorder.set
         measurement = self._plan.measurement
-        put(render, "engine", "CYCLES")
+        if render.engine != "CYCLES":
+            # To set it, even to the same, blocks Blender for good while Cycles draws an icon: both
+            # wait for Python.
+            put(render, "engine", "CYCLES")
         put(render, "resolution_x", measurement.width_px)
         put(render, "resolution_y", measurement.height_px)
         put(render, "resolution_percentage", 100)
         # Other aspects would stretch the angles between pixels (and 5.0 cannot write them).
         put(render, "pixel_aspect_x", 1.0)
         put(render, "pixel_aspect_y", 1.0)
-        put(render, "use_border", False)
-        put(render, "use_crop_to_border", False)
+        self._recorder.keep(render, "use_border", "use_crop_to_border", *_BORDER)
+        render.use_border = render.use_crop_to_border = False
         put(render, "use_motion_blur", False)
         put(render, "use_multiview", False)
         put(render, "use_freestyle", False)

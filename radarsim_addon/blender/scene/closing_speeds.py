@@ -32,7 +32,7 @@ def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float
 class ClosingSpeeds:
     """Largest |range rate| of every object over the bursts of a run.
 
-    That of the outermost vertices of a mesh as a rigid body that goes on as it moves and turns
+    That of the outermost vertices of a mesh as a rigid body that keeps its motion and rotation
     between two moments; of a mesh that deforms, that of the faces of its bounding box.
 
     Parameters
@@ -204,20 +204,18 @@ def keyed_step(item: Any, frame: float) -> Real | None:
 
     Parameters
     ----------
-    item : bpy.types.Object
-        Object; nothing is evaluated.
-    frame
-        Blender frame.
+    item, frame
+        See `keyed_move`.
 
     Returns
     -------
     ndarray or None
         World space, (3,) [Blender units]; None where no F-curve moves it, or not these alone.
     """
-    worlds = [keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES)]
-    if worlds[0] is None or worlds[1] is None:
+    poses = _keyed_poses(item, frame)
+    if poses is None:
         return None
-    return np.asarray((worlds[1] - worlds[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
+    return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
 
 
 def keyed_move(item: Any, frame: float) -> Real | None:
@@ -236,10 +234,16 @@ def keyed_move(item: Any, frame: float) -> Real | None:
         Matrix in world space, (4, 4) [Blender units]; the identity where nothing moves the object
         and its parents, None where something else than F-curves may.
     """
-    worlds = [keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES)]
-    if worlds[0] is None or worlds[1] is None:
+    poses = _keyed_poses(item, frame)
+    if poses is None:
         return None
-    return np.asarray(worlds[1] @ np.linalg.pinv(worlds[0]) if _is_keyed(item) else np.eye(4))
+    return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
+
+
+def _keyed_poses(item: Any, frame: float) -> tuple[Real, Real] | None:
+    """Poses in a frame and `VELOCITY_FRAMES` later, (4, 4) each; None as `keyed_world`."""
+    before, after = (keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES))
+    return None if before is None or after is None else (before, after)
 
 
 def nothing_moves(item: Any) -> bool:

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Real
 from ...errors import SceneError
-from ..state import Shape, Snapshot, read_numbers
+from ..state import Shape, Snapshot
 
 #: Largest coordinate [Blender units]: its square still fits the float32 that Cycles computes in.
 #: Blender stores an infinite coordinate as the largest float32, which is larger.
 _MAX_COORDINATE_UNITS = 1e18
+#: Points that are checked at once, about.
+_TOGETHER = 1 << 18
 
 
 def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None:
@@ -102,25 +104,41 @@ def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
     for row in rows[_out_of_bounds(snapshot.matrices[rows]).any(axis=(1, 2))].tolist():
         check_pose(snapshot.label(row), snapshot.matrices[row])
     shapes, first = np.unique(snapshot.layout.shape[rows], return_index=True)
+    waiting: list[tuple[Shape, int, NDArray[Any]]] = []
+    size = 0
     for number, row in zip(shapes.tolist(), rows[first].tolist(), strict=True):
         shape = snapshot.shapes[number]
         if shape not in _finite:
-            _check_shape(snapshot, shape, snapshot.label(row))
-            _finite.add(shape)
+            waiting.append((shape, row, _numbers(snapshot, shape)))
+            size += len(waiting[-1][2])
+        if size > _TOGETHER:
+            _check_shapes(snapshot, waiting)
+            waiting, size = [], 0
+    if waiting:
+        _check_shapes(snapshot, waiting)
 
 
-def _check_shape(snapshot: Snapshot, shape: Shape, label: str) -> None:
-    if shape.kind != "MESH":
-        if _out_of_bounds(shape.box).any():
-            raise SceneError(_mesh_message(label, "its bounding box", "points"))
-        return
-    with snapshot.mesh(shape) as mesh:
-        vertices = read_numbers(mesh.vertices, "co", 3)
-    bad = _bad_rows(vertices)
+def _check_shapes(snapshot: Snapshot, found: list[tuple[Shape, int, NDArray[Any]]]) -> None:
+    """Check shapes, of which a row is given, by their points; those to blame one by one."""
+    if _out_of_bounds(np.concatenate([numbers for _, _, numbers in found])).any():
+        for shape, row, numbers in found:
+            _check_shape(shape, numbers, snapshot.label(row))
+    _finite.update(shape for shape, _, _ in found)
+
+
+def _numbers(snapshot: Snapshot, shape: Shape) -> NDArray[Any]:
+    """Vertices of a mesh, or the bounding box of what is none, (n, 3)."""
+    return snapshot.vertices(shape) if shape.kind == "MESH" else shape.box
+
+
+def _check_shape(shape: Shape, numbers: NDArray[Any], label: str) -> None:
+    bad = _bad_rows(numbers)
+    if bad.size and shape.kind != "MESH":
+        raise SceneError(_mesh_message(label, "its bounding box", "points"))
     if bad.size:
         found = (
-            f"{bad.size} of its {len(vertices)} vertices (the first, {bad[0]}, is at "
-            f"({_coordinates(vertices[bad[0]])}))"
+            f"{bad.size} of its {len(numbers)} vertices (the first, {bad[0]}, is at "
+            f"({_coordinates(numbers[bad[0]])}))"
         )
         raise SceneError(_mesh_message(label, found, "vertices"))
 

@@ -29,7 +29,7 @@ from ..materials import (
 from ..nodes import is_radar_material
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
-from ..state import Shape, Snapshot, read_triangles, take_snapshot
+from ..state import Shape, Snapshot, take_snapshot
 from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distances
@@ -287,10 +287,7 @@ def _collections_of_objects() -> dict[str, list[str]]:
 
 def _triangles_about(snapshot: Snapshot, row: int, point: Real) -> Real:
     """Return corners of the triangles of a surface relative to a point, (m, 3, 3)."""
-    with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]]) as mesh:
-        if mesh is None:
-            return np.zeros((0, 3, 3))
-        vertices, triangles = read_triangles(mesh)
+    vertices, triangles = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
     matrix = snapshot.matrices[row]
     world = vertices.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - point)
     return np.asarray(world[triangles])
@@ -361,14 +358,12 @@ _mesh_digests: WeakKeyDictionary[Shape, bytes] = WeakKeyDictionary()
 
 
 def _mesh_digest(snapshot: Snapshot, shape: Shape) -> bytes:
-    if shape not in _mesh_digests:
-        _mesh_digests[shape] = b""
-        with snapshot.mesh(shape) as mesh:
-            if mesh is not None:
-                vertices, triangles = read_triangles(mesh)
-                digest = hashlib.sha256(vertices.tobytes() + triangles.tobytes())
-                _mesh_digests[shape] = digest.digest()
-    return _mesh_digests[shape]
+    found = _mesh_digests.get(shape)
+    if found is None:
+        vertices, triangles = snapshot.triangles(shape)
+        found = hashlib.sha256(vertices.tobytes() + triangles.tobytes()).digest()
+        _mesh_digests[shape] = found
+    return found
 
 
 def _material_text(material: Any) -> str:

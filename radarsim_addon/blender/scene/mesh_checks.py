@@ -9,7 +9,6 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 from __future__ import annotations
 
 import itertools
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -22,7 +21,7 @@ from ...findings import Finding, finding
 from ...vectors import crosses
 from ..materials import convex_objects
 from ..nodes.materials import has_interior
-from ..state import Snapshot, read_numbers, take_snapshot
+from ..state import read_numbers, take_snapshot
 
 #: Maximum number of volumes that Cycles tracks along a ray.
 _MOST_NESTED = 31
@@ -77,7 +76,8 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     entered = snapshot.of_shapes([any(map(has, shape.materials)) for shape in shapes])[rows]
     if not entered.any():
         return []
-    count = int(snapshot.of_shapes(_face_counts(snapshot), np.intp)[rows].astype(bool).sum())
+    solid = [shape.kind == "MESH" and snapshot.face_count(shape) > 0 for shape in shapes]
+    count = int(snapshot.of_shapes(solid)[rows].sum())
     near = _near_an_interior(snapshot.corners[rows], entered)
     rows, entered = rows[near], entered[near]
     corners = snapshot.corners[rows]
@@ -114,22 +114,15 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     return [*_defects(found), *_coincident_faces(found, reach), *_nested_too_deep(found), *slow]
 
 
-def _face_counts(snapshot: Snapshot) -> list[int]:
-    """Return the number of faces of each shape; 0 for what is no mesh."""
-    counts = []
-    for shape in snapshot.shapes:
-        with snapshot.mesh(shape) if shape.kind == "MESH" else nullcontext() as mesh:
-            counts.append(0 if mesh is None else len(mesh.polygons))
-    return counts
-
-
 def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
     """Return the indices of boxes (n, 8, 3) that touch that of an object with an interior."""
     low, high = corners.min(axis=1), corners.max(axis=1)
     margin = _COINCIDENT * float(np.abs(corners).max())
     near = entered.copy()
     others = np.flatnonzero(~entered)
-    axis = int(np.ptp(low[others], axis=0).argmax()) if others.size else 0
+    if not others.size:
+        return np.arange(len(corners))
+    axis = int(np.ptp(low[others], axis=0).argmax())
     others = others[np.argsort(low[others, axis], kind="stable")]
     widest = float((high - low)[others, axis].max(initial=0.0))
     for index in np.flatnonzero(entered).tolist():

@@ -13,7 +13,12 @@ from .evaluated import (
     read_numbers,
     read_triangles,
 )
-from .evaluations import follow_evaluations, ignore_evaluations, take_snapshot
+from .evaluations import (
+    follow_evaluations,
+    ignore_evaluations,
+    take_snapshot,
+    watch_evaluations,
+)
 from .settings_restorer import SettingsRestorer
 from .snapshot import Layout, Shape, Snapshot
 
@@ -32,4 +37,5 @@ __all__ = [
     "read_numbers",
     "read_triangles",
     "take_snapshot",
+    "watch_evaluations",
 ]

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,32 +101,34 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
         )
 
 
-@contextmanager
-def evaluated_mesh(evaluated: Any) -> Iterator[Any]:
-    """Provide the mesh of an evaluated object during a context.
+class evaluated_mesh:
+    """Provide the mesh of an evaluated object during a context; None without a surface.
 
     Parameters
     ----------
     evaluated : bpy.types.Object
         Of any type.
-
-    Yields
-    ------
-    bpy.types.Mesh or None
-        None for an object without a surface.
     """
-    if evaluated.type not in _MESHED:
-        yield None
-        return
-    if evaluated.type == "MESH" and evaluated.mode == "OBJECT" and not evaluated.modifiers:
-        yield evaluated.data  # what Blender would copy
-        return
-    mesh = evaluated.to_mesh()
-    try:
-        yield mesh
-    finally:
-        if mesh is not None:
-            evaluated.to_mesh_clear()
+
+    __slots__ = ("_evaluated", "_made")
+
+    def __init__(self, evaluated: Any) -> None:
+        self._evaluated = evaluated
+        self._made: Any = None
+
+    def __enter__(self) -> Any:
+        evaluated = self._evaluated
+        kind = evaluated.type
+        if kind not in _MESHED:
+            return None
+        if kind == "MESH" and evaluated.mode == "OBJECT" and not evaluated.modifiers:
+            return evaluated.data  # what Blender would copy
+        self._made = evaluated.to_mesh()
+        return self._made
+
+    def __exit__(self, *_: object) -> None:
+        if self._made is not None:
+            self._evaluated.to_mesh_clear()
 
 
 def read_numbers(

@@ -7,6 +7,7 @@ walks through the scene only where instances may have changed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import bpy
@@ -65,13 +66,15 @@ class _Latest:
         return last
 
     def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
-        for shape in last.shapes:
+        if not self.evaluated:
+            return last
+        for shape in last.shapes if self.shaded else ():
             if shape.own and shape.original in self.shaded:
                 shape.materials = materials_of(shape.original.evaluated_get(last.depsgraph))
         moved = self.scene_changed and not is_there(last.layout, last.depsgraph)
         if self.layout_changed or moved:
             return walk(last.depsgraph, last, self.changed)
-        return read_again(last, self.changed) if self.evaluated else last
+        return read_again(last, self.changed)
 
     def forget(self) -> None:
         """Drop the snapshot."""
@@ -81,9 +84,37 @@ class _Latest:
 _latest = _Latest()
 
 
+_watchers: list[Callable[[Any], None]] = []
+
+
+def watch_evaluations(function: Callable[[Any], None]) -> Callable[[], None]:
+    """Have a function called after each evaluation of Blender.
+
+    Parameters
+    ----------
+    function
+        Is given the depsgraph, or None where evaluations may have been missed.
+
+    Returns
+    -------
+    callable
+        Ends it; may be called again.
+    """
+    follow_evaluations()
+    _watchers.append(function)
+
+    def stop() -> None:
+        if function in _watchers:
+            _watchers.remove(function)
+
+    return stop
+
+
 @persistent
 def _note_evaluation(_scene: Any, depsgraph: Any) -> None:
     _latest.note(depsgraph)
+    for function in _watchers:
+        function(depsgraph)
 
 
 @persistent
@@ -102,6 +133,8 @@ def follow_evaluations() -> bool:
     missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
     for hooks, function in missing:
         hooks.append(function)
+    for watcher in _watchers if missing else ():
+        watcher(None)
     return not missing
 
 

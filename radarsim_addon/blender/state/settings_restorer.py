@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 _ABSENT = object()
@@ -72,6 +73,19 @@ class SettingsRestorer:
                 owner[key] = before
 
         self._undo.append((key, undo))
+
+    def keep(self, owner: Any, *names: str) -> None:
+        """Have `restore` bring back settings that change from render to render.
+
+        Parameters
+        ----------
+        owner : bpy.types.bpy_struct
+        *names
+            Attributes.
+        """
+        for name in names:
+            before = _plain(getattr(owner, name))
+            self._undo.append((name, partial(setattr, owner, name, before)))
 
     def keep_frame(self, scene: Any) -> None:
         """Have `restore` bring the scene back to the frame of now.

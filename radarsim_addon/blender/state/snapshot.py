@@ -16,8 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
-from .evaluated import Key, evaluated_mesh
+from .evaluated import Key, evaluated_mesh, read_numbers, read_triangles
 
+#: Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
+Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
+#: Vertices and triangles of a mesh that a snapshot keeps, at most.
+_KEPT = 512
 #: Numbers by which Blender tells the instances of an instancer apart.
 _NUMBERS = 8
 #: Settings of an object that decide on instances.
@@ -54,6 +58,10 @@ class Shape:
         Corners of the bounding box in the object's own axes [Blender units].
     first
         Number of the first instance in Blender's order.
+    faces
+        What `Snapshot.face_count` has read.
+    triangles : tuple of ndarray, optional
+        What `Snapshot.triangles` has read, of a small mesh.
     """
 
     original: Any
@@ -63,6 +71,8 @@ class Shape:
     materials: tuple[Any, ...]
     box: Real
     first: int
+    faces: int | None = None
+    triangles: Triangles | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -142,13 +152,41 @@ class Snapshot:
         index = int(self.layout.instancer[row])
         return name if index < 0 else f"{self.layout.instancers[index].name_full}/{name}"
 
-    @contextlib.contextmanager
-    def mesh(self, shape: Shape) -> Iterator[Any]:
+    def mesh(self, shape: Shape) -> contextlib.AbstractContextManager[Any]:
         """Provide the evaluated mesh of a shape during a context; None without a surface."""
         if shape.own:
-            with evaluated_mesh(shape.original.evaluated_get(self.depsgraph)) as mesh:
-                yield mesh
-            return
+            return evaluated_mesh(shape.original.evaluated_get(self.depsgraph))
+        return self._mesh_of_instances(shape)
+
+    def face_count(self, shape: Shape) -> int:
+        """Return the number of polygons of a shape; 0 without a surface."""
+        if shape.faces is None:
+            with self.mesh(shape) as mesh:
+                shape.faces = 0 if mesh is None else len(mesh.polygons)
+        return shape.faces
+
+    def triangles(self, shape: Shape) -> Triangles:
+        """Return the vertices and triangles of a shape; none without a surface."""
+        if shape.triangles is not None:
+            return shape.triangles
+        with self.mesh(shape) as mesh:
+            if mesh is None:
+                return np.empty((0, 3), np.float32), np.empty((0, 3), np.int32)
+            found = read_triangles(mesh)
+        if sum(map(len, found)) <= _KEPT:
+            shape.triangles = found
+        return found
+
+    def vertices(self, shape: Shape) -> NDArray[np.float32]:
+        """Return the vertices of a shape, (n, 3), object axes; none without a surface."""
+        if shape.triangles is None:
+            with self.mesh(shape) as mesh:
+                if mesh is not None and len(mesh.vertices) > _KEPT:
+                    return read_numbers(mesh.vertices, "co", 3)
+        return self.triangles(shape)[0]
+
+    @contextlib.contextmanager
+    def _mesh_of_instances(self, shape: Shape) -> Iterator[Any]:
         # Blender frees the object of an instance with the iterator that gave it.
         for row, item in enumerate(self.depsgraph.object_instances):
             if row == shape.first:
@@ -159,8 +197,10 @@ class Snapshot:
 
 
 def _shape(evaluated: Any, original: Any, address: int, own: bool, first: int) -> Shape:
-    box = np.array([tuple(corner) for corner in evaluated.bound_box], dtype=np.float64)
-    return Shape(original, evaluated.type, address, own, materials_of(evaluated), box, first)
+    box = np.empty(24, dtype=np.float32)
+    evaluated.bound_box.foreach_get(box)
+    corners = box.reshape(8, 3).astype(np.float64)
+    return Shape(original, evaluated.type, address, own, materials_of(evaluated), corners, first)
 
 
 def materials_of(evaluated: Any) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict
@@ -64,6 +64,8 @@ class FrameView:
         Targets that CFAR found, by falling SNR; None: no CFAR.
     arrays
         Levels in dB and axes, by name.
+    spectrogram_rows
+        Numbers in `targets` of those whose echoes the spectrogram was made of.
     """
 
     frame: int
@@ -75,6 +77,7 @@ class FrameView:
     objects: dict[str, Target]
     detections: list[Target] | None
     arrays: Mapping[str, Real]
+    spectrogram_rows: Collection[int] = ()
 
     @property
     def targets(self) -> list[Target]:
@@ -153,9 +156,28 @@ def write_view(result: Any, folder: Path) -> None:
         if detections is None
         else [of_detection(item) for item in detections.targets],
     }
+    targets = FrameView(**record, arrays={}).targets
+    record["spectrogram_rows"] = _spectrogram_rows(result, targets)
     np.savez(_file(folder, result.frame, "npz"), **_arrays(result))
     text = json.dumps(record)
     _file(folder, result.frame, "json").write_text(text, encoding="utf-8")
+
+
+def _spectrogram_rows(result: Any, targets: list[Target]) -> list[int]:
+    """Numbers of the targets in the ranges, and on the objects, of the spectrogram."""
+    from ...signal.detection import matching_objects  # slow: not for `add-on enabled`
+
+    shown = result.spectrogram
+    if shown is None:
+        return []
+    low_m, high_m = shown.range_limits_m
+    wanted = shown.options.object_name
+    names = None if wanted is None else matching_objects(result.source, wanted)
+    return [
+        row
+        for row, item in enumerate(targets)
+        if low_m <= item["map_range_m"] <= high_m and (names is None or item["name"] in names)
+    ]
 
 
 def _finite(value: float) -> float | None:

@@ -20,8 +20,14 @@ from ..state import SettingsRestorer
 
 #: Number of timer ticks after which a render that neither ended nor runs has failed.
 _PATIENCE_TICKS = 500
+#: Number of timer ticks for which the end waits for icons of materials.
+_ICON_TICKS = 3000
 #: Time during which short renders may block the user interface [s].
 _BLOCKING_S = 0.2
+
+
+def _icons_are_drawn() -> bool:
+    return bool(bpy.app.is_job_running("RENDER_PREVIEW"))
 
 
 class InteractiveRender:
@@ -44,6 +50,7 @@ class InteractiveRender:
         self._ended = ""
         self._idle_ticks = 0
         self._refused_ticks = 0
+        self._icon_ticks = 0
         self._recorder = SettingsRestorer()
         self._recorder.set(preferences.view, "render_display_type", "NONE")
         self._hook(bpy.app.handlers.render_complete, self._on_complete)
@@ -100,8 +107,11 @@ class InteractiveRender:
             return True
         if not self._may_write():
             return False
-        if self.job.blocking:
-            return self._tick_blocking()
+        ended = self._tick_blocking() if self.job.blocking else self._tick_job()
+        return ended and self._may_end()
+
+    def _tick_job(self) -> bool:
+        """Begin a render in Blender's job, or look whether it has ended."""
         if self._task is not None:
             if bpy.app.is_job_running("RENDER") or not self._render_has_ended():
                 return False
@@ -133,6 +143,15 @@ class InteractiveRender:
             if self.job.pausing:  # the user interface says what comes before it begins
                 break
         return bool(self.stop_reason)
+
+    def _may_end(self) -> bool:
+        """Return whether the user's render engine may be set again.
+
+        While Cycles draws icons of materials, this would block Blender for good: both wait for
+        Python. The icons are drawn between two ticks.
+        """
+        self._icon_ticks += 1
+        return not _icons_are_drawn() or self._icon_ticks > _ICON_TICKS
 
     def _may_write(self) -> bool:
         """Return whether Blender allows scripts to change data now.

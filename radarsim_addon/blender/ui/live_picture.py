@@ -207,16 +207,18 @@ def _add_map(
     picture.texts.append(
         Text(picture.panel.left + _PAD * unit, box.top + 8 * unit, label, bright=False)
     )
-    rows, columns = round(box.top - box.bottom), round(box.right - box.left)
-    power = resample_max(resample_max(arrays["map_w"], rows, 0), columns, 1)
+    power = resample_max(resample_max(arrays["map_w"], _MAP, 0), _WIDTH, 1)
     picture.colours = level_colours(power, top_db)
 
 
 def level_colours(power: Real, top_db: float) -> Single:
-    """Return the colours of powers, (..., 4): those of viridis over `SPAN_DB` below `top_db`."""
+    """Return the colours of powers, (..., 4): those of viridis over `SPAN_DB` below `top_db`.
+
+    In steps of 1 dB: equal neighbours are drawn as one.
+    """
     floor = 10 ** ((top_db - SPAN_DB) / 10)
     level_db = 10 * np.log10(np.maximum(power, floor))
-    place = np.clip((level_db - top_db) / SPAN_DB + 1, 0.0, 1.0)
+    place = np.round(np.clip(level_db - top_db + SPAN_DB, 0.0, SPAN_DB)) / SPAN_DB
     table = viridis()
     colours = table[np.round(place * (len(table) - 1)).astype(np.intp)]
     return np.concatenate([colours, np.ones((*colours.shape[:-1], 1))], axis=-1, dtype=np.float32)

@@ -21,9 +21,10 @@ from ...errors import RadarSimError
 from ...signal.draft import DRAFT, LEVELS, Message
 from ..rig_settings import PROGRESS_PROPERTY
 from ..state import Snapshot, take_snapshot
-from .live_drawing import draw_live, forget_drawing, is_drawn_in_part
+from .live_drawing import draw_live, forget_drawing
 from .live_scene import LiveReader, LiveScene
 from .live_worker import DraftProcess
+from .timer_writes import is_refused, may_write_at_need
 from .translations import tr
 
 LIVE_PROPERTY = "radarsim_live"
@@ -64,18 +65,28 @@ class LivePreview:
         self._number = 0
         self._waiting = False
         self._read_s = 0.0
+        self._refused = False
         self.draft: Message | None = None
         self.fault = ""
         self.statistics = _Statistics()
 
     def tick(self, context: Any) -> float:
-        """Do one slice; return the time to the next one [s]."""
+        """Do one slice; return the time to the next one [s].
+
+        What Blender refuses to change is raised once: where it lets timers, it is done again.
+        """
         start_s, own_s = time.perf_counter(), time.thread_time()
         try:
             pause_s = self._step(context, start_s + _SLICE_S)
-        except (RadarSimError, RuntimeError) as error:  # the latter are Blender's
-            self._show_fault(context, str(error).strip())
+            self._refused = False
+        except (RadarSimError, AttributeError, RuntimeError) as error:  # the latter are Blender's
             self.pause()
+            tried_again, self._refused = self._refused, is_refused(error)
+            if self._refused and not tried_again:
+                raise
+            if isinstance(error, AttributeError) and not self._refused:
+                raise
+            self._show_fault(context, str(error).strip())
             pause_s = _SETTINGS_S
         except ReferenceError:  # an object was removed while it was read
             self.pause()
@@ -92,8 +103,6 @@ class LivePreview:
             self.pause()
             return _SETTINGS_S
         self._receive(context)
-        if is_drawn_in_part():
-            _redraw(context)
         depsgraph = context.evaluated_depsgraph_get()
         snapshot = take_snapshot(depsgraph)
         if self._reading is not None and snapshot is not self._snapshot:
@@ -256,6 +265,7 @@ def stop_live() -> None:
         preview.close()
 
 
+@may_write_at_need
 def _tick() -> float | None:
     return None if _preview is None else _preview.tick(bpy.context)
 

@@ -146,7 +146,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
 
     def _tick(self) -> bool:
         ended = self._run.tick()
-        # A watcher goes on top of the handler of a render that has just begun.
+        # A watcher is added on top of the handler of a render that has just begun.
         if not ended and self._run.rendering not in (None, self._watched):
             RADARSIM_OT_watch_escape.run = self._run
             bpy.ops.radarsim.watch_escape("INVOKE_DEFAULT")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A click on a peak in a picture of the results selects its object and draws its paths."""
+"""A click on a target in a picture of the results selects its object and draws its paths."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 import bpy
 
 from .pictures import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH
-from .result_pictures import KINDS, nearest_target
+from .result_pictures import KINDS, Shown, nearest_frame, nearest_target
 from .results_panel import select_chosen
-from .shown_results import choose_row, shown_view, target_text
+from .shown_results import choose_row, shown_run, shown_view, target_text
 
 #: Pictures in which targets have places.
-_KINDS = ("MAP", "PROFILE")
+_KINDS = ("MAP", "PROFILE", "SPECTROGRAM", "RANGE_TIME")
 _ITEMS = tuple((name, KINDS[name].label, KINDS[name].tooltip) for name in _KINDS)
 #: Farthest target that a click means, in a picture of 1200 x 800 [px].
 _REACH_PX = 30.0
@@ -64,15 +64,17 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
         return done if done == {"FINISHED"} else {*done, "PASS_THROUGH"}  # for Blender's own tools
 
     def execute(self, context: Any) -> set[str]:
-        view = shown_view()
-        assert view is not None
+        run, view = shown_run(), shown_view()
+        assert run is not None and view is not None
         # half a pixel: places of the axes are the centres of pixels
         place = self.x * WIDTH - 0.5, (1 - self.y) * HEIGHT - 0.5
-        row, away_px = nearest_target(self.kind, view, *place)
+        if self.kind == "RANGE_TIME":  # each frame has its own targets
+            view = run.view(run.frames[nearest_frame(run.profiles, place[0])])
+        row, away_px = nearest_target(self.kind, Shown(view, run.profiles), *place)
         if away_px > _REACH_PX:
             self.report({"INFO"}, "No target of the list is near the mouse. Click on a target.")
             return {"CANCELLED"}
-        target = choose_row(context, row)
+        target = choose_row(context, row, view.frame)
         assert target is not None
         select_chosen(self, context)
         self.report({"INFO"}, f"{target['name'] or 'Target'}: {target_text(target)}")

@@ -32,14 +32,17 @@ _CHOSEN = (1.0, 1.0, 1.0)
 #: Levels up to this one stand for a power of 0 [dB].
 _NOTHING_DB = -299.0
 _Value = TypeVar("_Value", float, Real)
+_Values = TypeVar("_Values", np.float64, np.uint16)
 
 
 @dataclass(frozen=True)
 class _Atlas:
-    """Coverage of each character, shape (height, width), from 0 to 1, and the colour table."""
+    """Coverage of each character, shape (height, width), from 0 to 1; viridis, and the colour of
+    unknown levels.
+    """
 
     glyphs: dict[str, NDArray[np.float32]]
-    viridis: NDArray[np.float32]
+    shades: NDArray[np.float32]
     height: int
 
 
@@ -53,12 +56,14 @@ def _atlas() -> _Atlas:
             )
         }
         height = int(data["glyphs"].shape[1])
-        return _Atlas(letters, data["viridis"].astype(np.float32) / 255, height)
+        colours = data["viridis"].astype(np.float32) / 255
+        unknown = np.array([_GRID], dtype=np.float32)
+        return _Atlas(letters, np.concatenate([colours, unknown]), height)
 
 
 def viridis() -> Single:
     """Return the colour table, from low to high, (256, 3), from 0 to 1."""
-    return _atlas().viridis
+    return _atlas().shades[:-1]
 
 
 def picture_palette() -> Single:
@@ -67,7 +72,7 @@ def picture_palette() -> Single:
     shades = (_LINE, (0, 0.2, 0.4, 0.6, 0.8)), (_MARK, (0, 0.35, 0.7))
     lines = [colour + t * (1 - np.array(colour)) for colour, parts in shades for t in parts]
     return np.concatenate(
-        [_atlas().viridis[np.linspace(0, 255, 224).round().astype(np.intp)], greys, lines]
+        [viridis()[np.linspace(0, 255, 224).round().astype(np.intp)], greys, lines]
     )
 
 
@@ -194,11 +199,11 @@ def _frame(
     _put_text(canvas, title, LEFT, 22, anchor=0.0)
 
 
-def resample_max(values: Real, size: int, axis: int) -> Real:
+def resample_max(values: NDArray[_Values], size: int, axis: int) -> NDArray[_Values]:
     """Resample an axis to `size` values; each is the maximum of its range, so peaks remain."""
     count = values.shape[axis]
     if count <= size:
-        return np.asarray(np.take(values, np.arange(size) * count // size, axis=axis))
+        return np.asarray(values.take(np.arange(size) * count // size, axis))
     starts = np.arange(size) * count // size
     return np.asarray(np.maximum.reduceat(values, starts, axis=axis))
 
@@ -283,13 +288,11 @@ def draw_levels(
     top_db = float(known.max(initial=-np.inf)) if highest_db is None else highest_db
     empty = not known.size or top_db <= _NOTHING_DB
     rows, columns = HEIGHT - TOP - BOTTOM, WIDTH - LEFT - RIGHT
-    cells = resample_max(resample_max(level_db[::-1], rows, 0), columns, 1)
-    colours = np.zeros(cells.shape)
-    if not empty:
-        colours = np.clip((np.nan_to_num(cells, nan=top_db) - top_db) / span_db + 1, 0.0, 1.0)
-    area = _atlas().viridis[np.round(colours * 255).astype(np.intp)]
-    area[np.isnan(cells)] = _GRID
-    canvas[TOP : TOP + rows, LEFT : LEFT + columns] = area
+    # shades before cells are joined or repeated: of few cells, and the strongest has the highest
+    level = np.zeros_like(level_db) if empty else np.clip((level_db - top_db) / span_db + 1, 0, 1)
+    shades = np.where(np.isnan(level_db), len(viridis()), np.round(level * (len(viridis()) - 1)))
+    cells = resample_max(resample_max(shades.astype(np.uint16)[::-1], rows, 0), columns, 1)
+    canvas[TOP : TOP + rows, LEFT : LEFT + columns] = _atlas().shades.take(cells, 0)
     _frame(canvas, axes, *texts, x_ticks)
     _colour_bar(canvas, 0.0 if empty else top_db, label, span_db)
     if empty:
@@ -327,7 +330,7 @@ def _velocity_axis(canvas: Single, axes: Axes, wavelength_m: float) -> None:
 def _colour_bar(canvas: Single, top_db: float, label: str, span_db: float) -> None:
     left, width = WIDTH - RIGHT + 30, 28
     rows = HEIGHT - TOP - BOTTOM
-    table = _atlas().viridis[np.linspace(255, 0, rows).round().astype(np.intp)]
+    table = viridis()[np.linspace(255, 0, rows).round().astype(np.intp)]
     canvas[TOP : TOP + rows, left : left + width] = table[:, None, :]
     for value in nice_ticks(top_db - span_db, top_db, 6):
         row = round(TOP + (top_db - value) / span_db * (rows - 1))

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy_extras.io_utils import ExportHelper
 
 from ...array_types import Single
 from ...atomic_files import replaced
 from ...errors import OutputError
+from ...movie_file import MovieWriter
 from .gif_file import GifWriter
-from .movie_file import MovieWriter
 from .picture_images import save_picture
 from .pictures import HEIGHT, WIDTH, picture_palette
 from .result_pictures import KINDS
@@ -177,8 +178,8 @@ def _write_mp4(path: Path, pictures: Iterable[Single], seconds: float) -> Iterat
     done = 0
     with MovieWriter(path, seconds) as writer:
         for done, picture in enumerate(pictures):
-            for _ in writer.add(picture):
-                yield done
+            writer.add(np.round(picture * 255).clip(0, 255).astype(np.uint8))
+            yield done
         for _ in writer.close():
             yield done
 

@@ -3,16 +3,26 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from ...array_types import Real, Single
+from ...array_types import Indices, Mask, Real, Single
 from .frame_views import COLUMNS, ROWS, FrameView, Target
-from .pictures import SPAN_DB, Axes, Mark, cell_edges, draw_levels, draw_map, draw_profile
+from .pictures import (
+    SPAN_DB,
+    Axes,
+    Mark,
+    cell_edges,
+    draw_levels,
+    draw_map,
+    draw_marks,
+    draw_profile,
+)
 
 #: Strongest level of a coverage diagram, and what is below it in the picture [dB].
 _COVERAGE_TOP_DB, _COVERAGE_SPAN_DB = 12.5, 52.5
@@ -84,15 +94,15 @@ def _mark(view: FrameView, item: Target) -> Mark:
     return Mark(-2 * item["map_velocity_mps"] / view.wavelength_m, item["map_range_m"])
 
 
-def nearest_target(kind: str, view: FrameView, x_px: float, y_px: float) -> tuple[int, float]:
+def nearest_target(kind: str, shown: Shown, x_px: float, y_px: float) -> tuple[int, float]:
     """Return the target next to a place in a picture, and how far away it is drawn.
 
     Parameters
     ----------
     kind
-        "MAP" or "PROFILE", whose targets have one range and no height.
-    view
-        The frame that is shown.
+        "MAP", "PROFILE", "SPECTROGRAM" or "RANGE_TIME".
+    shown
+        What the picture was drawn from.
     x_px, y_px
         Place from the left and the upper edge [px].
 
@@ -101,17 +111,39 @@ def nearest_target(kind: str, view: FrameView, x_px: float, y_px: float) -> tupl
     tuple
         Row of the list of targets, -1 without any, and distance [px].
     """
-    arrays = view.arrays
-    ranges = cell_edges(arrays["profile_range_m" if kind == "PROFILE" else "map_range_m"])
+    rows: Collection[int] = range(len(shown.view.targets))
+    cell_px = 0.0
+    if kind == "SPECTROGRAM":  # of all targets in the cell the strongest, which is the first one
+        rows = shown.view.spectrogram_rows
+        cell_px = ROWS / shown.view.arrays["spectrogram_mps"].size
+    found = -1, math.inf
+    for row in rows:
+        x, y = _place(kind, shown, shown.view.targets[row])
+        away_px = math.hypot(0.0 if x is None else x - x_px, 0.0 if y is None else y - y_px)
+        away_px = max(away_px - cell_px / 2, 0.0)
+        if away_px < found[1]:
+            found = row, away_px
+    return found
+
+
+def _place(kind: str, shown: Shown, item: Target) -> tuple[float | None, float | None]:
+    """Column and row of a target in a picture [px]; None: it has none of its own."""
+    view, arrays = shown.view, shown.view.arrays
     if kind == "PROFILE":
-        across = Axes(*ranges, 0.0, 1.0)
-        away = [abs(across.column(item["range_m"]) - x_px) for item in view.targets]
-    else:
-        axes = Axes(*cell_edges(arrays["map_doppler_hz"]), *ranges)
-        marks = [_mark(view, item) for item in view.targets]
-        away = [math.hypot(axes.column(m.x) - x_px, axes.row(m.y) - y_px) for m in marks]
-    row = int(np.argmin(away)) if away else -1
-    return row, away[row] if away else math.inf
+        return Axes(*cell_edges(arrays["profile_range_m"]), 0, 1).column(item["range_m"]), None
+    if kind == "SPECTROGRAM":
+        return None, _spectrogram_axes(shown).row(item["map_velocity_mps"])
+    if kind == "RANGE_TIME":
+        return None, _range_time_axes(shown.profiles).row(item["range_m"])
+    axes = Axes(*cell_edges(arrays["map_doppler_hz"]), *cell_edges(arrays["map_range_m"]))
+    mark = _mark(view, item)
+    return axes.column(mark.x), axes.row(mark.y)
+
+
+def nearest_frame(profiles: Sequence[FrameProfile], x_px: float) -> int:
+    """Return the number, in `profiles`, of the frame at a column of the range-time picture."""
+    axes = _range_time_axes(profiles)
+    return int(np.argmin([abs(axes.column(one.time_s) - x_px) for one in profiles]))
 
 
 def _profile(shown: Shown) -> Single:
@@ -133,32 +165,46 @@ def _echo(shown: Shown) -> Single:
     return draw_levels(axes, arrays["echo_db"].T, texts, shown.power, shown.span_db)
 
 
-def _spectrogram(shown: Shown) -> Single:
+def _spectrogram_axes(shown: Shown) -> Axes:
+    """Time within the burst [ms] and range rate [m/s]."""
     arrays = shown.view.arrays
-    times_ms, rates = arrays["spectrogram_s"] * 1e3, arrays["spectrogram_mps"]
-    axes = Axes(*cell_edges(times_ms), *cell_edges(rates))
+    return Axes(*cell_edges(arrays["spectrogram_s"] * 1e3), *cell_edges(arrays["spectrogram_mps"]))
+
+
+def _spectrogram(shown: Shown) -> Single:
+    axes, level_db = _spectrogram_axes(shown), shown.view.arrays["spectrogram_db"].T
     texts = (
         "Time since the frame [ms]",
         "Range rate [m/s] (receding: positive)",
         f"Spectrogram, {shown.title}",
     )
-    return draw_levels(axes, arrays["spectrogram_db"].T, texts, shown.power, shown.span_db)
+    canvas = draw_levels(axes, level_db, texts, shown.power, shown.span_db)
+    if shown.chosen is not None:
+        middle_ms = (axes.x_low + axes.x_high) / 2
+        draw_marks(canvas, axes, [Mark(middle_ms, shown.chosen["map_velocity_mps"], True)])
+    return canvas
+
+
+def _range_time_axes(profiles: Sequence[FrameProfile]) -> Axes:
+    """Time [s] and range [m]: half a frame more than the first and the last one."""
+    times_s = np.sort([one.time_s for one in profiles])
+    gap_s = float(np.median(np.diff(times_s))) if times_s.size > 1 else 1.0
+    return Axes(times_s[0] - gap_s / 2, times_s[-1] + gap_s / 2, *_range_edges(profiles))
 
 
 def _range_time(shown: Shown) -> Single:
     """Profiles of all frames side by side: each column shows the frame nearest in time."""
-    order = sorted(shown.profiles, key=lambda one: one.time_s)
+    order, axes = shown.profiles, _range_time_axes(shown.profiles)
     times_s = np.array([one.time_s for one in order])
-    gap_s = float(np.median(np.diff(times_s))) if len(order) > 1 else 1.0
-    low_s, high_s = times_s[0] - gap_s / 2, times_s[-1] + gap_s / 2
-    column_s = low_s + (high_s - low_s) * (np.arange(COLUMNS) + 0.5) / COLUMNS
+    column_s = axes.x_low + (axes.x_high - axes.x_low) * (np.arange(COLUMNS) + 0.5) / COLUMNS
     nearest = np.abs(column_s[:, None] - times_s).argmin(axis=1)
-    low_m, high_m = _range_edges(order)
-    rows_m = low_m + (high_m - low_m) * (np.arange(ROWS) + 0.5) / ROWS
+    rows_m = axes.y_low + (axes.y_high - axes.y_low) * (np.arange(ROWS) + 0.5) / ROWS
     levels = np.stack([_level_at(one, rows_m) for one in order], axis=1)
     texts = ("Time [s]", "Range [m]", f"Range profiles of {len(order)} frames")
-    axes = Axes(low_s, high_s, low_m, high_m)
-    return draw_levels(axes, levels[:, nearest], texts, shown.power, shown.span_db)
+    canvas = draw_levels(axes, levels[:, nearest], texts, shown.power, shown.span_db)
+    if shown.chosen is not None:
+        draw_marks(canvas, axes, [Mark(shown.view.time_s, shown.chosen["range_m"], True)])
+    return canvas
 
 
 def _ppi(shown: Shown) -> Single:
@@ -174,26 +220,37 @@ def _ppi(shown: Shown) -> Single:
     sector = float(np.median(gaps)) if gaps.size > 1 else shown.profiles[-1].width_deg
     sector = max(sector, _LEAST_SECTOR_DEG)
     far_m = _range_edges(shown.profiles)[1]
-    half = COLUMNS / ROWS * far_m
-    x, y = np.meshgrid(
-        half * (2 * (np.arange(COLUMNS) + 0.5) / COLUMNS - 1),
-        far_m * (2 * (np.arange(ROWS) + 0.5) / ROWS - 1),
-    )
-    range_m, direction = np.hypot(x, y), np.degrees(np.arctan2(x, y))
+    inside, ring, direction = _polar_cells()
     order = np.argsort(azimuth_deg)
-    around = np.concatenate([azimuth_deg[order[-1:]] - 360, azimuth_deg[order]])
-    around = np.append(around, azimuth_deg[order[0]] + 360)
-    after = np.searchsorted(around, direction).clip(1, around.size - 1)
-    near = np.where(direction - around[after - 1] < around[after] - direction, after - 1, after)
-    frame = np.concatenate([order[-1:], order, order[:1]])[near]
+    # a frame's sector ends half a turn away, or amid the next frame's direction
+    after = np.append(azimuth_deg[order], azimuth_deg[order[0]] + 360)
+    around = np.insert(after, 0, azimuth_deg[order[-1]] - 360)
+    near = np.searchsorted((around[1:] + around[:-1]) / 2, direction)
+    frame = np.concatenate([order[-1:], order, order[:1]])
     rings_m = far_m * (np.arange(ROWS) + 0.5) / ROWS
     levels = np.stack([_level_at(one, rings_m) for one in shown.profiles])
-    level = levels[frame, (range_m / far_m * ROWS).astype(np.intp).clip(0, ROWS - 1)]
-    outside = (np.abs(direction - around[near]) > sector / 2 * 1.001) | (range_m > far_m)
-    level = np.where(outside, np.nan, level)
+    level = np.full((ROWS, COLUMNS), np.nan)
+    away_deg = np.abs(direction - around[near])
+    level[inside] = np.where(away_deg > sector / 2 * 1.001, np.nan, levels[frame[near], ring])
+    half = COLUMNS / ROWS * far_m
     texts = ("East, +X [m]", "North, +Y [m]", f"Plan position, {len(shown.profiles)} frames")
     axes = Axes(-half, half, -far_m, far_m)
     return draw_levels(axes, level, texts, shown.power, shown.span_db)
+
+
+@functools.cache
+def _polar_cells() -> tuple[Mask, Indices, Single]:
+    """Cells of a plan position indicator within the farthest range, (rows, columns); ring and
+    direction [deg] of each of these.
+    """
+    x, y = np.meshgrid(
+        (2 * np.arange(COLUMNS) + 1 - COLUMNS) / ROWS,
+        (2 * np.arange(ROWS) + 1 - ROWS) / ROWS,
+    )
+    away = np.hypot(x, y)
+    inside = away <= 1
+    ring = (away[inside] * ROWS).astype(np.intp).clip(0, ROWS - 1)
+    return inside, ring, np.degrees(np.arctan2(x[inside], y[inside]), dtype=np.float32)
 
 
 def _range_edges(profiles: Sequence[FrameProfile]) -> tuple[float, float]:

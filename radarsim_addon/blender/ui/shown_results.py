@@ -11,7 +11,7 @@ import bpy
 
 from ...array_types import Single
 from .frame_views import FrameView, Target
-from .picture_images import as_image, put_image, show_images
+from .picture_images import as_image, show_images
 from .result_pictures import KINDS, Kind, Shown
 from .results import ProcessedRun
 from .scene_reading import redraw_panels
@@ -151,11 +151,14 @@ def show_picture(context: Any, name: str) -> None:
     if not editors:
         show_images(context, images)
     elif not any(area.spaces.active.image == images[0] for area in editors):
-        put_image(editors[0], images[0])
+        editors[0].spaces.active.image = images[0]
 
 
-def choose_row(context: Any, row: int) -> Target | None:
-    """Choose the target of a row of the list; return it."""
+def choose_row(context: Any, row: int, frame: int | None = None) -> Target | None:
+    """Choose the target of a row of the list; return it. frame: None: the one that is shown."""
+    if frame not in (None, _state.frame) and _state.run is not None:
+        _state.frame = frame
+        _fill_rows(context)
     view = shown_view()
     if view is None or not 0 <= row < len(view.targets):
         return None

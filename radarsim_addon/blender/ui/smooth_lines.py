@@ -7,10 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...array_types import Real, Single
+from ...array_types import Indices, Real, Single
 
 #: Places per column at which a curve's coverage of the column's pixels is computed.
 FINE = 8
+#: Rows of a picture that get another size at once: as many as the processor's cache holds.
+_BLOCK_ROWS = 16
 
 
 def draw_curve(area: Single, rows: Real, colour: Sequence[float], width_px: float = 2.5) -> None:
@@ -51,30 +53,38 @@ def draw_curve(area: Single, rows: Real, colour: Sequence[float], width_px: floa
 
 def resized(picture: Single, width: int, height: int) -> Single:
     """Return a picture in another size: means over its pixels if smaller, else in between them."""
-    for axis, size in ((0, height), (1, width)):
-        if size != picture.shape[axis]:
-            picture = _resized_axis(picture, size, axis)
-    return picture
+    old_height, old_width, channels = picture.shape
+    if (height, width) == (old_height, old_width):
+        return picture
+    found = np.empty((height, width, channels), dtype=np.float32)
+    down, across = _weights(old_height, height), _weights(old_width, width)
+    for first in range(0, height, _BLOCK_ROWS):
+        rows = slice(first, first + _BLOCK_ROWS)
+        lines = _weighted(picture, [(old[rows], weight[rows]) for old, weight in down], 0)
+        found[rows] = _weighted(lines, across, 1)
+    return found
 
 
-def _resized_axis(picture: Single, size: int, axis: int) -> Single:
-    """Mean over each new pixel, or linear between two old ones if the picture grows."""
-    count = picture.shape[axis]
+def _weights(count: int, size: int) -> list[tuple[Indices, Single]]:
+    """Old pixels of each new one, and their weights: a mean, or linear if the picture grows."""
     step = count / size
-    if step > 1:
+    if step > 1:  # overlaps of the new pixel with the old ones
         low = np.arange(size) * step
-        first, parts = low.astype(np.intp), int(step) + 2
+        old = low.astype(np.intp) + np.arange(int(step) + 2)[:, None]
+        weight = np.clip(np.minimum(old + 1, low + step) - np.maximum(old, low), 0, 1) / step
     else:
         low = np.clip((np.arange(size) + 0.5) * step - 0.5, 0, count - 1)
-        first, parts = low.astype(np.intp), 2
-    found = np.zeros(np.insert(np.delete(picture.shape, axis), axis, size), dtype=np.float32)
-    for part in range(parts):
-        old = first + part
-        if step > 1:  # overlap of the new pixel with this old one
-            weight = np.clip(np.minimum(old + 1, low + step) - np.maximum(old, low), 0, 1) / step
-        else:
-            weight = 1 - np.abs(old - low)
-        shape = [-1 if one == axis else 1 for one in range(3)]
-        values = picture.take(np.minimum(old, count - 1), axis)
-        found += values * weight.astype(np.float32).reshape(shape)
+        old = low.astype(np.intp) + np.arange(2)[:, None]
+        weight = 1 - np.abs(old - low)
+    old, weight = np.minimum(old, count - 1), weight.astype(np.float32)
+    return [(o, w) for o, w in zip(old, weight, strict=True) if w.any()]
+
+
+def _weighted(picture: Single, weights: Sequence[tuple[Indices, Single]], axis: int) -> Single:
+    """Weighted sum of a picture's rows or columns."""
+    shape = (-1, 1) if axis else (-1, 1, 1)
+    parts = (picture.take(old, axis) * weight.reshape(shape) for old, weight in weights)
+    found = next(parts)
+    for part in parts:
+        found += part
     return found

@@ -16,6 +16,8 @@ import bpy
 
 _PROPERTY = "radarsim_timer"
 _calls: list[Callable[[], None]] = []
+#: In what Blender says where it refuses to change data, of properties and of operators.
+_REFUSALS = ("Writing to ID classes in this context", "can't modify blend data in this state")
 
 
 def _run_calls(_: Any, __: Any) -> None:
@@ -46,6 +48,30 @@ def may_write(timer: Callable[[], float | None]) -> Callable[[], float | None]:
         return pauses_s[0]
 
     return allowed
+
+
+def is_refused(error: BaseException) -> bool:
+    """Return whether Blender refused to change data."""
+    return any(text in str(error) for text in _REFUSALS)
+
+
+def may_write_at_need(timer: Callable[[], float | None]) -> Callable[[], float | None]:
+    """Return a function as that of `may_write`, for timers that run many times a second.
+
+    Only what Blender refuses is done again in the update: this draws the whole window.
+    """
+    allowed = may_write(timer)
+
+    @functools.wraps(timer)
+    def tried() -> float | None:
+        try:
+            return timer()
+        except (AttributeError, RuntimeError) as error:
+            if not is_refused(error):
+                raise
+        return allowed()
+
+    return tried
 
 
 def register_timer_writes() -> None:

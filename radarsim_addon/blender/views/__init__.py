@@ -6,15 +6,17 @@ In: a window of the receiver's image. Out: rows of the path table.
 
 from .path_classes import TracedReplicate, TraceLimits, trace_replicate
 from .power_beyond import PowerBeyond, look_beyond
-from .requests import PathClass, RenderRequest, View
+from .requests import PathClass, Region, RenderRequest, View
 from .rows import pixel_numbers, ray_origins, rows_of_replicate
 from .view_scene import PathScene
+from .view_setup import set_border
 from .window import ViewWindow, replicate_seed
 
 __all__ = [
     "PathClass",
     "PathScene",
     "PowerBeyond",
+    "Region",
     "RenderRequest",
     "TraceLimits",
     "TracedReplicate",
@@ -25,5 +27,6 @@ __all__ = [
     "ray_origins",
     "replicate_seed",
     "rows_of_replicate",
+    "set_border",
     "trace_replicate",
 ]

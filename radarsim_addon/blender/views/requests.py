@@ -45,7 +45,15 @@ class PathClass:
 
 @dataclass(frozen=True)
 class Region:
-    """Columns left to right and rows top to bottom (exclusive) of a view."""
+    """A rectangle of the pixels of a view.
+
+    Attributes
+    ----------
+    left, right
+        First column, and the one after the last.
+    top, bottom
+        First row, and the one after the last; row 0 is the top one.
+    """
 
     left: int
     right: int

@@ -31,6 +31,7 @@ from .view_setup import (
     add_encoding_world,
     add_passes,
     number_objects,
+    set_border,
 )
 from .window import ViewWindow
 
@@ -40,16 +41,11 @@ _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bo
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
 _ONE_THREAD_BELOW_PX = 1 << 13
+#: Small renders in a row after which they get one thread. With another number of threads Cycles
+#: takes over the whole scene again: 0.25 s for 1e5 instances.
+_FEW_RENDERS = 8
 #: Least width and height that Blender renders.
 _LEAST_PX = 4
-_BORDER = (
-    "use_border",
-    "use_crop_to_border",
-    "border_min_x",
-    "border_max_x",
-    "border_min_y",
-    "border_max_y",
-)
 
 
 class PathScene:
@@ -88,6 +84,7 @@ class PathScene:
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
         self._threads = ("AUTO", 0)
+        self._small_in_a_row = 0
         self._request = RenderRequest(PathClass())
         self.lamps = ImageLamps(self._recorder, scene, transmitter)
         self.objects: list[str] = []
@@ -101,7 +98,6 @@ class PathScene:
             self._keep_changing()
             self._add_camera()
             self._set_format()
-            # first: the operator that adds a light group has Blender evaluate what was changed
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
             for name in (
@@ -127,6 +123,11 @@ class PathScene:
     def all_opaque(self) -> bool:
         """Whether no surface that is rendered lets anything through."""
         return len(self.opaque | self.hidden) == len(self.objects)
+
+    @property
+    def own_names(self) -> frozenset[str]:
+        """Names of what changes from render to render: the camera and its data."""
+        return frozenset((self._view.name, self._view.data.name))
 
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
@@ -240,21 +241,22 @@ class PathScene:
         if region is None and self._canvas != self._size:
             region = Region(0, self._size[0], 0, self._size[1])
         render.resolution_x, render.resolution_y = width, height
-        mode, threads = self._threads
-        if width * height < _ONE_THREAD_BELOW_PX:
-            mode, threads = "FIXED", 1
+        self._choose_threads(width * height < _ONE_THREAD_BELOW_PX)
+        render.use_border = render.use_crop_to_border = region is not None
+        if region is not None:
+            set_border(render, region, width, height)
+
+    def _choose_threads(self, small: bool) -> None:
+        """One thread for small renders, unless a few of them come between large ones."""
+        render = self._scene.render
+        self._small_in_a_row = self._small_in_a_row + 1 if small else 0
+        if small and self.renders > 0 and self._small_in_a_row <= _FEW_RENDERS:
+            return
+        mode, threads = ("FIXED", 1) if small else self._threads
         if (render.threads_mode, render.threads) != (mode, threads):
             render.threads_mode = mode
             if mode == "FIXED":
                 render.threads = threads
-        render.use_border = render.use_crop_to_border = region is not None
-        if region is not None:
-            # A quarter of a pixel inside: Blender cuts the product with the width down to a whole
-            # number. Pixels of the crop are bit by bit those of the whole frame.
-            render.border_min_x = (region.left + 0.25) / width
-            render.border_max_x = min((region.right + 0.25) / width, 1.0)
-            render.border_min_y = (height - region.bottom + 0.25) / height
-            render.border_max_y = min((height - region.top + 0.25) / height, 1.0)
 
     def _set_surfaces(self, path_class: PathClass) -> None:
         scene = self._scene
@@ -341,7 +343,7 @@ class PathScene:
         self._threads = (mode, render.threads)
         kept = (
             (self._scene.cycles, ("seed", *_BOUNCES)),
-            (render, ("resolution_x", "resolution_y", *_BORDER, "threads")),
+            (render, ("resolution_x", "resolution_y", "threads")),
         )
         before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
 
@@ -352,7 +354,7 @@ class PathScene:
             render.threads_mode = mode
 
         # The recorder's own `set` leaves equal values alone, and so would not put these back.
-        self._recorder.on_restore("seed, bounces and frame", undo)
+        self._recorder.on_restore("seed, bounces and size", undo)
 
     def _add_camera(self) -> None:
         data = bpy.data.cameras.new(_CAMERA)

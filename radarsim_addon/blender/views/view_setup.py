@@ -14,6 +14,7 @@ from ..nodes import attributes
 from ..nodes.materials import lets_nothing_through
 from ..scene import PATTERN_PROPERTY
 from ..state import SettingsRestorer
+from .requests import Region
 
 LIGHT_GROUP = "radarsim"
 _WORLD = "radarsim range encoding (temporary)"
@@ -21,6 +22,25 @@ _WORLD = "radarsim range encoding (temporary)"
 #: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
 ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
 ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
+
+
+def set_border(render: Any, region: Region, width_px: int, height_px: int) -> None:
+    """Set the border of a render; its pixels are bit by bit those of the whole.
+
+    Parameters
+    ----------
+    render : bpy.types.RenderSettings
+        Settings of the scene.
+    region
+        What is rendered.
+    width_px, height_px
+        Size of the whole picture.
+    """
+    # A quarter of a pixel inside: Blender cuts the product with the width down to a whole number.
+    render.border_min_x = (region.left + 0.25) / width_px
+    render.border_max_x = min((region.right + 0.25) / width_px, 1.0)
+    render.border_min_y = (height_px - region.bottom + 0.25) / height_px
+    render.border_max_y = min((height_px - region.top + 0.25) / height_px, 1.0)
 
 
 def number_objects(
@@ -54,8 +74,9 @@ def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmit
     recorder.on_restore(
         "active light group", lambda: setattr(view_layer, "active_lightgroup_index", active)
     )
-    with bpy.context.temp_override(scene=scene, view_layer=view_layer):
-        bpy.ops.scene.view_layer_add_lightgroup(name=LIGHT_GROUP)
+    # The operator would have Blender sort all objects of the scene twice. The new camera does once.
+    if LIGHT_GROUP not in view_layer.lightgroups:
+        view_layer.lightgroups.add(name=LIGHT_GROUP)
     recorder.on_restore("light group", lambda: _remove_lightgroup(scene, view_layer))
     recorder.set(transmitter, "lightgroup", LIGHT_GROUP)
 

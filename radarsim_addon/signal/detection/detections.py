@@ -12,7 +12,7 @@ from ...array_types import Real
 from ..echoes import Echoes
 from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
 from .cfar import Cfar, CfarResult, cfar_threshold
-from .peaks import Peak, local_maxima, pulse_spectra, refine_peak
+from .peaks import Peak, local_maxima, refine_peak
 
 #: Maximum number of interpolated targets; the strongest are kept.
 MAX_DETECTIONS = 256
@@ -156,10 +156,9 @@ def _interpolate(
     if not chosen:
         return []
     found: list[Detection] = []
-    spectrum = pulse_spectra(wide)
     for number, (row, col) in enumerate(chosen):
         place = int(np.argmin(np.abs(wide.range_m - rd_map.range_m[col])))
-        peak = refine_peak(wide, spectrum, row, place, 0.0)
+        peak = refine_peak(wide, row, place, 0.0)
         around_db = float(power_to_db(result.noise[row, col]))
         if number < _MAX_OWN and peak.level_db - around_db > _OWN_DB:
             rest = _noise_without(rd_map, peak, row, col, cfar)

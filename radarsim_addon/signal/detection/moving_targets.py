@@ -44,7 +44,7 @@ from ..maps import (
 from ..radar import slow_time_window
 from ..spectrum import TOLERANCE
 from .doppler_folds import DopplerFolds
-from .peaks import Peak, local_maxima, peak_to_background_db, pulse_spectra, refine_peak
+from .peaks import Peak, local_maxima, peak_to_background_db, refine_peak
 from .response_shapes import doppler_line, envelope, ridge_shape, vertex
 
 #: Fewer pulses do not separate moving from stationary targets.
@@ -225,7 +225,7 @@ class _Search:
         self._explained = np.zeros(self._residual.shape)
         weight = slow_time_window(rd_map.doppler_taper, self._pulses)
         self._still = doppler_line(weight, 0.0)
-        self._ridge = ridge_shape(weight, _RIDGE_CELLS)
+        self._ridge = ridge_shape(rd_map.doppler_taper, self._pulses, _RIDGE_CELLS)
         rows = np.abs(np.arange(self._pulses) - self._zero)
         self._wanted = rows >= max(2, math.floor(slowest_cells))
         self._noisy_columns = noisy_columns
@@ -380,4 +380,4 @@ class _Search:
         for echo in target.echoes:
             values += echo.response.echo(echo.amplitude)
         alone = dataclasses.replace(self._recording.rd_map, values=values[None])
-        return refine_peak(alone, pulse_spectra(alone), target.row, target.col, 0.0)
+        return refine_peak(alone, target.row, target.col, 0.0)

@@ -26,7 +26,16 @@ from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
-from ..paths import PathRows, Paths, Places, edge_variances, has_images, lone_variances, usable
+from ..paths import (
+    GridPlaces,
+    PathRows,
+    Paths,
+    Places,
+    edge_variances,
+    has_images,
+    lone_variances,
+    usable,
+)
 from ..runs import RadarFrame
 from ..scattering import Link, interference_factors, reverse_factors
 
@@ -153,8 +162,8 @@ def object_echoes(
         number = start + np.flatnonzero(kept)
         rows = rows if kept.all() else rows[kept]
         power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m, number)
-        grid = table.grids.of_view(number)
-        sums.add_tile(rows, power, path_rcs_m2(rows, record), grid)
+        grids = _Grids(table.grids, number)
+        sums.add_tile(rows, power, path_rcs_m2(rows, record), grids)
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
 
 
@@ -175,6 +184,17 @@ def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list
     return found
 
 
+@dataclass(frozen=True)
+class _Grids:
+    """Finds the pixels of some rows of a tile, all those of one view, by their numbers in it."""
+
+    grids: GridPlaces
+    number: Indices
+
+    def __call__(self, own: Indices | slice) -> Places:
+        return self.grids.of_view(self.number[own])
+
+
 class _Sums:
     """Sums over tiles: the mean of the replicates, and the variance of that mean.
 
@@ -190,7 +210,7 @@ class _Sums:
         self._paths = np.zeros(self._size, dtype=np.int64)
         self._range, self._rate, self._shared = np.zeros((3, self._size))
 
-    def add_tile(self, rows: PathRows, power: Real, rcs: Real, grid: Places) -> None:
+    def add_tile(self, rows: PathRows, power: Real, rcs: Real, grids: _Grids) -> None:
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
         for owner in self._owners:
@@ -203,9 +223,9 @@ class _Sums:
             self._range += self._by_group(label, power * rows["length_m"] / 2)
             self._rate += self._by_group(label, power * rows["range_rate_mps"])
             if self._replicates == 1:
-                self._add_lone(rows, label, power, rcs, grid)
+                self._add_lone(rows, label, power, rcs, grids(slice(None)))
             else:
-                self._add_replicates(rows, label, power, rcs)
+                self._add_replicates(rows, label, power, rcs, grids)
 
     def _by_group(self, label: Integers, value: Real) -> Real:
         return np.bincount(label, value, self._size).astype(np.float64, copy=False)
@@ -218,9 +238,11 @@ class _Sums:
         found = lone_variances(rows, label, np.stack([power, rcs]), self._camera, grid)
         self._variance[:, : found.shape[1]] += found
 
-    def _add_replicates(self, rows: PathRows, label: Integers, power: Real, rcs: Real) -> None:
+    def _add_replicates(
+        self, rows: PathRows, label: Integers, power: Real, rcs: Real, grids: _Grids
+    ) -> None:
         count = self._replicates
-        least = self._least_relative(rows, label, power)
+        least = self._least_relative(rows, label, power, grids)
         place = label * count + rows["replicate"]
         for mean, variance, value in zip(self._mean, self._variance, (power, rcs), strict=True):
             sums = count * np.bincount(place, value, self._size * count)
@@ -229,7 +251,7 @@ class _Sums:
             mean += own
             variance += np.maximum(by_replicate.var(axis=1, ddof=1) / count, least * own**2)
 
-    def _least_relative(self, rows: PathRows, label: Integers, power: Real) -> Real:
+    def _least_relative(self, rows: PathRows, label: Integers, power: Real, grids: _Grids) -> Real:
         """Return the smallest relative variance of the sum of each group's rows of a tile.
 
         It comes from edges along the grid of the tile, on which the replicates may agree.
@@ -239,7 +261,9 @@ class _Sums:
         relative = count * power / np.where(total > 0, total, 1.0)[label]
         for replicate in range(count):
             own = np.flatnonzero(rows["replicate"] == replicate)
-            found = edge_variances(rows[own], label[own], relative[own], self._camera, count)
+            found = edge_variances(
+                rows[own], label[own], relative[own], self._camera, count, grids(own)
+            )
             variance[: found.size] += found / count
         return variance
 

@@ -111,7 +111,6 @@ def find_peaks(
     if range_m is not None:
         wanted &= (rd_map.range_m >= range_m[0]) & (rd_map.range_m <= range_m[1])
     candidates = np.where(wanted & local_maxima(power), power, 0.0)
-    spectrum: Complex | None = None
     peaks: list[Peak] = []
     while len(peaks) < count:
         row, col = divmod(int(np.argmax(candidates)), power.shape[1])
@@ -121,9 +120,7 @@ def find_peaks(
         candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
         above_db = peak_to_background_db(power, row, col, guard, reach)
         if above_db >= min_above_db:
-            if spectrum is None:
-                spectrum = pulse_spectra(rd_map)
-            peaks.append(refine_peak(rd_map, spectrum, row, col, above_db))
+            peaks.append(refine_peak(rd_map, row, col, above_db))
     return peaks
 
 
@@ -132,15 +129,13 @@ def local_maxima(power: Real) -> NDArray[np.bool_]:
 
     Takes (pulses, ranges), any unit of power, and returns a mask of that shape.
     """
-    padded = np.pad(power, ((0, 0), (1, 1)), constant_values=-1.0)
-    padded = np.concatenate([padded[-1:], padded, padded[:1]])
-    rows, cols = power.shape
-    result = power > 0
-    for i in range(3):
-        for j in range(3):
-            if (i, j) != (1, 1):
-                result &= power >= padded[i : i + rows, j : j + cols]
-    return result
+    # the largest of three along the ranges, then of three of these along Doppler
+    line = power.copy()
+    np.maximum(line[:, 1:], power[:, :-1], out=line[:, 1:])
+    np.maximum(line[:, :-1], power[:, 1:], out=line[:, :-1])
+    largest = np.maximum(line, np.roll(line, 1, axis=0))
+    np.maximum(largest, np.roll(line, -1, axis=0), out=largest)
+    return np.asarray((power > 0) & (power >= largest))
 
 
 def peak_to_background_db(
@@ -187,25 +182,18 @@ def peak_to_background_db(
     return float(10 * np.log10(power[row, col] / max(float(np.median(around)), floor)))
 
 
-def pulse_spectra(rd_map: RangeDopplerMap) -> Complex:
-    """Return the Fourier coefficients over range of the map's tapered pulses.
-
-    (pulses, ranges), in FFT order over range, in time order over the pulses.
-    """
-    trains = np.fft.ifft(np.fft.ifftshift(rd_map.plane, axes=0), axis=0)
-    return np.asarray(np.fft.fft(trains, axis=1), dtype=np.complex128)
-
-
-def refine_peak(
-    rd_map: RangeDopplerMap, spectrum: Complex, row: int, col: int, peak_to_background_db: float
-) -> Peak:
+def refine_peak(rd_map: RangeDopplerMap, row: int, col: int, peak_to_background_db: float) -> Peak:
     """Return the maximum of the trigonometric interpolation near a cell, axis by axis.
+
+    Its terms are the tapered pulses and their Fourier coefficients over range. Both axes need sums
+    over these alone, whose weights are transformed instead of the map.
 
     Off 0 Hz an echo a e(f) is fitted together with a stationary one c at the same range:
     least squares with the taper w as weight, whose inner products are the map's own sums,
     a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for tapered pulses x, W(f) = sum w e(-f).
     """
-    pulses, ranges = rd_map.plane.shape
+    plane = rd_map.plane
+    pulses, ranges = plane.shape
     wave = np.fft.fftfreq(ranges)
     # pulses counted from the middle of the burst, or a peak would rotate as Doppler varies
     pulse = np.arange(pulses) - (pulses - 1) / 2
@@ -226,12 +214,13 @@ def refine_peak(
 
     for _ in range(3):
         # no BLAS: its threads share such sums, and their number would show in the last digits
-        line = np.einsum("p,pr->r", terms(frequency), spectrum) / ranges
+        weights = np.fft.fftshift(np.fft.ifft(terms(frequency)))
+        line = np.fft.fft(np.einsum("p,pr->r", weights, plane)) / ranges
         position, best = _climb(
             lambda x: np.exp(2j * np.pi * wave * x), line, position, 1.0, (0.0, ranges - 1.0)
         )
-        turns = np.exp(2j * np.pi * wave * position)
-        train = np.einsum("pr,r->p", spectrum, turns) / ranges
+        weights = np.fft.fft(np.exp(2j * np.pi * wave * position))
+        train = np.fft.ifft(np.fft.ifftshift(np.einsum("pr,r->p", plane, weights))) / ranges
         frequency, best = _climb(terms, train, frequency, 1.0 / pulses)
     if deflate:
         leak = complex(np.exp(-2j * np.pi * frequency * pulse) @ weight)
@@ -327,7 +316,8 @@ def leading_edges(
     -------
     list of LeadingEdge
         In the order of `by`. The edge is the last place before the peak where the power is half
-        the peak's, linearly interpolated. Peaks without such a place are omitted.
+        the peak's, linearly interpolated. Peaks without such a place are omitted, and so are those
+        on the flank of a higher peak that lies between this place and them.
 
     Raises
     ------
@@ -354,12 +344,13 @@ def leading_edges(
         if prominence_db[index] < min_prominence_db:
             continue
         far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
-        # If power does not fall to half before the peak, its edge is outside the range limits.
-        rises = bool(np.any(power[:place] < power[place] / 2))
+        low = _last_below_half(power, place)
+        # Without such a place, the edge is outside the range limits.
+        rises = low >= 0 and bool(np.all(power[low:place] <= power[place]))
         if far and rises and len(edges) < count:
             edges.append(
                 LeadingEdge(
-                    range_m=_half_power_before(power, axis_m, place),
+                    range_m=_half_power_after(power, axis_m, low, place),
                     peak_range_m=float(axis_m[place]),
                     level_db=float(level_db[place]),
                     prominence_db=float(prominence_db[index]),
@@ -368,11 +359,14 @@ def leading_edges(
     return edges
 
 
-def _half_power_before(power: Real, axis_m: Real, place: int) -> float:
+def _last_below_half(power: Real, place: int) -> int:
+    """Return the last index before a peak where the power is below half the peak's; -1: none."""
     below = np.flatnonzero(power[:place] < power[place] / 2)
-    if below.size == 0:
-        return float(axis_m[0])
-    i = int(below[-1])
+    return int(below[-1]) if below.size else -1
+
+
+def _half_power_after(power: Real, axis_m: Real, i: int, place: int) -> float:
+    """Return where the power of the peak at `place` is halved, between `i` and the next range."""
     fraction = (power[place] / 2 - power[i]) / (power[i + 1] - power[i])
     return float(axis_m[i] + fraction * (axis_m[i + 1] - axis_m[i]))
 

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
 
 from ...array_types import Complex, Real
 from ..maps import PointResponse
+from ..radar import slow_time_window
 
 
 def doppler_line(weight: Real, cells: float) -> Complex:
@@ -18,11 +20,13 @@ def doppler_line(weight: Real, cells: float) -> Complex:
     return np.asarray(np.fft.fftshift(np.fft.fft(train)))
 
 
-def ridge_shape(weight: Real, fastest_cells: float) -> Real:
+@functools.lru_cache(4)
+def ridge_shape(doppler_taper: str, pulses: int, fastest_cells: float) -> Real:
     """Return the largest response of a ridge scatterer per row, relative to that next to 0 Hz.
 
     Of scatterers slower than `fastest_cells`, without what is stationary.
     """
+    weight = slow_time_window(doppler_taper, pulses)
     zero, still = weight.size // 2, doppler_line(weight, 0.0)
     shape = np.zeros(weight.size)
     for cells in np.linspace(0.05, fastest_cells, 25):

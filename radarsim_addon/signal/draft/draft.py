@@ -15,11 +15,10 @@ from typing import NamedTuple, NoReturn, cast
 import numpy as np
 
 from ...array_types import Real
-from ...contract import PathsRecord
 from ..decoding import FrameInput, FrameTable
 from ..detection import FrameBudget
 from ..maps import expected_power, map_noise_gain, range_noise_gain
-from ..paths import PathRows
+from ..paths import PathRows, unrendered_record
 from ..radar import Radar
 from ..runs import RadarFrame
 from .scene import DraftScene, SceneTriangles, draft_rows
@@ -147,42 +146,9 @@ def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) 
 
 def _frame(scene: DraftScene, radar: Radar, table: PathRows, replicates: int) -> FrameInput:
     """A frame that is in no run."""
-    record = PathsRecord(
-        frame=0,
-        time_s=0.0,
-        metres_per_unit=1.0,
-        range_encoding_length_m=0.0,
-        extinction_length_m=0.0,
-        range_encoding="materials",
-        coloured=False,
-        amplitude_channel="mean",
-        carrier_hz=radar.waveform.carrier_hz,
-        receiver=scene.receiver,
-        transmitter=scene.transmitter,
-        width_px=0,
-        height_px=0,
-        max_reflections=1,
-        max_unfollowed_fraction=0.0,
-        seed=0,
-        tiles=1,
-        replicates=replicates,
-        finest_refinement_level=0,
-        renders=0,
-        render_time_s=0.0,
-        path_count=table.size,
-        objects=[f"{number}" for number in range(len(scene.meshes))],
-        total_power_w=float(table["power_w"].sum()),
-        truncated_reflections_fraction=0.0,
-        truncated_transparency_fraction=0.0,
-        mixed_power_fraction=0.0,
-        unranged_power_fraction=0.0,
-        mixed_bias_bound_m=0.0,
-        length_sigma_m=0.0,
-        length_sigma_wavelengths=0.0,
-        relative_error=0.0,
-        stop_reason="draft",
-        table_file="",
-        table_sha256="",
+    names = [f"{number}" for number in range(len(scene.meshes))]
+    record = unrendered_record(
+        scene.receiver, scene.transmitter, radar.waveform.carrier_hz, table, names, replicates
     )
     return FrameInput(
         frame=cast(RadarFrame, None),  # expected power reads no run

@@ -171,7 +171,7 @@ def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
     start_m, stop_m = float(range_limits_m[0]), float(range_limits_m[1])
     if not (np.isfinite(stop_m) and 0 <= start_m < stop_m):
         raise ConfigError(
-            f"Range window from {start_m!r} to {stop_m!r} m; expected 0 <= start < stop."
+            f"Range limits from {start_m!r} to {stop_m!r} m; expected 0 <= start < stop."
         )
     return start_m, stop_m
 

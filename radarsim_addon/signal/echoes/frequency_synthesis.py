@@ -143,26 +143,13 @@ class StretchSynthesizer:
             accumulator.add(lengths.select(near), amplitudes.select(near, share[near]))
             noisy.add(accumulator.result(), oscillator.factor(int(order)))
 
-    def response(self) -> Complex:
-        """Spectra of the samples, (channels, rows, N), for PMCW with the code's where paths move
-        within it.
-        """
-        if self._noisy:
-            return np.stack([noisy.values for noisy in self._noisy])
-        return np.stack(
-            [spectrum.values for spectrum in self._sums.results(line_times_s(self.radar))]
-        )
-
-    def _spectra(self) -> list[Spectrum]:
-        return self._sums.results(line_times_s(self.radar))
-
     def result(self) -> Echoes:
         """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
         waveform = self._waveform
-        samples = self.response()
-        report = joined_report(
-            [spectrum.report for spectrum in self._sums.results(line_times_s(self.radar))]
-        )
+        # (channels, rows, N), for PMCW with the code's spectrum where paths move within it
+        spectra = self._sums.results(line_times_s(self.radar))
+        report = joined_report([spectrum.report for spectrum in spectra])
+        samples = np.stack([part.values for part in self._noisy or spectra])
         if self._noisy:
             report = joined_report([noisy.report(report, self._added) for noisy in self._noisy])
             # every path was added for two delays, but is lost only once

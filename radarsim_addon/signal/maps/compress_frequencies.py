@@ -50,9 +50,9 @@ def line_range_axis(
     limit_m = waveform.unambiguous_range_m
     if range_limits_m[0] >= limit_m:
         raise ConfigError(
-            f"Range window from {range_limits_m[0]:g} m; the waveform's range ends at "
+            f"Range limits from {range_limits_m[0]:g} m; the waveform's range ends at "
             f"{limit_m:g} m. "
-            "Choose a nearer window, or a waveform with a smaller slope or frequency step."
+            "Choose nearer limits, or a waveform with a smaller slope or frequency step."
         )
     step_m = waveform.sample_spacing_m / oversample
     stop_m = min(range_limits_m[1], limit_m - step_m)
@@ -134,7 +134,9 @@ class LinePower:
             range_m, power = range_m[heard], power[heard]
         points = 4 * np.pi * self._waveform.grid_step_hz / SPEED_OF_LIGHT_MPS * range_m
         cell_m, (start_m, stop_m) = self._waveform.range_resolution_m, self._limits_m
-        after_m = np.mod(range_m - start_m + cell_m, self._waveform.range_period_m)
+        after_m, period_m = range_m - start_m + cell_m, self._waveform.range_period_m
+        if not (after_m.min(initial=0.0) >= 0 and after_m.max(initial=0.0) < period_m):
+            after_m = np.mod(after_m, period_m)
         beyond = after_m > stop_m - start_m + 2 * cell_m
         for total, rows in zip(self._sums, (~beyond, beyond), strict=True):
             own = slice(None) if rows.all() else rows

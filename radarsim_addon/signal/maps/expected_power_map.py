@@ -38,6 +38,7 @@ from ..paths import (
     radiance_of,
     spread,
     steps_of,
+    usable,
     views_by_replicate,
 )
 from ..radar import FmcwWaveform, LineWaveform, Radar
@@ -46,6 +47,9 @@ from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factor
 from ..spectrum import check_finite, repeat_orders
 from .ray_gaps import RayGaps
 from .smearing import FINER, Smearing
+
+#: Rows of which gains are found at once.
+_SMALL_TABLE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -171,11 +175,12 @@ def expected_power(
     def every(planes: list[Real]) -> list[Real]:
         return [values for start in starts for values in smeared(planes, start)]
 
+    sums.keep_gains(table.rows)
     for views in views_by_replicate(table.rows, table.record.replicates):
         for mean, values in zip(means, every(sums.replicate(views)), strict=True):
             mean.add(values)
     found = [
-        (mean.mean, np.hypot(mean.error(), mean.mean - values))
+        (mean.mean, np.sqrt(mean.variance() + (mean.mean - values) ** 2))
         for mean, values in zip(means, every(sums.finer), strict=True)
     ]
     (profile, image), clutter = found[:2], found[2:]
@@ -281,6 +286,13 @@ class _TableSums:
             for part in spread(rows, steps, *cells.spacing):
                 self._add(self.finer, part, power, rows)
 
+    def keep_gains(self, table: PathRows) -> None:
+        """Find the gains of a small table at once: of few rows they are all overhead."""
+        if self._link is not None and table.size <= _SMALL_TABLE:
+            rows = np.asarray(table)
+            number = np.flatnonzero(usable(rows))
+            self._link.mean_factor_of_rows(rows[number], number)
+
     def _gain(self, rows: PathRows, number: Indices | None = None) -> Real:
         gain = np.ones(rows.size)
         if self._link is not None:
@@ -305,11 +317,11 @@ class _Replicates:
         self.mean = self.mean + change / self._count
         self._squares += change * (values - self.mean)
 
-    def error(self) -> Real:
-        """NaN where there is one: it says nothing of its error."""
+    def variance(self) -> Real:
+        """Of the mean; NaN where there is one: it says nothing of its error."""
         if self._count < 2:
             return np.full(self.mean.shape, np.nan)
-        return np.asarray(np.sqrt(self._squares / (self._count - 1) / self._count))
+        return np.asarray(self._squares / ((self._count - 1) * self._count))
 
 
 class _Cells:
@@ -323,8 +335,13 @@ class _Cells:
         per_bin: int = 1,
     ) -> None:
         self._given, self._per_bin = (radar, range_limits_m, per_sample), per_bin
-        self._radar, self._start_m = radar, range_limits_m[0]
-        self.step_m = radar.waveform.sample_spacing_m / per_sample
+        self._start_m, waveform = range_limits_m[0], radar.waveform
+        self.step_m = waveform.sample_spacing_m / per_sample
+        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
+        fold_m = radar.burst.unambiguous_range_m
+        if isinstance(waveform, LineWaveform):
+            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
+        self._period = fold_m / self.step_m
         stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
         self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
         self.pulses = radar.burst.pulses
@@ -361,24 +378,19 @@ class _Cells:
         self, length_m: Real, range_rate_mps: Real
     ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
         """Points that are seen, again where they fold into a long window, and the cell of each."""
-        waveform, burst, ranges = self._radar.waveform, self._radar.burst, self.ranges
+        ranges, period = self.ranges, self._period
         cell = (length_m / 2 - self._start_m) / self.step_m
-        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
-        fold_m = burst.unambiguous_range_m
-        if isinstance(waveform, LineWaveform):
-            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
-        period = fold_m / self.step_m
         if math.isinf(period):
-            low = np.zeros(cell.size)
-            copies = ((cell >= -0.5) & (cell < ranges - 0.5)).astype(np.intp)
-            period = 0.0
+            seen = np.flatnonzero((cell >= -0.5) & (cell < ranges - 0.5))
+            place = np.rint(cell[seen])
         else:
             low = np.ceil((cell - (ranges - 0.5)) / period)
             copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
-        seen = np.repeat(np.arange(copies.size), copies)
-        place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
+            seen = np.repeat(np.arange(copies.size), copies)
+            place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
         column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
         bins = np.rint(-range_rate_mps[seen] / self.step_mps).astype(np.int64)
-        # Doppler folds, too
-        middle = self.pulses // 2 * self._per_bin
-        return seen, (bins + middle) % self.shape[0] * ranges + column
+        bins += self.pulses // 2 * self._per_bin
+        if bins.min(initial=0) < 0 or bins.max(initial=0) >= self.shape[0]:
+            bins %= self.shape[0]  # Doppler folds, too
+        return seen, bins * ranges + column

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,6 +103,12 @@ class RangeDopplerMap:
     def power(self) -> Real:
         """|values|^2, (channels, Doppler, ranges); W for "radar-equation"."""
         return np.asarray(np.abs(self.values) ** 2)
+
+    @functools.cached_property
+    def strongest_and_median(self) -> tuple[float, float]:
+        """Largest and median power of all cells."""
+        power = self.power
+        return float(power.max()), float(np.median(power))
 
     @property
     def power_db(self) -> Real:

@@ -75,13 +75,14 @@ class KinematicMotion:
         """See `PathMotion`."""
         if self.scene.receiver.moving or self.scene.emitter.moving:
             return self.known
-        moving = self.moving_vertices.any(axis=-1)
+        first, last = self.moving_vertices.T
+        moving = first | last
         if self.images is not None:
             over = self.images.moving(self.scene.bodies)[self.images.numbers].any(axis=-1)
             moving |= over & self.known
         return np.asarray(moving)
 
-    @property
+    @functools.cached_property
     def moving_vertices(self) -> NDArray[np.bool_]:
         """See `PathMotion`."""
         moves = np.array([False, *(body.moving for body in self.scene.bodies)])

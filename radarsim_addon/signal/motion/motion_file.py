@@ -22,11 +22,7 @@ from numpy.polynomial import chebyshev
 
 from ...array_types import Int32, Real
 from ...atomic_files import write_arrays
-from ...contract import (
-    DEFORMING_SURFACES_FILE,
-    MOTION_FILE,
-    ImageRecord,
-)
+from ...contract import DEFORMING_SURFACES_FILE, MOTION_FILE, ImageRecord
 from ...errors import FrameFileError, SchemaError
 from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
@@ -209,8 +205,7 @@ def _body(record: BodyRecord, where: str, epoch_offset_s: float) -> BodyMotion:
         if not segment.stop_s > segment.start_s or starts_late:
             raise FrameFileError(
                 f"{here} runs from {segment.start_s!r} to {segment.stop_s!r} s; expected "
-                "segments in "
-                "order of time. Render the frame again."
+                "segments in order of time. Render the frame again."
             )
         move = _array(segment.translation, (None, 3), here)
         linear = _array(segment.linear, (None, 9), here) if segment.linear else None

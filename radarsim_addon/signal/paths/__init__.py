@@ -19,20 +19,16 @@ from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
 from .pixel_spacing import GridPlaces, Places
 from .replicates import edge_variances, lone_variances, replicate_offset_px
+from .rows import AnyRows, PathColumns, has_curved_images, has_images, scatterer_rows
 from .table import (
     COLUMN_GROUPS,
     CURVED_IMAGE_DTYPE,
     IMAGE_DTYPE,
     PATH_DTYPE,
-    AnyRows,
-    PathColumns,
     PathRows,
     column_groups,
-    has_curved_images,
-    has_images,
     iter_rows,
     open_table,
-    scatterer_rows,
     write_table,
 )
 from .table_files import (
@@ -48,6 +44,7 @@ from .table_files import (
 )
 from .table_footprints import TableFootprints
 from .triangles import Spaces, TriangleMesh
+from .unrendered import unrendered_record
 
 __all__ = [
     "COLUMN_GROUPS",
@@ -93,6 +90,7 @@ __all__ = [
     "spread",
     "steps_of",
     "tiles_by_replicate",
+    "unrendered_record",
     "usable",
     "views_by_replicate",
     "write_table",

@@ -72,7 +72,12 @@ def replicate_variances(count: int) -> tuple[float, float]:
 
 
 def edge_variances(
-    rows: PathRows, label: Integers, value: Real, receiver: ReceiverRecord, count: int
+    rows: PathRows,
+    label: Integers,
+    value: Real,
+    receiver: ReceiverRecord,
+    count: int,
+    grid: Places = grid_places,
 ) -> Real:
     """Compute the least variance of the mean value of each label, by its edges along the grid.
 
@@ -88,6 +93,8 @@ def edge_variances(
         Of the frame.
     count
         Number of replicates that are averaged.
+    grid
+        Finds the pixels of rows.
 
     Returns
     -------
@@ -95,7 +102,7 @@ def edge_variances(
         By label from 0, (labels + 1,).
     """
     total = np.zeros(int(label.max(initial=0)) + 1)
-    for labels, (values,) in _images(rows, label, value[None], receiver, count):
+    for labels, (values,) in _images(rows, label, value[None], receiver, count, grid):
         total += _edge_variance(labels, values, count, total.size)
     return total
 

@@ -18,7 +18,8 @@ from ...sidecar import file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
-from .table import AnyRows, PathRows, has_curved_images, has_images, open_table
+from .rows import AnyRows, has_curved_images, has_images
+from .table import PathRows, open_table
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:

@@ -27,7 +27,8 @@ from .footprints import (
     steps_of,
     view_limits,
 )
-from .table import PathColumns, PathRows
+from .rows import PathColumns
+from .table import PathRows
 from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.

@@ -74,11 +74,11 @@ class TriangleMesh:
         farthest = np.maximum(largest(self._low), largest(self._high))
         self._least_reach = _LEAST_REACH * _largest_of_parts(farthest, self._part, self._count)
         sizes = np.stack([norms(normal), np.maximum(norms(b - a), norms(c - a))])
-        # Products of these with a place in the plane, from the first corner, tell the share of each
-        # edge in it.
+        # Products of these with a place in the plane, from the first corner, are the coefficients
+        # of both edges.
         across = crosses(c - a, normal), crosses(normal, b - a)
         across_1, across_2 = (one.T / dots(normal, normal) for one in across)
-        #: First corner, what tells the shares of both edges, normal, its length, longer edge.
+        #: First corner, what gives the coefficients of both edges, normal, its length, longer edge.
         self._shape = np.concatenate([a.T, across_1, across_2, normal.T, sizes])
         self._reach = np.full(self._count, -1.0)
         self._levels: list[CellLevel] = []

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Range-Doppler maps of a run as an animated GIF with the same axes and colours in all frames."""
+"""Range-Doppler maps of a run as GIF or MP4, with the same axes and colours in all frames."""
 
 from __future__ import annotations
 
 import importlib
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from ...array_types import Real
 from ...atomic_files import replaced
 from ...errors import FrameFileError
+from ...movie_file import MovieWriter
 from ..results import FrameResult, frame_file
 from .figure import new_figure
 from .map import ColourScale, MapAxes, draw_map, floor_db_of, joined_level, map_axes
@@ -61,13 +63,11 @@ def map_file(result: FrameResult, folder: Path) -> MapFile:
     MapFile
         Path of the map, and the numbers that set its colours.
     """
-    power = result.rd_map.power
     return MapFile(
         frame_file(folder, result.frame, "_map.npz"),
         result.frame,
         result.time_s,
-        float(power.max()),
-        float(np.median(power)),
+        *result.rd_map.strongest_and_median,
         result.map_noise_power,
     )
 
@@ -93,14 +93,14 @@ def common_scale(maps: Sequence[MapFile], unit: str = "") -> ColourScale:
 
 
 def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path:
-    """Write the maps of several frames as one GIF, read one at a time.
+    """Write the maps of several frames as a GIF or MP4 file, read one at a time.
 
     Parameters
     ----------
     maps
         Maps in order of display, all with the same axes.
     out
-        File to write.
+        File to write; its ending, .gif or .mp4, is the format.
     scale
         Colours of all frames, see `common_scale`.
 
@@ -113,16 +113,30 @@ def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path
     ------
     FrameFileError
         A map is missing or damaged, or has other axes than the first one.
+    MissingDependencyError, OutputError
+        Blender's module bpy, whose FFmpeg writes MP4 files, is not installed or fails.
     """
-    first = _read(maps[0].path)
-    pillow = importlib.import_module("PIL.Image")
-    pictures = (pillow.fromarray(picture) for picture in _pictures(maps, first, scale))
+    pictures = _pictures(maps, _read(maps[0].path), scale)
     with replaced(out) as temporary:
-        next(pictures).save(
-            temporary, format="gif", save_all=True, append_images=pictures,
-            duration=1000 // FRAMES_PER_SECOND, loop=0,
-        )  # fmt: skip
+        (_write_mp4 if out.suffix == ".mp4" else _write_gif)(temporary, pictures)
     return out
+
+
+def _write_gif(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
+    pillow = importlib.import_module("PIL.Image")
+    images = map(pillow.fromarray, pictures)
+    next(images).save(
+        path, format="gif", save_all=True, append_images=images,
+        duration=1000 // FRAMES_PER_SECOND, loop=0,
+    )  # fmt: skip
+
+
+def _write_mp4(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
+    with MovieWriter(path, 1 / FRAMES_PER_SECOND) as writer:
+        for picture in pictures:
+            writer.add(picture)
+        for _ in writer.close():
+            time.sleep(0.05)
 
 
 def _pictures(

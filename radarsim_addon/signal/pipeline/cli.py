@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from ... import __version__
 from ...errors import RadarSimError
 from ...findings import Finding, exit_code, finding_lines
-from ...option_arguments import share_of
+from ...option_arguments import CommandParser, share_of
 from ...terminal_text import printable
 from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
@@ -34,7 +34,7 @@ from .process_arguments import (
 
 
 def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandParser(
         prog="radarsim", description="Radar products from a run that Blender rendered."
     )
     parser.add_argument("--version", action="version", version=f"radarsim {__version__}")

@@ -192,8 +192,7 @@ class _EchoSum:
         wanted: Mask | None = None,
     ) -> None:
         echo_options, receiver = options.echo_options, options.receiver
-        self._input, self._options = frame_input, options
-        self.budget = budget
+        self._input, self._options, self.budget = frame_input, options, budget
         self.speckle = FrameSpeckle(
             frame_input, echo_options.speckle_seed, options.speckle_cell_size_m, footprints
         )

@@ -9,7 +9,7 @@ from ..decoding import open_frame
 from ..detection import frame_statistics, statistics_findings
 from ..runs import Run, open_run
 
-#: Rounding of the range code in float32, relative to code length or path length, whichever is more.
+#: Rounding of the range encoding in float32, relative to its length or the path's, the larger one.
 _CODE_NOISE = 7e-8
 
 
@@ -25,7 +25,7 @@ def print_run(folder: str) -> int:
         ("frames", f"{len(record.frames)} ({record.frames[0]} to {record.frames[-1]})"),
         *_acquisition_rows(run, len(gaps)),
         ("scale", f"1 Blender unit = {record.metres_per_unit:g} m"),
-        ("code length k", f"{record.range_encoding_length_m:g} m"),
+        ("encoding length", f"{record.range_encoding_length_m:g} m"),
         ("extinction length", f"{record.extinction_length_m:g} m"),
         ("carrier", f"{waveform.carrier_hz / 1e9:g} GHz, {waveform.wavelength_m:.6g} m"),
         (
@@ -36,8 +36,8 @@ def print_run(folder: str) -> int:
         ("burst", f"{burst.pulses} pulses at {burst.prf_hz:g} Hz"),
         ("range resolution", f"{waveform.range_resolution_m:.4g} m (c / 2B)"),
         ("unambiguous range", f"{radar.unambiguous_range_m:.6g} m"),
-        ("unambiguous speed", f"+-{radar.max_unambiguous_velocity_mps:.4g} m/s"),
-        ("speed resolution", f"{radar.velocity_resolution_mps:.4g} m/s"),
+        ("unambiguous rate", f"+-{radar.max_unambiguous_velocity_mps:.4g} m/s"),
+        ("rate resolution", f"{radar.velocity_resolution_mps:.4g} m/s"),
     ]
     if record.sampling_mode == "rings":
         rows += _noise_rows(run)
@@ -62,7 +62,7 @@ def print_run(folder: str) -> int:
             _print_quality(frame_input.table.record)
             return 0
         print(
-            f"  between passes   {counts.crossed_shell} crossed a ring, "
+            f"  snapshots        {counts.crossed_shell} crossed a ring, "
             f"{counts.range_rate_rejected} too fast, "
             f"{counts.single_snapshot} in the first only"
         )
@@ -77,8 +77,8 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
     image = f"{record.width_px} x {record.height_px} px"
     if record.sampling_mode == "paths":
         return [
-            ("sampling_mode", f"paths, one per pixel; ranges {start_m:g} to {stop_m:g} m"),
-            ("tables", f"{run.renders - gaps} of {run.renders} are there"),
+            ("sampling mode", f"paths, one per pixel; ranges {start_m:g} to {stop_m:g} m"),
+            ("frames rendered", f"{run.renders - gaps} of {run.renders}"),
             ("image", f"{image} before refinement"),
         ]
     return [
@@ -102,7 +102,7 @@ def _print_quality(record: PathsRecord) -> None:
             f"  small objects    {record.small_objects} in view, {record.small_objects_tiled} with "
             "tiles of their own"
         )
-    print(f"  ended by         {record.stop_reason}")
+    print(f"  refined until    {record.stop_reason}")
     over = {"ranges": "range bins", "objects": "objects"}
     known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
     print(
@@ -110,18 +110,18 @@ def _print_quality(record: PathsRecord) -> None:
         f"{over.get(record.error_scope, 'range bins and objects')})"
     )
     print(
-        f"  range code       in "
+        f"  range encoding   in "
         f"{record.range_encoding}{', coloured scene' if record.coloured else ''}"
     )
     print(
-        f"  lengths known to {record.length_sigma_m:.2g} m, "
+        f"  lengths within   {record.length_sigma_m:.2g} m, "
         f"{record.length_sigma_wavelengths:.2g} wavelengths"
     )
     upper = record.truncated_reflections_upper
     bound = "" if upper is None else f", at most {100 * upper:.2g} %"
     print(
-        f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % in "
-        "higher orders (standard "
+        f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % after more "
+        "reflections (standard "
         f"error {100 * record.truncated_reflections_stderr:.1g} %{bound}), "
         f"{100 * record.truncated_transparency_fraction:.2g} % behind more transparent surfaces"
     )
@@ -140,8 +140,8 @@ def _noise_rows(run: Run) -> list[tuple[str, str]]:
     noise_m = (
         _CODE_NOISE * max(record.range_encoding_length_m, 2 * record.rings * record.ring_step_m) / 2
     )
-    rows = [("range rounding", f"about {noise_m:.1g} m a pixel (float32 range code)")]
+    rows = [("range rounding", f"about {noise_m:.1g} m per pixel (float32 range encoding)")]
     if record.snapshots == 2:
         rate_mps = 2**0.5 * noise_m / record.snapshot_interval_s
-        rows.append(("speed rounding", f"about {rate_mps:.1g} m/s a pixel"))
+        rows.append(("rate rounding", f"about {rate_mps:.1g} m/s per pixel"))
     return rows

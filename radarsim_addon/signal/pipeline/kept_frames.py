@@ -38,7 +38,7 @@ _PACKAGES = ("finufft", "matplotlib")
 #: Fields of a run's plan that change where frames are added to it.
 _OF_ALL_FRAMES = ("frames", "frame_times_s")
 #: Options that change no file of a frame; `plots` is settled by who draws.
-_OF_NO_FRAME = ("animate", "plots")
+_OF_NO_FRAME = ("animate", "animation_format", "plots")
 _MOST_BYTES = 1 << 26
 #: In a frame's record: no product depends on it.
 _RENDER_TIME = re.compile(rb'"render_time_s": *[^,}\s]*')

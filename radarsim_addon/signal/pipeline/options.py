@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
 from ...errors import ConfigError
@@ -17,6 +17,9 @@ from ..maps import SpectrogramOptions
 from ..radar import WINDOW_NAMES, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
+
+AnimationFormat: TypeAlias = Literal["gif", "mp4"]
+"""File that an animation of all frames is written as."""
 
 # no choices: two of the names stand for patterns with numbers
 _TAPERS = ", ".join(WINDOW_NAMES)
@@ -98,8 +101,12 @@ class ProcessOptions:
         "Plots", "Draw pictures. None: where matplotlib is installed", None
     )
     animate: bool | None = setting(
-        "Animate", "Write a GIF of all frames' maps. None: with several frames", None
+        "Animate", "Write an animation of all frames' maps. None: with several frames", None
     )
+    animation_format: AnimationFormat = setting(
+        "Animation format", "Set the format of the animation; MP4 needs Blender's module bpy",
+        "gif", choices=(("gif", "GIF", ""), ("mp4", "MP4", "")),
+    )  # fmt: skip
     link_budget: LinkBudget | None = setting(
         "Link budget", "Read the link budget (JSON, see docs/system.md). None: the run's own", None,
         parse=read_system, metavar="FILE", old_flags=("--system",),
@@ -144,6 +151,12 @@ class ProcessOptions:
             budget; an unknown canceller; a tolerance or range limits that cannot be.
         """
         check_settings(self)
+        for name, kind in (("cfar", Cfar), ("spectrogram", SpectrogramOptions)):
+            value = getattr(self, name)
+            if not isinstance(value, kind | None):
+                raise ConfigError(
+                    f"{name} of ProcessOptions is {value!r}; expected {kind.__name__}(...) or None."
+                )
         link_budget = self.link_budget or run.record.link_budget
         if link_budget is not None and self.receive_antenna_gain_dbi != 0:
             raise ConfigError(

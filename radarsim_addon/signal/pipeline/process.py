@@ -15,11 +15,13 @@ import functools
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import get_args
 
 from ...atomic_files import make_folder, remove_abandoned, remove_file
 from ...contract import PRODUCTS_DIR
 from ...errors import FrameFileError, OutputError, RadarSimError
 from ...findings import Finding, finding
+from ...movie_file import movie_encoder
 from ..maps import power_unit
 from ..pictures import (
     ANTENNA_PICTURE,
@@ -37,10 +39,10 @@ from ..results import FrameResult, frame_file, remove_stale, write_result
 from ..runs import RadarFrame, Run, open_run
 from .frame import frame_steps
 from .kept_frames import Fingerprints, KeptFrame, kept_frame
-from .options import ProcessOptions, ResolvedOptions
+from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
-#: The moving picture of all frames' maps, in the folder of the products.
-ANIMATION_FILE = "range_doppler.gif"
+#: The animation of all frames' maps, in the folder of the products; it ends in its format.
+_ANIMATION_NAME = "range_doppler"
 #: Steps of a frame after its rings: echoes and map, products, pictures.
 _STEPS_AFTER_RINGS = 3
 
@@ -193,12 +195,15 @@ class Products:
                 f"{self.run.path} has no complete frame to process. Render the run again: it "
                 "resumes where it stopped."
             )
-        options, path = self.options, self.folder / ANIMATION_FILE
-        if options.animate or (options.animate is None and self.draws and len(maps) > 1):
-            unit = power_unit(options.amplitude_model)
-            return animate_maps(maps, path, common_scale(maps, unit))
-        remove_file(path)
-        return None
+        options, path = self.options, self.folder / _ANIMATION_NAME
+        wanted = options.animate or (options.animate is None and self.draws and len(maps) > 1)
+        for kind in get_args(AnimationFormat):
+            if not wanted or kind != options.animation_format:
+                remove_file(path.with_suffix(f".{kind}"))
+        if not wanted:
+            return None
+        scale = common_scale(maps, power_unit(options.amplitude_model))
+        return animate_maps(maps, path.with_suffix(f".{options.animation_format}"), scale)
 
 
 def products_folder(run: Run, out: str | Path | None) -> Path:
@@ -211,6 +216,8 @@ def open_products(
     run: Run, options: ResolvedOptions, out: str | Path | None, allow_incomplete: bool
 ) -> Iterator[Products]:
     """Make the folder for a run's products; what is refused leaves none behind."""
+    if options.animation_format == "mp4" and options.animate is not False:
+        movie_encoder()  # an error now, not after the frames
     folder = products_folder(run, out)
     fresh = not folder.exists()
     make_folder(folder, within=run.path if out is None else None)

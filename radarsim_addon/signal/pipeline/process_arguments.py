@@ -7,7 +7,13 @@ import argparse
 import dataclasses
 
 from ...errors import ConfigError
-from ...option_arguments import add_arguments, add_share_arguments, given, share_of
+from ...option_arguments import (
+    CommandParser,
+    add_arguments,
+    add_share_arguments,
+    given,
+    share_of,
+)
 from ...options import declared
 from ..detection import Cfar
 from ..echoes import Receiver
@@ -45,7 +51,7 @@ def add_process_parser(commands: Subcommands) -> None:
     add_share_arguments(process)
     process.add_argument("--frames", type=frame_numbers, metavar="A:B", help="Set the frames [all]")
     options, receiver, cfar = declared(ProcessOptions), declared(Receiver), declared(Cfar)
-    files = ("products", "plots", "animate", "hdf5", "sigmf")
+    files = ("products", "plots", "animate", "animation_format", "hdf5", "sigmf")
     of_radar = ("link_budget", "thermal_noise")
     detection = ("mti",)
     others = [name for name in options if name not in (*files, *of_radar, *detection)]
@@ -145,6 +151,6 @@ def parse_process_arguments(words: list[str]) -> argparse.Namespace:
     argparse.Namespace
         Values by the names of the options.
     """
-    parser = argparse.ArgumentParser()
+    parser = CommandParser()
     add_process_parser(parser.add_subparsers(dest="command", required=True))
     return parser.parse_args(words)

@@ -7,8 +7,6 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...atomic_files import write_arrays, write_json
 from ...findings import merge, to_json
 from ..echoes import ReceivedSignal
@@ -68,6 +66,7 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
     """Write numbers and findings of a frame as ``_summary.json``; see docs/files.md."""
     radar, report = result.rd_map.radar, result.echoes.report
     path = frame_file(folder, result.frame, SUMMARY_ENDING)
+    strongest, median = result.rd_map.strongest_and_median
     write_json(
         path,
         {
@@ -87,8 +86,8 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "link_budget": result.budget.summary(),
             "findings": [to_json(found) for found in merge(result.findings)],
             "map": {
-                "strongest": float(result.rd_map.power.max()),
-                "median": float(np.median(result.rd_map.power)),
+                "strongest": strongest,
+                "median": median,
                 "noise_power": result.map_noise_power,
             },
             "files": {file.name: file.stat().st_size for file in result.files},

@@ -17,7 +17,7 @@ from ..motion import JoinedMotion, KinematicMotion, LinearMotion
 from ..paths import PathColumns, Paths, TableFootprints, geometry_of
 from .speckle_report import SpeckleReport
 from .surface_cells import Body
-from .surface_speckle import Roughness, Scattering, SurfaceSpeckle
+from .surface_speckle import Roughness, SurfaceSpeckle
 
 #: Largest distance of the points of one path, in range resolutions of one-way range and in Doppler
 #: bins: responses at this distance add up to an even power with any taper, as that of a band B has
@@ -92,8 +92,11 @@ class FrameSpeckle:
             paths = self._spread(paths, index, rows)
         known = np.flatnonzero(self._speckle.known(rows))
         found = self._speckle.scattering(rows if known.size == rows.size else rows[known])
-        phasors = np.full(len(paths), np.nan + 0j)
+        phasors, length_m = np.full(len(paths), np.nan + 0j), paths.length_m.copy()
+        # the phase is that over the scatterer, the delay that of all paths of a cell
         phasors[known] = self._speckle.factors_at_rest(found)
+        phasors[known] *= np.exp(1j * self._wavenumber * found.common_m)
+        length_m[known] += found.common_m
         sway_mps = np.zeros(len(paths))
         if found.sway_mps is not None:
             sway_mps[known] = found.sway_mps
@@ -102,22 +105,18 @@ class FrameSpeckle:
             moving = np.flatnonzero(motion.moving[known])
             going = known[moving]
             phasors[going], sway_mps[going] = found.factor[moving], 0.0
-            paths = self._following(paths, motion, going, found, moving)
-        return self._swaying(dataclasses.replace(paths, phasors=phasors), sway_mps)
+            length_m[going] = paths.length_m[going] + found.longer_m[moving]
+            motion = self._following(motion, going, found.cell[moving])
+        if isinstance(motion, (KinematicMotion, LinearMotion)):
+            motion = dataclasses.replace(motion, length_m=length_m)
+        paths = dataclasses.replace(paths, length_m=length_m, motion=motion, phasors=phasors)
+        return self._swaying(paths, sway_mps)
 
     def _following(
-        self,
-        paths: Paths,
-        motion: KinematicMotion,
-        going: Indices,
-        found: Scattering,
-        moving: Indices,
-    ) -> Paths:
-        """The paths, of which those `going` are over their scatterers, `moving` in `found`."""
+        self, motion: KinematicMotion, going: Indices, cells: Indices
+    ) -> KinematicMotion:
+        """The motion, in which rows `going` are over the scatterers of `cells`."""
         assert self._speckle is not None
-        cells = found.cell[moving]
-        length_m = paths.length_m.copy()
-        length_m[going] += found.longer_m[moving]
         first_m, last_m = motion.first_scatterer_m.copy(), motion.last_scatterer_m.copy()
         first_m[going], last_m[going] = self._speckle.scatterers_m(cells)
         leaders = self._speckle.leaders(cells)
@@ -125,14 +124,9 @@ class FrameSpeckle:
         one, tracks = motion.order[going] == 1, motion.tracks.copy()
         tracks[going, 0] = np.where(one, track, leaders["first_surface_point"])
         tracks[going, 1] = track
-        over = dataclasses.replace(
-            motion,
-            length_m=np.where(motion.moving, length_m, motion.length_m),
-            first_scatterer_m=first_m,
-            last_scatterer_m=last_m,
-            tracks=tracks,
+        return dataclasses.replace(
+            motion, first_scatterer_m=first_m, last_scatterer_m=last_m, tracks=tracks
         )
-        return dataclasses.replace(paths, length_m=length_m, motion=over)
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
         """The paths, with the range rates of clutter that moves by itself.

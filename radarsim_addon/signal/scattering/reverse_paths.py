@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Paths and their reverses: over the same scatterers in the other order, they add up coherently.
 
-Of two or more reflections a wave takes both ways, and the table has both, found separately: the way
-A, B where the receiver sees A, the way B, A where it sees B. They have one phase of scattering, so
-where the lengths are equal (antennas in one place) the power is twice the sum of both powers. The
-amplitude of each path is multiplied by (1 + o exp(-j k d)) / sqrt(1 + o^2), with d the length of
-the reverse less that of the path, and o the overlap of their responses in range. Where antennas are
-apart, d changes over the surfaces by many wavelengths: the mean power is then the sum of both.
+A wave follows a path of two or more reflections in both directions, and the table has both, found
+separately: A, B where the receiver sees A, and B, A where it sees B. They have one phase of
+scattering, so where the lengths are equal (antennas in one place) the power is twice the sum of
+both powers. The amplitude of each path is multiplied by (1 + o exp(-j k d)) / sqrt(1 + o^2), with d
+the length of the reverse less that of the path, and o the overlap of their responses in range.
+Where antennas are apart, d changes over the surfaces by many wavelengths: the mean power is then
+the sum of both.
 """
 
 from __future__ import annotations
@@ -40,12 +41,8 @@ def reverse_factors(
         (n,).
     record
         Of their table.
-    carrier_hz
-        Carrier [Hz].
-    range_resolution_m
-        c / (2 bandwidth) [m].
-    range_taper
-        Taper over the band, by name.
+    carrier_hz, range_resolution_m, range_taper
+        See `interference_factors`.
 
     Returns
     -------

@@ -17,9 +17,24 @@ from .random_phases import hash_step, uniform
 
 Hash = NDArray[np.uint64]
 
+#: Axes of the world, in which poses are at its origin.
 _WORLD = np.eye(3)
 #: Where the origin lies in its cell: at no simple fraction of it.
 _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
+
+
+def distinct(keys: Hash) -> tuple[Hash, Indices, Indices]:
+    """The keys that there are, sorted, where each comes first, and the place of every key among
+    them: `numpy.unique`, without its stable sort.
+    """
+    order = np.argsort(keys)
+    ranked = keys[order]
+    starts = np.flatnonzero(np.append(True, ranked[1:] != ranked[:-1])[: keys.size])
+    place = np.empty(keys.size, dtype=np.intp)
+    place[order] = np.repeat(np.arange(starts.size), np.diff(starts, append=keys.size))
+    if not starts.size:
+        return ranked, starts, place
+    return ranked[starts], np.minimum.reduceat(order, starts), place
 
 
 @dataclass(frozen=True)
@@ -85,7 +100,7 @@ class SurfaceCells:
         self._most = max(bodies, default=0) + 1
         self._starts = np.full(self._most + 1, np.uint64(seed % 2**64))
         self._pose = np.zeros(self._most + 1, dtype=np.intp)
-        self._poses = [(np.eye(3), np.zeros(3))]
+        self._poses = [(_WORLD, np.zeros(3))]
         self._edges_m = np.full(self._most + 1, max(edge_m, coarse_m))
         self._extents_m = np.tile(np.array([-np.inf, np.inf])[:, None, None], (3, self._most + 1))
         known = {self._poses[0][0].tobytes() + self._poses[0][1].tobytes(): 0}
@@ -112,6 +127,8 @@ class SurfaceCells:
         pose, state = self._pose[body], self._starts[body]
         corner = np.array(rows["first_scatterer_m" if first else "last_scatterer_m"].T, order="C")
         for mine, rotation, origin_m in self._by_pose(pose):
+            if rotation is _WORLD:
+                continue
             arm_m = corner[:, mine] - origin_m[:, None]
             if not np.array_equal(rotation, _WORLD):
                 arm_m = (np.ascontiguousarray(arm_m.T) @ rotation).T
@@ -145,13 +162,28 @@ class SurfaceCells:
                 points_m[held, axis] = low_m + uniform(draw[held]) * (high_m - low_m)
         return points_m
 
-    def scatterers(self, cells: Cells) -> tuple[Real, Real]:
-        """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
-        points_m = self.local_m(cells)
+    @property
+    def largest_m(self) -> float:
+        """Largest edge of a cell [m]."""
+        return float(max(self._edges_m.max(), self._lengths_m.max()))
+
+    def centres_m(self, cells: Cells) -> Real:
+        """Centres of cells, (n, 3) [m]."""
+        return self._in_world(cells, ((cells.corner - _OFFSET[:, None] + 0.5) * cells.edge_m).T)
+
+    def _in_world(self, cells: Cells, points_m: Real) -> Real:
+        """Points in the axes of the cells' bodies in world space, in place."""
         for mine, rotation, origin_m in self._by_pose(cells.pose):
+            if rotation is _WORLD:
+                continue
             if not np.array_equal(rotation, _WORLD):
                 points_m[mine] = points_m[mine] @ rotation.T
             points_m[mine] += origin_m
+        return points_m
+
+    def scatterers(self, cells: Cells) -> tuple[Real, Real]:
+        """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
+        points_m = self._in_world(cells, self.local_m(cells))
         first_draw = hash_step(cells.state ^ np.uint64(0x5851F42D4C957F2D))
         second_draw = hash_step(first_draw)
         # Box and Muller; 1 - u is never 0

@@ -8,13 +8,17 @@ wavevector change kappa = k |u_in - u_out| (2 k cos for a facet that mirrors bac
 
     sqrt(P) g (exp(j kappa h) - m) / sqrt(1 - m^2) exp(-j k (l_c - l))
 
-of zero mean, m = exp(-(kappa h_rms)^2 / 2). It goes over the scatterer, whose path has the length
-l_c instead of l. All paths of one cell meet there; g = sqrt(P / P_cell) keeps their power, so the
-mean power is the sum of the powers however fine the pixels are. Where the height is unknown m = 0:
-fully developed speckle. The scatterer moves with its body, and all paths of its cell move with it:
-on a body that turns they would else drift out of phase.
+of zero mean, m = exp(-(kappa h_rms)^2 / 2). Its phase is that of a path via the cell's scatterer,
+of length l_c instead of l. All paths of one cell use this scatterer; P_cell is the sum of their
+powers P. g = sqrt(P / P_cell) keeps it, so the mean power is the sum of the powers however fine the
+pixels are. Where the height is unknown m = 0: fully developed speckle. The scatterer moves with its
+body, and all paths of its cell move with it: on a body that turns they would otherwise lose their
+common phase. On a stationary body all paths of a cell have one delay, that of the power-weighted
+mean of their lengths: with delays of their own, a receiver that resolves them in part would lose
+power. A cell that is deeper than the range resolution is split into parts of that depth, each with
+its own scatterer.
 
-A surface of small height also has a coherent part, m^2 = exp(-(2 k h cos)^2) of the power (Ament
+A surface of small height also has a coherent part, m^2 = exp(-(2 k h_rms cos)^2) of the power (Ament
 1953). It is left out: as a sum over pixel centres its level grows with the number of pixels in a
 Fresnel zone, by 6 dB for each doubling of the resolution.
 
@@ -27,6 +31,7 @@ be hit or missed by chance.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -38,21 +43,21 @@ from ...array_types import Complex, Indices, Integers, Real
 from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...vectors import are_finite, distances
+from ...vectors import are_finite, distances, take_rows
 from ..paths import (
     AnyRows,
     PathColumns,
     PathRows,
     TableFootprints,
     has_images,
-    images_of,
     iter_rows,
     scatterer_rows,
 )
 from .random_phases import hash_step
 from .speckle_report import ENOUGH_SCATTERERS, SpeckleReport
-from .surface_cells import Body, Hash, SurfaceCells
+from .surface_cells import Body, Hash, SurfaceCells, distinct
 from .surface_fluctuations import SurfaceFluctuations
+from .vertex_view import VertexView
 
 #: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
 _FOOTPRINTS = 1.5
@@ -84,12 +89,13 @@ class Roughness:
 @dataclass(frozen=True)
 class Scattering:
     """How n paths scatter: factors (n,) without the phase of the length over the scatterers, that
-    length minus the path's own [m], the number of the cell, and the range rate by the motion of the
-    clutter itself [m/s]; None: none moves.
+    length and the mean length of the cell's paths, both minus the path's own [m], the number of the
+    cell, and the range rate by the motion of the clutter itself [m/s]; None: none moves.
     """
 
     factor: Complex
     longer_m: Real
+    common_m: Real
     cell: Indices
     sway_mps: Real | None = None
 
@@ -118,11 +124,9 @@ class SurfaceSpeckle:
         footprints: TableFootprints | None = None,
         fluctuations: Mapping[int, FluctuationRecord] | None = None,
     ) -> None:
-        self._table, self._footprints, self._images = table, footprints, record.images
+        self._table, self._footprints = table, footprints
         self._wavenumber = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
-        self._receiver_m = np.asarray(record.receiver.matrix_world, dtype=np.float64)[:3, 3]
-        self._emitter_m = np.asarray(record.transmitter.matrix_world, dtype=np.float64)[:3, 3]
-        self._orthographic = record.receiver.kind == "orthographic"
+        self._view = VertexView(record)
         self._resolution_m = resolution_m
         self._heights = np.full(len(record.objects) + 1, np.nan)
         lengths_m = np.zeros(len(record.objects) + 1)
@@ -148,12 +152,12 @@ class SurfaceSpeckle:
         self._objects = record.objects
         #: Rows that come again for their echoes, and their cells.
         self._placed: list[tuple[AnyRows, Indices]] = []
-        self._keys, self._powers, self._ranges, self._leaders, places_m = self._add_up()
+        self._keys, self._powers, self._leaders, places_m = self._add_up()
         self._scatterers_m, self._units, self._over_m = self._draw(places_m)
         # what is alike for all paths of a cell where no height is known
         self._even: Complex | None = None
         if not np.isfinite(self._heights).any():
-            order = scatterer_rows(self._table[self._leaders])["order"]
+            order = scatterer_rows(PathColumns(self._table, self._leaders))["order"]
             self._even = np.exp(1j * _even_phases(self._units, order))
 
     # -- cells -------------------------------------------------------------------------------------
@@ -164,8 +168,8 @@ class SurfaceSpeckle:
         powers = np.zeros(_EXPONENTS)
         for rows in iter_rows(self._table):
             wanted_m = np.sqrt(rows["solid_angle_sr"]) * _FOOTPRINTS
-            if not self._orthographic:  # whose pixels have areas
-                wanted_m *= distances(rows["first_scatterer_m"], self._receiver_m)
+            if not self._view.orthographic:  # whose pixels have areas
+                wanted_m *= distances(rows["first_scatterer_m"], self._view.receiver_m)
             known = np.flatnonzero(np.isfinite(wanted_m))
             half, exponent = np.frexp(np.maximum(wanted_m[known], _LEAST_CELL_M))
             exponent -= half == 0.5
@@ -193,9 +197,13 @@ class SurfaceSpeckle:
         rows = scatterer_rows(PathColumns(self._table, self._leaders))
         single = rows["order"] == 1
         for name in ("first_scatterer_m", "last_scatterer_m"):
-            rows[name][single] = places_m[single]
+            if single.all():
+                rows[name] = places_m
+            else:
+                rows[name][single] = places_m[single]
         cells = self._cells.of(rows, False)
-        points_m, heights = self._cells.scatterers(cells)
+        apart = dataclasses.replace(cells, state=self._apart(cells.state, rows))
+        points_m, heights = self._cells.scatterers(apart)
         scatterers_m, units = np.stack([points_m.T] * 2), np.stack([heights] * 2)
         two = np.flatnonzero(~single)
         if two.size:
@@ -210,15 +218,16 @@ class SurfaceSpeckle:
                 self._texture[two] *= found[0]
                 self._sway_mps[0, two] = found[1]
         first_m, last_m = (points_m.T for points_m in scatterers_m)
-        return scatterers_m, units, self._length_m(first_m, last_m, rows)
+        return scatterers_m, units, self._view.length_m(first_m, last_m, rows)
 
-    def _add_up(self) -> tuple[Hash, Real, Real, NDArray[np.intp], Real]:
-        """Keys of all cells (sorted), the power over each, its one-way range, first row, and last
-        vertex of that (keys, 3) [m]. Finds the coherent power by the number of the object [W].
+    def _add_up(self) -> tuple[Hash, Real, NDArray[np.intp], Real]:
+        """Keys of all cells (sorted), the power over each, its first row, and last vertex of that
+        (keys, 3) [m]. Finds the coherent power by the number of the object [W], and the means over
+        the power of lengths, and of what they are longer than the way over their vertices [m].
         """
         keys = np.zeros(0, dtype=np.uint64)
         coherent_w = self._coherent_w = np.zeros(self._heights.size)
-        powers, ranges, places_m = np.zeros(0), np.zeros(0), np.zeros((0, 3))
+        sums, places_m = np.zeros((3, 0)), np.zeros((0, 3))
         leaders, start = np.zeros(0, dtype=np.intp), 0
         rows: AnyRows
         for rows in iter_rows(self._table):
@@ -237,24 +246,28 @@ class SurfaceSpeckle:
                 )
             found = self._keys_of(rows)
             every = np.concatenate([keys, found])
-            power = np.concatenate([powers, rows["power_w"]])
-            length = np.concatenate([ranges, rows["length_m"] / 2])
+            own_m = self._view.length_m(rows["first_scatterer_m"], rows["last_scatterer_m"], rows)
+            power_w, length_m = rows["power_w"], rows["length_m"]
+            parts = power_w, power_w * length_m, power_w * (length_m - own_m)
             number = np.concatenate([leaders, number])
             point_m = np.concatenate([places_m, rows["last_scatterer_m"]])
             before = keys.size
-            keys, place, back = np.unique(every, return_index=True, return_inverse=True)
+            keys, place, back = distinct(every)
             self._placed = [(own, back[:before][at]) for own, at in self._placed]
             if self._table.size <= _KEPT_ROWS:
                 self._placed.append((rows, back[before:]))
-            powers, ranges = np.bincount(back, power, minlength=keys.size), length[place]
-            leaders, places_m = number[place], point_m[place]
-        return keys, powers, ranges, leaders, places_m
+            pairs = map(np.concatenate, zip(sums, parts, strict=True))
+            sums = np.stack([np.bincount(back, one, minlength=keys.size) for one in pairs])
+            leaders, places_m = number[place], take_rows(point_m, place)
+        with np.errstate(invalid="ignore"):
+            self._mean_m, self._longer_m = sums[1:] / sums[0]
+        return keys, sums[0], leaders, places_m
 
     def report(self) -> SpeckleReport:
         """How many scatterers share a range cell."""
         if not self._powers.sum() > 0:
             return SpeckleReport(self.cell_m, int(self._keys.size), 0.0, 0.0)
-        number = np.floor(self._ranges / self._resolution_m).astype(np.int64)
+        number = np.floor(self._mean_m / 2 / self._resolution_m).astype(np.int64)
         _, where = np.unique(number, return_inverse=True)
         power = np.bincount(where, self._powers)
         square = np.bincount(where, self._powers**2)
@@ -277,57 +290,30 @@ class SurfaceSpeckle:
 
     def _keys_of(self, rows: AnyRows) -> Hash:
         """Keys of the cells and of the images over which paths go."""
-        keys = self._cells.keys(rows)
+        keys = self._apart(self._cells.keys(rows), rows)
         if has_images(rows):
             over = rows["transmitter_image"].astype(np.uint16).astype(np.uint64) << np.uint64(32)
             over |= rows["receiver_image"].astype(np.uint16).astype(np.uint64)
             keys[over > 0] = hash_step(keys[over > 0] ^ over[over > 0])
         return keys
 
-    def _antennas_m(self, rows: AnyRows) -> tuple[Real, Real]:
-        """Places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
-        images = images_of(rows, self._images)
-        if images is None:
-            return self._receiver_m, self._emitter_m
-        return images.places(0, self._receiver_m), images.places(1, self._emitter_m)
-
-    def _length_m(self, first_scatterer_m: Real, last_scatterer_m: Real, rows: AnyRows) -> Real:
-        """Length over two points, or over one at order 1 [m]."""
-        order, direction = rows["order"], rows["direction"]
-        receiver_m, emitter_m = self._antennas_m(rows)
-        length_m = distances(last_scatterer_m, emitter_m)
-        two = np.flatnonzero(order == 2)
-        length_m[two] += distances(last_scatterer_m[two], first_scatterer_m[two])
-        if self._orthographic:
-            return length_m + np.sum(direction * (first_scatterer_m - self._receiver_m), axis=-1)
-        length_m += distances(first_scatterer_m, receiver_m)
-        return length_m
-
-    def _turns(self, rows: AnyRows) -> tuple[Real, Real]:
-        """|u_in - u_out| at the first and at the last vertex."""
-        receiver_m, emitter_m = self._antennas_m(rows)
-        into_first = rows["direction"]
-        if receiver_m.ndim > 1:
-            over = rows["receiver_image"] != 0
-            straight = _unit(rows["first_scatterer_m"] - receiver_m)
-            into_first = np.where(over[:, None], straight, into_first)
-        out_last = _unit(emitter_m - rows["last_scatterer_m"])
-        between = _unit(rows["last_scatterer_m"] - rows["first_scatterer_m"])
-        two = (rows["order"] == 2)[:, None]
-        first = np.where(two, into_first - between, 0.0)
-        last = np.where(two, between, into_first) - out_last
-        return np.linalg.norm(first, axis=-1), np.linalg.norm(last, axis=-1)
-
-    def factors(self, rows: AnyRows) -> tuple[Complex, NDArray[np.bool_]]:
-        """Complex factors of the amplitudes of rows at t, (n,), and which of them are known."""
-        known = self.known(rows)
-        result = np.ones(rows.size, dtype=np.complex128)
-        found = self.scattering(rows[known])
-        result[known] = self.factors_at_rest(found)
-        return result, known
+    def _apart(self, states: Hash, rows: AnyRows) -> Hash:
+        """States of cells of rows, others for each part of a cell as deep as the resolution."""
+        # the ways over two vertices in cells differ by twice the sum of their diagonals
+        if 2 * math.sqrt(3) * self._cells.largest_m <= self._resolution_m:
+            return states
+        first_m, last_m = (
+            self._cells.centres_m(self._cells.of(rows, one)) for one in (True, False)
+        )
+        single = (rows["order"] == 1)[:, None]
+        middle_m = self._view.length_m(np.where(single, last_m, first_m), last_m, rows, False)
+        own_m = rows["first_scatterer_m"], rows["last_scatterer_m"]
+        deeper_m = self._view.length_m(*own_m, rows, False) - middle_m
+        part = np.rint(deeper_m / (2 * self._resolution_m)).astype(np.int64).view(np.uint64)
+        return np.where(part == 0, states, hash_step(states ^ part))
 
     def factors_at_rest(self, found: Scattering) -> Complex:
-        """Factors with that phase, (n,): exact as long as path and scatterer move alike."""
+        """Factors with the phase of the length, (n,): exact if path and scatterer move alike."""
         return np.asarray(found.factor * np.exp(-1j * self._wavenumber * found.longer_m))
 
     def scattering(self, rows: AnyRows) -> Scattering:
@@ -336,23 +322,20 @@ class SurfaceSpeckle:
         place = next((at for own, at in self._placed if own is rows), None)
         if place is None:
             place = np.searchsorted(self._keys, self._keys_of(rows))
-        if self._orthographic:
-            over_m = self._length_m(*self.scatterers_m(place), rows)
-        else:
-            over_m = self._over_m[place]
-        own_m = self._length_m(rows["first_scatterer_m"], rows["last_scatterer_m"], rows)
+        longer_m = self._over_m[place] + self._longer_m[place] - rows["length_m"]
+        common_m = self._mean_m[place] - rows["length_m"]
         share = np.sqrt(rows["power_w"] / self._powers[place])
         sway_mps = None
         if self._fluctuations:
             share *= np.sqrt(self._texture[place])
             if self._sway_mps.any():
-                turns = np.stack(self._turns(rows))
+                turns = np.stack(self._view.turns(rows))
                 sway_mps = np.sum(self._sway_mps[:, place] * turns, axis=0) / 2
         if self._even is not None:
             factor = share * self._even[place]
         else:
             factor = self._uneven(rows, share, self._units[:, place])
-        return Scattering(factor, over_m - own_m, place, sway_mps)
+        return Scattering(factor, longer_m, common_m, place, sway_mps)
 
     def scatterers_m(self, cells: Indices) -> tuple[Real, Real]:
         """Scatterers of first and last vertex of cells by their numbers, (n, 3) each [m]."""
@@ -376,19 +359,13 @@ class SurfaceSpeckle:
     def _kappa_heights(self, rows: AnyRows) -> Real:
         """kappa h_rms at the first and the last vertex, (2, n): 0 without a vertex, NaN unknown."""
         heights_m = self._heights[np.stack([rows["first_object"], rows["last_object"]])]
-        turns = np.stack(self._turns(rows))
+        turns = np.stack(self._view.turns(rows))
         return np.where(turns > 0, self._wavenumber * turns * heights_m, 0.0)
 
 
 def _power_of_two(least: float) -> float:
     """Return the power of two from `least` up."""
     return float(2.0 ** math.ceil(math.log2(least)))
-
-
-def _unit(vectors: Real) -> Real:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(length > 0, vectors / length, 0.0)
 
 
 def _even_phases(units: Real, order: Integers) -> Real:

@@ -29,7 +29,8 @@ of the others are sampled at Chebyshev nodes of the burst (:mod:`.spectrum.burst
 keep to a constant rate within the fraction of the tolerance set aside for it, all pulses are
 one 2-D type-3 transform (:mod:`.spectrum.linear_motion`) if that is cheaper; else it goes pulse by
 pulse, with lengths from the fitted polynomial where that is within the bound, and sampled at each
-pulse where it is not.
+pulse where it is not. Fitted motion that many paths share is interpolated between a few times
+(:mod:`.spectrum.common_motion`) where that is cheaper.
 """
 
 from __future__ import annotations
@@ -56,11 +57,12 @@ from .grid import (
     Weights,
     check_finite,
 )
-from .moving import Method, MovingPathAccumulator
+from .moving import MovingPathAccumulator
 from .nufft import Backend, choose_backend
 from .ordered_executor import OrderedExecutor, available_threads
 from .pulse_blocks import PulseBlock, TransformPool
 from .pulse_shape import PulseShape
+from .pulse_sums import Method
 from .report import SynthesisReport, Transform
 from .transform import ErrorSum, PulseTransform
 from .varying import VaryingPathAccumulator
@@ -82,6 +84,8 @@ __all__ = [
 TOLERANCE = 1e-6
 #: Blocks of stationary paths that wait for their turn, so that threads have work.
 _BLOCKS = 4
+#: Values whose energy is summed at a time.
+_SUMMED = 1 << 13
 
 _GAIN_NOTE = "Antenna gains change during the burst: amplitudes are those of every pulse."
 _PULSE_NOTE = "Paths move while a pulse is under way, at a constant rate."
@@ -199,9 +203,7 @@ class SpectrumAccumulator:
         self._block = max(chunk, 2 * grid.count) if chunk > 1 << 10 else chunk
         self._lanes = OrderedExecutor(threads or available_threads())
         self._pool = TransformPool(
-            lambda: PulseTransform(self._sums, tolerance, self._backend),
-            grid.count,
-            self._lanes.threads,
+            partial(PulseTransform, self._sums, tolerance, self._backend), grid.count
         )
         self._still = np.zeros(grid.count, dtype=np.complex128)
         self._still_rows: list[tuple[Real, Weights]] = []
@@ -317,9 +319,11 @@ class SpectrumAccumulator:
     def _finish(self, still_values: Complex, values: Complex | None) -> SynthesisReport:
         """The report, as things are now."""
         pulses, energy = self.times_s.size, 0.0
-        for number in range(pulses if values is not None else 1):
-            line = still_values if values is None else still_values + values[number]
-            energy += float(np.vdot(line, line).real)
+        # in parts: a BLAS would share larger sums among threads, and no copy of them all is made
+        step = max(_SUMMED // self.grid.count, 1)
+        for first in range(0, pulses if values is not None else 1, step):
+            lines = still_values if values is None else still_values + values[first : first + step]
+            energy += float(np.vdot(lines, lines).real)
         if self._sums.pulse is not None:
             energy /= self._sums.pulse.rms**2
         if values is None:

@@ -7,136 +7,40 @@ lengths at three times of each pulse, a pulse that is under way for two; they co
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Real
+from ...array_types import Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import LinearMotion, PathMotion
-from .amplitudes import AMPLITUDE_NODES, used_terms
-from .burst_basis import BurstBasis
-from .grid import SynthesisContext, Weights, check_finite, repeat_orders
-from .linear_motion import LinearRows, linear_block, plan_linear
-from .nufft import Backend, RowsType1
-from .ordered_executor import OrderedExecutor
-from .pulse_blocks import PulseBlock, TransformPool
-from .pulse_motion import PulseMotionTransform, pulse_left_out_rad
-from .ramp import RampTransform, left_out_rad
-from .report import Motion, SynthesisReport, Transform
-from .transform import ErrorSum, PulseTransform
+from .amplitudes import used_terms
+from .common_motion import CommonMotion, common_motions
+from .grid import Weights, check_finite, repeat_orders
+from .linear_motion import LinearPlan, LinearRows, linear_block, plan_linear
+from .nufft import RowsType1
+from .pulse_sums import AmplitudesAt, PulseSums
+from .transform import ErrorSum
 
-Method = Literal["auto", "type3", "per-pulse", "direct"]
-
-#: Amplitudes (pulses, rows) of some rows at some pulses.
-AmplitudesAt = Callable[[slice, slice], Weights]
-
-#: Fraction of the tolerance for fitted motion.
-_MOTION_SHARE = 0.25
 #: Rate and acceleration come from two or three lengths: their errors add up to so many.
 _OFFSETS_SHARE = 4.0
-#: Lengths (rows x times) asked of a motion at a time: 16 MB.
-_MAX_LENGTHS = 1 << 21
-#: Fewer rows are for one thread: more would wait for the interpreter, at twice the processor time.
-_FEW = 1 << 14
-#: Blocks of pulses, at least: so many that threads have work, not their number, on which sums of
-#: errors would hang.
-_BLOCKS = 8
 #: Rows of constant rate that wait for one transform: 25 MB.
 _MAX_LINEAR = 1 << 19
 #: Rows times terms of amplitudes that vary, the same: 67 MB.
 _MAX_TERMS = 1 << 22
+#: Seconds: of a value between nodes, on the scale of :mod:`.spectrum.linear_motion`.
+_INTERPOLATED = 1e-7
 
 
-class MovingPathAccumulator:
-    """Adds up the spectra of moving paths in `values` (pulses, frequencies), None where nothing
-    moved.
-
-    The first parameters are those of :class:`.spectrum.accumulator.SpectrumAccumulator`; `rows`
-    paths are in one transform; `interval_s` is that from pulse to pulse, for folding in Doppler.
-
-    `heard` and `folded_pulses` count paths in the window, and folded into it, once per pulse;
-    `folded` those folded at every pulse; `fast` those that turn by more than half a cycle between
-    pulses.
-    """
-
-    def __init__(
-        self,
-        sums: SynthesisContext,
-        times_s: Real,
-        tolerance: float,
-        method: Method,
-        backend: Backend,
-        rows: int,
-        lanes: OrderedExecutor,
-        report: SynthesisReport,
-        interval_s: float,
-    ) -> None:
-        self.values: Complex | None = None
-        self.error = ErrorSum()
-        self.heard, self.folded, self.folded_pulses, self.fast = 0, 0, 0, 0
-        self._left_rad = [0.0]  # appended to by threads
-        self._sums, self._times_s, self._tolerance = sums, times_s, tolerance
-        self._method, self._backend = method, backend
-        self._rows, self._lanes, self._report = rows, lanes, report
-        self._added = 0
-        self._linear_rows: list[LinearRows] = []
-        self._smooth_rows: list[tuple[Real, Weights]] = []
-        transform: type[PulseTransform | RampTransform | PulseMotionTransform] = PulseTransform
-        # times at which a pulse wants lengths, from its own
-        self._offsets_s, first_s = np.zeros(1), 0.0
-        if sums.ramp is not None:
-            transform, first_s = RampTransform, -sums.ramp.half_s(sums.grid.count)
-            self._offsets_s = np.array([first_s, 0.0, -first_s])
-        if sums.pulse is not None:
-            transform, self._offsets_s = PulseMotionTransform, np.array([0.0, sums.pulse.half_s])
-        self._pool = TransformPool(
-            lambda: transform(sums, tolerance, backend), sums.grid.count, lanes.threads
-        )
-        span_s = np.array([times_s[0] + first_s, times_s[-1] + self._offsets_s[-1]])
-        self._basis = BurstBasis(span_s) if span_s[1] > span_s[0] else None
-        self._amplitude_basis: BurstBasis | None = None
-        if times_s.size > 1:
-            self._amplitude_basis = BurstBasis(times_s, AMPLITUDE_NODES)
-        # a ramp shows a path where it will be
-        self._shown_s = 0.0
-        if sums.ramp is not None:
-            carrier_hz = float(sums.grid.exact_centre_hz)
-            self._shown_s = carrier_hz * sums.ramp.interval_s / sums.grid.step_hz
-        self._phase_bound_rad = _MOTION_SHARE * tolerance
-        # rate of a length at which the carrier turns by half a cycle from pulse to pulse
-        carrier_hz = abs(sums.listening.reference_hz or float(sums.grid.exact_centre_hz))
-        turns = 2 * interval_s * carrier_hz
-        self._fast_mps = SPEED_OF_LIGHT_MPS / turns if turns > 0 else math.inf
-
-    @property
-    def left_out_rad(self) -> float:
-        """Largest phase of the motion within a ramp or pulse that is left out [rad]."""
-        return max(self._left_rad)
+class MovingPathAccumulator(PulseSums):
+    """Sorts rows by their motion and sends each the way that suits it."""
 
     def flush(self) -> None:
         """Sum up what waits."""
         self._flush_linear()
         self._flush_smooth()
-
-    def _lengths_at(self, pulses: slice) -> Real:
-        """Times at which these pulses want lengths, (pulses x offsets,) [s]."""
-        return np.asarray((self._times_s[pulses, None] + self._offsets_s).ravel())
-
-    def _by_pulses(self, lengths_m: Real) -> Real:
-        """To (pulses, rows); of a ramp (pulses, 3, rows), of a pulse (pulses, 2, rows)."""
-        if self._offsets_s.size == 1:
-            return lengths_m
-        found = lengths_m.reshape(-1, self._offsets_s.size, lengths_m.shape[1])
-        if self._sums.pulse is not None:
-            rate_mps = (found[:, 1] - found[:, 0]) / self._sums.pulse.half_s
-            found = np.stack([found[:, 0], rate_mps], axis=1)
-        return found
 
     def add(
         self, motion: PathMotion, rows: NDArray[np.intp], amplitude: Weights, first: int
@@ -194,21 +98,12 @@ class MovingPathAccumulator:
 
     def _fitted(self, amplitude: Weights) -> None:
         """Remember what fitted motion may cost."""
-        if not amplitude.size:
-            return
-        self._report.motion_error_rad = self._phase_bound_rad
-        size, terms = np.abs(amplitude), self._times_s.size * self._sums.grid.count
-        size = size if size.ndim == 1 else size.sum(axis=1)
-        root = self._phase_bound_rad * float(np.sqrt(terms))
-        self.error.add(ErrorSum(root * float(np.linalg.norm(size)), root * float(size.sum()), 0.0))
+        if amplitude.size:
+            self._report.motion_error_rad = self._phase_bound_rad
+            self._left_out(amplitude, self._phase_bound_rad)
 
     def _take_linear(
-        self,
-        length_m: Real,
-        rate_mps: Real,
-        time_s: float,
-        amplitude: Weights,
-        fitted: bool,
+        self, length_m: Real, rate_mps: Real, time_s: float, amplitude: Weights, fitted: bool
     ) -> None:
         """Paths of constant rate: to the buffer if they stay in the window, else by pulses."""
         time = np.full(length_m.size, time_s)
@@ -245,14 +140,26 @@ class MovingPathAccumulator:
             return
         rows = LinearRows.join(self._linear_rows)
         self._linear_rows = []
-        terms: Real | None = None
         if rows.amplitude.ndim > 1:
             rows = replace(rows, amplitude=used_terms(rows.amplitude))
-            terms = self._terms(slice(None), rows.amplitude.shape[1])
         plan = plan_linear(rows, self._sums, self._times_s, self._tolerance)
+        groups = self._linear_groups(rows, plan)
+        if groups:
+            alone = np.ones(len(rows), dtype=bool)
+            for group in groups:
+                own, alone[group.rows] = rows.select(group.rows), False
+                with self._nodes_of(group, own.amplitude) as nodes:
+                    nodes._linear_by_pulse(own, own.order)
+            rows = rows.select(alone)
+            if not len(rows):
+                return
+            plan = plan_linear(rows, self._sums, self._times_s, self._tolerance)
         if self._method != "type3" and plan.pulses_s < plan.type3_s:
             self._linear_by_pulse(rows, rows.order)
             return
+        terms: Real | None = None
+        if rows.amplitude.ndim > 1:
+            terms = self._terms(slice(None), rows.amplitude.shape[1])
         jobs = (
             partial(linear_block, rows, self._sums, self._times_s, pulses, self._tolerance, terms)
             for pulses in plan.blocks
@@ -266,11 +173,16 @@ class MovingPathAccumulator:
         transforms = len(plan.blocks) * (1 if terms is None else terms.shape[1])
         self._report.count("linear", "type 3", len(rows), transforms, cpu_s)
 
-    def _terms(self, pulses: slice, count: int) -> Real:
-        """T_k at pulses, k < count, (pulses, count)."""
-        if self._amplitude_basis is None:
-            return np.ones((self._times_s[pulses].size, 1))
-        return self._amplitude_basis.at(self._times_s[pulses])[:, :count]
+    def _linear_groups(self, rows: LinearRows, plan: LinearPlan) -> list[CommonMotion]:
+        """Rows of a common motion, where that is cheapest."""
+        if self._basis is None:
+            return []
+        middle_m = rows.length_m + rows.rate_mps * (self._basis.middle_s - rows.time_s)
+        lengths_m = np.stack([middle_m, rows.rate_mps * self._basis.half_s], axis=1)
+        groups = self._groups(lengths_m, rows.amplitude)
+        nodes, pulses = sum(group.nodes_s.size for group in groups), self._times_s.size
+        cost_s = plan.pulses_s * nodes / pulses + _INTERPOLATED * pulses * self._sums.grid.count
+        return groups if cost_s < min(plan.pulses_s, plan.type3_s) else []
 
     def _linear_by_pulse(self, rows: LinearRows, order: Real | None) -> None:
         """Pulse by pulse at constant rates; with `order` the rows are counted already."""
@@ -278,8 +190,10 @@ class MovingPathAccumulator:
         def lengths_m(part: slice, pulses: slice) -> Real:
             length_m, rate_mps, time_s = rows.length_m[part], rows.rate_mps[part], rows.time_s[part]
             if self._sums.pulse is not None:  # exact, without a difference
-                middle_m = length_m + rate_mps * (self._times_s[pulses, None] - time_s)
-                return np.stack([middle_m, np.broadcast_to(rate_mps, middle_m.shape)], axis=1)
+                moved_m = rate_mps * (self._times_s[pulses, None] - time_s)
+                middle_m = length_m + moved_m
+                lost_m = moved_m - (middle_m - length_m)  # by rounding: Dekker, 1971, eq. 4.14
+                return np.stack([middle_m, np.broadcast_to(rate_mps, middle_m.shape), lost_m], 1)
             since_s = self._lengths_at(pulses)[:, None] - time_s
             return self._by_pulses(length_m + rate_mps * since_s)
 
@@ -292,13 +206,37 @@ class MovingPathAccumulator:
         coefficients_m = np.concatenate([found for found, _ in self._smooth_rows])
         amplitude = np.concatenate([a for _, a in self._smooth_rows])
         self._smooth_rows = []
+        alone = np.ones(len(amplitude), dtype=bool)
+        for group in self._groups(coefficients_m, amplitude):
+            alone[group.rows] = False
+            self.heard += group.rows.size * self._times_s.size
+            own_m, weights = coefficients_m[group.rows], amplitude[group.rows]
+            with self._nodes_of(group, weights) as nodes:
+                nodes._smooth(own_m, weights, np.zeros(len(weights)))
+        if alone.any():
+            self._smooth(coefficients_m[alone], amplitude[alone])
+
+    def _groups(self, coefficients_m: Real, amplitude: Weights) -> list[CommonMotion]:
+        """Rows of a common motion, with lengths and amplitudes c_k T_k over the burst."""
+        if self._basis is None or self._method != "auto":
+            return []
+        terms = used_terms(amplitude).shape[1] if amplitude.ndim > 1 else 1
+        late_s = 2 * abs(self._shown_s) + float(np.abs(self._offsets_s).max())
+        return common_motions(
+            coefficients_m, self._basis.half_s, late_s, self._times_s, terms, self._sums,
+            self._tolerance,
+        )  # fmt: skip
+
+    def _smooth(self, coefficients_m: Real, amplitude: Weights, order: Real | None = None) -> None:
+        """Transforms at all times."""
         basis = self._basis
+        assert basis is not None
 
         def lengths_m(part: slice, pulses: slice) -> Real:
             at_pulses = basis.at(self._lengths_at(pulses))
             return self._by_pulses(np.asarray(at_pulses @ coefficients_m[part].T))
 
-        self._by_pulse("smooth", lengths_m, amplitude)
+        self._by_pulse("smooth", lengths_m, amplitude, order=order)
 
     def _sampled(
         self,
@@ -324,77 +262,6 @@ class MovingPathAccumulator:
 
         self._by_pulse("sampled", lengths_m, amplitude, ahead=True, at=at)
         self.fast += int(np.count_nonzero(fast))
-
-    def _by_pulse(
-        self,
-        motion: Motion,
-        lengths_m: Callable[[slice, slice], Real],
-        amplitude: Weights,
-        *,
-        order: Real | None = None,
-        ahead: bool = False,
-        at: AmplitudesAt | None = None,
-    ) -> None:
-        """One transform for each pulse and block of rows.
-
-        `lengths_m` gives lengths (pulses, rows) of parts of either, and `at` amplitudes; with
-        `ahead` both are called in this thread alone, since a motion need not be safe in several.
-        """
-        count = len(amplitude)
-        if at is None and amplitude.ndim > 1:
-            amplitude = used_terms(amplitude)
-
-            def at(part: slice, pulses: slice) -> Weights:
-                terms = self._terms(pulses, amplitude.shape[1])
-                return np.asarray(terms @ amplitude[part].T)
-
-        pulses, moving = self._times_s.size, self._matrix()
-        largest = max(self._offsets_s.size * min(self._rows, count), self._sums.grid.count)
-        most = _MAX_LENGTHS // largest
-        length = max(1, min(most, -(-pulses // _BLOCKS)))
-        blocks = [slice(at, min(at + length, pulses)) for at in range(0, pulses, length)]
-        cpu_s, transforms = 0.0, 0
-        for start in range(0, count, self._rows):
-            part = slice(start, min(start + self._rows, count))
-
-            def job(block: slice, part: slice = part) -> Callable[[], PulseBlock]:
-                lengths: Callable[[], Real] = partial(lengths_m, part, block)
-                if ahead:
-                    found = lengths()
-                    lengths = lambda: found  # noqa: E731
-                if self._offsets_s.size > 1 and motion != "linear":
-                    lengths = partial(self._watched, lengths, block)
-                folds = None if order is None else order[part]
-                weights: Weights | Callable[[], Weights] = amplitude[part]
-                if at is not None:
-                    weights = at(part, block) if ahead else partial(at, part, block)
-                return partial(self._pool.block, block, lengths, weights, folds)
-
-            error = ErrorSum()
-            few = min(self._rows, count) < _FEW and self._backend != "direct"
-            for result in self._lanes.run(map(job, blocks), 1 if few else len(blocks)):
-                moving[result.pulses] += result.values
-                error.beside(result.error)
-                cpu_s, transforms = cpu_s + result.cpu_s, transforms + result.values.shape[0]
-                if order is None:
-                    self.heard += result.heard
-                    self.folded_pulses += result.folded
-            self.error.add(error)
-        way: Transform = "direct sum" if self._backend == "direct" else "pulse by pulse"
-        self._report.count(motion, way, count, transforms, cpu_s)
-
-    def _watched(self, lengths_m: Callable[[], Real], pulses: slice) -> Real:
-        """These lengths; remembers what is left out of the motion within the ramps."""
-        found = lengths_m()
-        left_out = pulse_left_out_rad if self._sums.ramp is None else left_out_rad
-        self._left_rad.append(left_out(found, self._sums, self._times_s[pulses]))
-        return found
-
-    def _matrix(self) -> Complex:
-        if self.values is None:
-            shape = (self._times_s.size, self._sums.grid.count)
-            self.values = np.zeros(shape, dtype=np.complex128)
-        return self.values
 
     def _check(self, values: Weights, rows: slice | NDArray[np.intp], what: str) -> None:
         check_finite(values, rows, what, self._added)

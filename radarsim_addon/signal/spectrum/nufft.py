@@ -10,6 +10,7 @@ finufft does it where it is installed; else gridding in numpy with the same kern
 
 from __future__ import annotations
 
+import functools
 import importlib
 import importlib.util
 import math
@@ -32,6 +33,8 @@ _CHUNK = 1 << 15
 #: Up to this many frequencies the fine grid stays in the cache: sorting the points costs more (23
 #: of 45 ms for a million) than it saves.
 _UNSORTED = 1 << 14
+#: Up to so many terms take longer to plan than to add up.
+_FEW_TERMS = 1 << 12
 #: Cells between rows of points on one grid: the widest kernel.
 _MARGIN = 16
 #: Shifts of a point by a fraction of a cell over which its spectrum is averaged.
@@ -82,6 +85,8 @@ def nufft1(
         return np.zeros(size, dtype=np.complex128)
     # into [-pi, pi]: neither engine takes points far outside without losing digits
     wrapped = points - 2 * np.pi * np.round(points / (2 * np.pi))
+    if points.size * size <= _FEW_TERMS:
+        return _direct(wrapped, values.astype(np.complex128), size)
     return engine(wrapped, np.ascontiguousarray(values, dtype=np.complex128))
 
 
@@ -161,7 +166,7 @@ class RowsType1:
         self._fine = 2 * smooth_size(max(size, _MARGIN))
         self._kept = (np.arange(size) - size // 2) % self._fine
         self._plans: dict[tuple[int, int], Any] = {}
-        self._divisor = self._kernel_spectrum()
+        self._divisor = _kernel_spectrum(size, self._fine, tolerance)
 
     @staticmethod
     def possible() -> bool:
@@ -190,27 +195,34 @@ class RowsType1:
         """Values on the grid, (sets, rows, slot)."""
         sets = len(values)
         if (sets, rows) not in self._plans:
-            self._plans[sets, rows] = importlib.import_module("finufft").Plan(
-                1, (rows * slot,), n_trans=sets, eps=self._tolerance, isign=-1, nthreads=1,
-                upsampfac=2.0, spreadinterponly=1,
-            )  # fmt: skip
+            self._plans[sets, rows] = _spreader(rows * slot, sets, self._tolerance)
         plan = self._plans[sets, rows]
         plan.setpts(places)
         spread: Complex = plan.execute(np.ascontiguousarray(values.reshape(sets, -1)))
         return spread.reshape(sets, rows, slot)
 
-    def _kernel_spectrum(self) -> Complex:
-        """Spectrum of a point at the middle, (size,): the mean of many, at all shifts of a cell."""
-        slot, shifts = self._fine + _MARGIN, np.arange(_SHIFTS) / _SHIFTS
-        middle = self._fine // 2
-        places = (np.arange(_SHIFTS) * slot + middle + shifts) / (_SHIFTS * slot)
-        ones = np.ones((1, _SHIFTS, 1), dtype=np.complex128)
-        grid = self._spread(2 * np.pi * places - np.pi, ones, _SHIFTS, slot)[0]
-        k = np.arange(self._size) - self._size // 2
-        spectra = np.fft.fft(grid[:, : self._fine], axis=1)[:, self._kept]
-        turns = np.exp(2j * np.pi / self._fine * k * (shifts[:, None]))
-        # counted from the middle of the grid, where points are 0
-        return np.asarray((spectra * turns).mean(axis=0))
+
+def _spreader(cells: int, sets: int, tolerance: float) -> Any:
+    """A plan that spreads points to a grid, and no more."""
+    return importlib.import_module("finufft").Plan(
+        1, (cells,), n_trans=sets, eps=tolerance, isign=-1, nthreads=1, upsampfac=2.0,
+        spreadinterponly=1,
+    )  # fmt: skip
+
+
+@functools.lru_cache(16)
+def _kernel_spectrum(size: int, fine: int, tolerance: float) -> Complex:
+    """Spectrum of a point at the middle, (size,): the mean of many, at all shifts of a cell."""
+    slot, shifts = fine + _MARGIN, np.arange(_SHIFTS) / _SHIFTS
+    places = (np.arange(_SHIFTS) * slot + fine // 2 + shifts) / (_SHIFTS * slot)
+    plan = _spreader(_SHIFTS * slot, 1, tolerance)
+    plan.setpts(2 * np.pi * places - np.pi)
+    grid = plan.execute(np.ones(_SHIFTS, dtype=np.complex128)).reshape(_SHIFTS, slot)
+    k = np.arange(size) - size // 2
+    spectra = np.fft.fft(grid[:, :fine], axis=1)[:, k % fine]
+    turns = np.exp(2j * np.pi / fine * k * (shifts[:, None]))
+    # counted from the middle of the grid, where points are 0
+    return np.asarray((spectra * turns).mean(axis=0))
 
 
 def _direct(points: Real, values: Complex, size: int) -> Complex:

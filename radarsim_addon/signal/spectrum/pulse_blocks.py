@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Protocol
 
 import numpy as np
@@ -41,13 +41,11 @@ class PulseBlock:
 
 
 class TransformPool:
-    """As many transforms, each with its buffers, as there are threads."""
+    """Transforms with their buffers, made when a thread finds none free."""
 
-    def __init__(self, make: Callable[[], Transform], count: int, threads: int) -> None:
+    def __init__(self, make: Callable[[], Transform], count: int) -> None:
         self._free: SimpleQueue[Transform] = SimpleQueue()
-        for _ in range(threads):
-            self._free.put(make())
-        self._count = count
+        self._make, self._count = make, count
 
     def block(
         self,
@@ -62,7 +60,10 @@ class TransformPool:
         which rows are folded, None: found from the delays.
         """
         start = time.thread_time()
-        transform = self._free.get()
+        try:
+            transform = self._free.get_nowait()
+        except Empty:
+            transform = self._make()
         try:
             lengths = lengths_m()
             weights = amplitude() if callable(amplitude) else amplitude

@@ -74,13 +74,16 @@ class PulseMotionTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """Lengths [m] and rates [m/s], (2, rows); with `order` all are received, folded by it."""
+        """Lengths [m] and rates [m/s], (2, rows), or also what the lengths lost by rounding [m],
+        (3, rows); with `order` all are received, folded by it.
+        """
         sums, pulse = self._sums, self._pulse
-        middle, rate_mps = length_m
+        middle, rate_mps, *lost_m = length_m
         kept, count = middle.size, sums.grid.count
         if order is None:
             rows, order, kept = place(sums, middle)
             middle, rate_mps, amplitude = middle[rows], rate_mps[rows], amplitude[rows]
+            lost_m = [one[rows] for one in lost_m]
         if not middle.size:
             return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
         amplitude = amplitude * pulse.stretch(rate_mps)
@@ -89,7 +92,7 @@ class PulseMotionTransform(EachPulse):
         spectra, error = np.empty((nodes, count), dtype=np.complex128), ErrorSum()
         for spectrum, time_s in zip(spectra, pulse.times_s(nodes), strict=True):
             later_m = pulse.meeting.moved_m(middle, rate_mps, time_s - folded_s)
-            found = self._transform.spectrum(middle, amplitude, order, later_m)
+            found = self._transform.spectrum(middle, amplitude, order, sum(lost_m, later_m))
             spectrum[:] = found.values
             error = max(error, found.error, key=lambda one: one.random)
         error = joined_error(error, nodes, self._tolerance, count)

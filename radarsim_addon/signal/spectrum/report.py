@@ -9,7 +9,7 @@ from typing import Literal
 from ...findings import Finding, finding
 
 Motion = Literal["still", "linear", "smooth", "sampled"]
-Transform = Literal["once", "type 3", "pulse by pulse", "direct sum"]
+Transform = Literal["once", "type 3", "pulse by pulse", "interpolated", "direct sum"]
 
 #: Phase left out of the motion within a ramp that is worth a word: sidelobes at -66 dB.
 _RAMP_SLACK_RAD = 1e-3
@@ -21,7 +21,8 @@ class SynthesisStep:
 
     motion: "linear" has a constant range rate within the bound, "smooth" a polynomial fitted within
     it, of "sampled" lengths are taken at every pulse. transform: "once" is one 1-D type 1 for all
-    pulses, "type 3" 2-D over frequency and pulse, "pulse by pulse" a 1-D type 1 each.
+    pulses, "type 3" 2-D over frequency and pulse, "pulse by pulse" a 1-D type 1 each,
+    "interpolated" the same at a few times, from which all pulses follow.
     """
 
     motion: Motion

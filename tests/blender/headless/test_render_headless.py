@@ -48,7 +48,7 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
         settings.ring_step_m, settings.samples, settings.prf_hz = 4.0, 1, 2000.0
         settings.width_px = settings.height_px = 32
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
-        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     finally:
         properties.unregister()
     return path
@@ -71,7 +71,7 @@ def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> 
         signals.signal(number, handler)
     if hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
         properties.unregister()
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 def start(*words: Any, **options: Any) -> Done:
@@ -256,7 +256,7 @@ def test_scripts_in_the_file_are_not_run(tmp_path: Path) -> None:
     curve.driver.expression = f"open({str(flag)!r}, 'w').close() or 1.0"
     path = tmp_path / "hooked.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     flag.unlink(missing_ok=True)
     done = start(path, "--out", tmp_path / "run", "--resolution", "8x8")
     assert done.returncode == 3, done.stderr  # measured; nothing in it echoes

@@ -52,7 +52,7 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rs.move_steadily(rs.add_plate(10.0, preset="ground"), (0, 5, 0))
         bpy.context.scene.frame_end = 100
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
-        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     finally:
         properties.unregister()
     return path
@@ -184,4 +184,4 @@ def test_who_joins_a_run_does_not_look_at_all_its_frames_again(
             assert len(looked) == count
     finally:
         properties.unregister()
-        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

@@ -42,7 +42,7 @@ WALL = "Wall"
 
 @pytest.fixture(autouse=True)
 def empty_file() -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 def soil() -> Any:
@@ -349,7 +349,7 @@ def test_linked_group_of_an_older_radarsim_is_rebuilt_in_memory(tmp_path: Path) 
     path = tmp_path / "old.blend"
     bpy.data.libraries.write(str(path), {collection})
     before = path.read_bytes()
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     instanced(link(path))
     made = the_material()
     with pytest.raises(ConfigError, match=r"'Soil'.*'Grazing Transmission'.*old\.blend.*append"):

@@ -12,6 +12,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from mathutils import Matrix, Vector
+
 from radarsim_addon.blender.materials import (
     Interiors,
     interior_losses_db,
@@ -191,6 +193,21 @@ def test_what_faces_cannot_stand_for_is_named() -> None:
     item.data.materials[0] = make_material("Simple", 1.5, 0.1, 0.0, 0.5)
     says("simple material")
     assert [name for name, at_faces in cases.items() if at_faces] == ["plain", "touched"]
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 20.0])
+def test_a_plane_is_named_only_with_something_behind(tilt_deg: float) -> None:
+    """A road is one face: what enters it meets nothing, unless there is an object below."""
+    rs.new_scene()
+    turn = Matrix.Rotation(math.radians(tilt_deg), 4, "X")
+    water = make_physical_material("Road", "water", carrier_hz=CARRIER_HZ)
+    ph.quad("Road", [(-9, -9, -2), (9, -9, -2), (9, 99, -2), (-9, 99, -2)], water)
+    bpy.data.objects["Road"].rotation_euler = turn.to_euler()
+    bpy.ops.mesh.primitive_cube_add(size=1, location=turn @ Vector((0, 20, -1.5)))
+    bpy.context.object.rotation_euler = turn.to_euler()
+    assert settled().findings == []
+    bpy.context.object.location = turn @ Vector((0, 20, -1.51))
+    assert [item.subjects for item in settled().findings] == [("Road",)]
 
 
 @pytest.mark.parametrize(

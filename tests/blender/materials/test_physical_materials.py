@@ -35,7 +35,7 @@ pytestmark = pytest.mark.blender
 
 @pytest.fixture(autouse=True)
 def empty_file() -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 def index_of(material: Any) -> complex:

@@ -164,6 +164,7 @@ def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
     tree = total_reflection.BVHTree.FromPolygons(points.tolist(), halves.tolist())
     by_rays = total_reflection._arrivals(tree, starts, onward)
     assert len(starts) > 100
+    assert bodies.planes.size == len(halves) // 2  # two triangles of a face are one plane
     assert np.all(by_planes[0] > 0)
     np.testing.assert_allclose(by_planes, by_rays, atol=1e-5)
 

@@ -16,7 +16,8 @@ from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.echoes import render_times_s
-from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.pictures.animation import FRAMES_PER_SECOND
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
@@ -169,7 +170,7 @@ def test_a_longer_burst_is_sampled_anew(tmp_path: Path) -> None:
     )
 
 
-def test_bursts_along_an_animation_make_a_gif(tmp_path: Path) -> None:
+def test_bursts_along_an_animation_make_a_gif_or_a_movie(tmp_path: Path) -> None:
     mh.scene_at(20.0, 4.0)
     target = mh.facets("Target", [(0, 0, 0)], 0.6)
     mh.key(target, "location", (1, (0, 20, 0)), (25, (0, 50, 0)))
@@ -192,3 +193,13 @@ def test_bursts_along_an_animation_make_a_gif(tmp_path: Path) -> None:
     # (each picture of a GIF has its own 256 colours)
     assert all(np.abs(p[:, -60:] - pictures[0][:, -60:]).mean() < 3 for p in pictures)
     assert np.abs(pictures[2] - pictures[0]).max() > 100
+    assert main(["process", str(tmp_path), "--no-plots", "--no-products", "--animate",
+                 "--animation-format", "mp4"]) == 0  # fmt: skip
+    assert not gif.exists()
+    movie = str(gif.with_suffix(".mp4"))
+    clip, first = bpy.data.movieclips.load(movie), bpy.data.images.load(movie)
+    assert clip.frame_duration == 3 and clip.fps == FRAMES_PER_SECOND
+    values = np.empty(first.size[0] * first.size[1] * 4, dtype=np.float32)
+    first.pixels.foreach_get(values)
+    shown = 255 * values.reshape(first.size[1], first.size[0], 4)[::-1, :, :3]
+    assert np.abs(shown - pictures[0]).mean() < 3

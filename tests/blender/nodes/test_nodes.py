@@ -27,7 +27,7 @@ KINDS = sorted(nodes.DEFINITIONS)
 
 @pytest.fixture(autouse=True)
 def empty_file() -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 @pytest.mark.parametrize("kind", KINDS)

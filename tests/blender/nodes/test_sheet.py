@@ -94,7 +94,7 @@ def test_pane_in_a_furnace_gives_everything_back() -> None:
 
 
 def test_thickness_follows_the_carrier() -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     pane = pm.make_physical_material("Pane", "glass", carrier_hz=10e9, sheet_thickness_m=4e-3)
     assert pm.is_physical(pane) and pm.is_sheet(pane)
     pm.update_materials(24e9)

@@ -76,23 +76,44 @@ def coefficient(cosine: float) -> complex:
     return complex((cosine - root) / (cosine + root))
 
 
-def on_ball(end: np.ndarray) -> np.ndarray:
-    """Point of a sphere from which the way to the radar and an end is shortest, (3,)."""
+def on_ball(end: np.ndarray, antenna: np.ndarray) -> np.ndarray:
+    """Point of a sphere from which the way to the antenna and an end is shortest, (3,)."""
 
     def point(x: np.ndarray) -> np.ndarray:
-        across = np.array([x[0], -1.0, x[1]])  # from the middle towards the radar
+        across = np.array([-1.0, *x])  # from the middle towards the boresight
         return np.asarray(BALL_M + RADIUS_M * across / np.linalg.norm(across))
 
     def length(x: np.ndarray) -> float:
-        return float(np.linalg.norm(end - point(x)) + np.linalg.norm(point(x) - RADAR_M))
+        return float(np.linalg.norm(end - point(x)) + np.linalg.norm(point(x) - antenna))
 
-    found = minimize(length, (-2.0, 0.0), method="Nelder-Mead", options={"xatol": 1e-9})
+    found = minimize(length, (0.0, 0.0), method="Nelder-Mead", options={"xatol": 1e-9})
     return point(found.x)
 
 
-def test_all_families_over_a_ball(tmp_path: Path) -> None:
+def over_ball(end: np.ndarray, antenna: np.ndarray) -> tuple[float, float, complex, np.ndarray]:
+    """Longer way than the direct one to a plate across the boresight, level over that one [dB],
+    phase factor, and direction from the antenna.
+    """
+    point = on_ball(end, antenna)
+    before, after, away = (np.linalg.norm(v) for v in (point - antenna, end - point, end - antenna))
+    cosine = -((point - antenna) @ (point - BALL_M)) / RADIUS_M / before
+    beam = (1 + after * (1 / before + 2 / (RADIUS_M * cosine))) * (
+        1 + after * (1 / before + 2 * cosine / RADIUS_M)
+    )
+    # ways are nearly level, so the field is across the plane of incidence
+    gamma = coefficient(cosine)
+    cosines = (end - point)[1] / after / ((end - antenna)[1] / away)
+    level = 10 * math.log10((away / before) ** 2 / beam * cosines * abs(gamma) ** 2)
+    turn = gamma.conjugate() / abs(gamma)
+    return before + after - away, level, turn, (point - antenna) / before
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_all_families_over_a_ball(tmp_path: Path, apart: bool) -> None:
     """Lengths, powers by the divergence of a sphere, phases of upright polarisation."""
     scene(wet, view_deg=2.0)
+    antennas = [RADAR_M, np.array([-12.0, 10.0, 0.0]) if apart else RADAR_M]
+    move_transmitter(antennas[1])
     run = measure(tmp_path, polarisation="vertical")
     rows = run.table()
     assert rows.dtype == CURVED_IMAGE_DTYPE
@@ -107,29 +128,24 @@ def test_all_families_over_a_ball(tmp_path: Path) -> None:
         family = {(int(one["receiver_image"]), int(one["transmitter_image"])): one for one in mine}
         assert set(family) == {(0, 0), (0, -1), (-1, 0), (-1, -1)}
         end = direct["last_scatterer_m"][number]
-        point = on_ball(end)
-        before, after, away = (np.linalg.norm(v) for v in (point, end - point, end))
-        normal = (point - BALL_M) / RADIUS_M
-        cosine = -(point @ normal) / before
-        beam = (1 + after * (1 / before + 2 / (RADIUS_M * cosine))) * (
-            1 + after * (1 / before + 2 * cosine / RADIUS_M)
-        )
-        # ways are nearly level, so the field is across the plane of incidence
-        gamma = coefficient(cosine)
-        spread = (away / before) ** 2 / beam * ((end - point)[1] / after) / (end[1] / away)
-        expected = 10 * np.log10(spread * np.abs(gamma) ** 2)
-        for key, times in (((0, -1), 1), ((-1, 0), 1), ((-1, -1), 2)):
+        ways = [over_ball(end, antenna) for antenna in antennas]
+        for key in ((0, -1), (-1, 0), (-1, -1)):
             one = family[key]
+            over = [way for way, image in zip(ways, key, strict=True) if image]
+            times = len(over)
             found = 10 * np.log10(one["power_w"] / direct["power_w"][number])
-            assert found == pytest.approx(times * expected, abs=0.05 * times)
-            extra = before + after - away
-            assert one["length_m"] - 2 * away == pytest.approx(times * extra, abs=1e-5)
+            assert found == pytest.approx(sum(way[1] for way in over), abs=0.05 * times)
+            extra = one["length_m"] - direct["length_m"][number]
+            assert extra == pytest.approx(sum(way[0] for way in over), abs=1e-5)
             phase = np.exp(1j * one["mirror_phase_rad"])
-            exact = (np.conj(gamma) / abs(gamma)) ** times
-            assert phase == pytest.approx(exact, abs=0.02)
+            assert phase == pytest.approx(math.prod(way[2] for way in over), abs=0.02)
             assert (one["mirrors"], one["order"]) == (times, 1 + times)
-        seen = family[-1, 0]["direction"]
-        np.testing.assert_allclose(seen, point / before, atol=1e-5)
+        np.testing.assert_allclose(family[-1, 0]["direction"], ways[0][3], atol=1e-5)
+
+
+def move_transmitter(place: np.ndarray) -> None:
+    emitter = next(one for one in bpy.data.objects if one.type == "LIGHT")
+    emitter.matrix_world.translation = Vector(place)
 
 
 def test_cylinder(tmp_path: Path) -> None:
@@ -229,8 +245,7 @@ def test_what_the_ball_alone_shows_stays(tmp_path: Path) -> None:
 def test_ground_and_ball_combine(tmp_path: Path) -> None:
     """Over a wet road on one way and the ball on the other: as the ways by themselves say."""
     scene(view_deg=8.0)
-    corners = [(-60, -5, -3), (60, -5, -3), (60, 90, -3), (-60, 90, -3)]
-    ph.quad("Ground", corners, ph.mirror())
+    road()
     rows = measure(tmp_path, pixels=32).table()
     point = int(rows["point"][rows["mirrors"] == 0].max())
     mine = {
@@ -244,6 +259,28 @@ def test_ground_and_ball_combine(tmp_path: Path) -> None:
         assert one["power_w"] == pytest.approx(expected, rel=1e-12)
         length = mine[a, 0]["length_m"] + mine[0, b]["length_m"] - direct["length_m"]
         assert one["length_m"] == pytest.approx(length, abs=1e-9)
+
+
+def second_ball() -> None:
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, location=(-6, 25, 0))
+    bpy.context.object.data.materials.append(ph.mirror())
+    bpy.ops.object.shade_smooth()
+
+
+def road() -> None:
+    ph.quad("Road", [(-60, -5, -3), (60, -5, -3), (60, 90, -3), (-60, 90, -3)], ph.mirror())
+
+
+@pytest.mark.parametrize("change", [None, second_ball, road])
+def test_two_mirrors_in_a_row_are_named(tmp_path: Path, change: Any) -> None:
+    """A ball alone has no second reflection; with another mirror it has."""
+    scene(view_deg=2.0)
+    if change is not None:
+        change()
+    for reflections in (2, 3):
+        run = measure(tmp_path / str(reflections), pixels=4, max_reflections=reflections)
+        named = change is not None and reflections == 3
+        assert ("mirror-curved-in-a-row" in codes(run)) == named
 
 
 def inside_out() -> None:
@@ -281,6 +318,7 @@ def test_what_is_left_out_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
+        (inside_out, "mirror-curved-in-a-row"),
         (lambda: coarse(6), "mirror-curved"),
         (inside_out, "mirror-focuses"),
         (lambda: glossy(), "mirror-curved-target"),
@@ -308,10 +346,26 @@ def glossy() -> None:
     plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
 
 
-def test_antennas_apart_are_named(tmp_path: Path) -> None:
+def test_the_ball_lights_what_the_transmitter_does_not(tmp_path: Path) -> None:
+    """A wall between the transmitter and the plate: the paths via the ball on transmit stay."""
+    tables = []
+    for name in ("free", "shaded"):
+        scene(wet, view_deg=1.0)
+        move_transmitter(np.array([-12.0, 10.0, 0.0]))
+        if name == "shaded":
+            box((-7.5, 24, -3), (-5.0, 24.2, 3))
+        rows = measure(tmp_path / name, pixels=8).table()
+        tables.append(np.sort(rows[rows["transmitter_image"] < 0], order=["point", "mirrors"]))
+        assert np.any(rows["transmitter_image"] == 0) == (name == "free")
+    free, shaded = tables
+    assert free.size == shaded.size > 100
+    for column, bound in (("power_w", 1e-5), ("length_m", 1e-9), ("mirror_phase_rad", 1e-9)):
+        np.testing.assert_allclose(shaded[column], free[column], rtol=bound)
+    assert np.array_equal(shaded["receiver_image"], free["receiver_image"])
+
+
+def test_orthographic_cameras_are_named(tmp_path: Path) -> None:
     scene(view_deg=6.0)
-    radar = bpy.context.scene.camera
-    emitter = next(one for one in bpy.data.objects if one.type == "LIGHT")
-    emitter.matrix_world.translation = radar.matrix_world.translation + Vector((0, 0, 5.0))
+    bpy.context.scene.camera.data.type = "ORTHO"
     run = measure(tmp_path, pixels=8)
-    assert "mirror-curved-two-places" in codes(run)
+    assert "mirror-curved-orthographic" in codes(run)

@@ -45,6 +45,7 @@ def test_marks_decide_which_mirrors_get_an_image(tmp_path: Path) -> None:
     items = street()
     found, codes = images(tmp_path / "both")
     assert found == [("Road",), ("Window",)] and "mirrors-left-out" not in codes
+    assert "object-without-echo" not in codes  # the images are the echo of a mirror
     assert images(tmp_path / "one", mirror_images=1)[0] == [("Road",)]
     set_mirror(items["Window"], "first")
     found, codes = images(tmp_path / "first", mirror_images=1)

@@ -101,7 +101,7 @@ def test_bistatic_power_is_the_integral_of_the_mean_of_both_angles(
 def test_second_reflections_are_reciprocal_and_those_of_an_integral(
     tmp_path: Path, slope: float
 ) -> None:
-    """Ground and a wall that reflects as Lambert's law says, both ways round.
+    """Ground and a wall that reflects as Lambert's law says, in both directions.
 
     A rough interface of the ground adds its own lobe: less of it is known, so only the
     reciprocity of both ways is tested there.

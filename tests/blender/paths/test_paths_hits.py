@@ -312,7 +312,7 @@ def test_opaque_scenes_need_fewer_renders(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("range_m", [10.0, 1e4])
 def test_the_mesh_of_renders_is_that_of_lengths(tmp_path: Path, range_m: float) -> None:
     """Modifiers that show another mesh in the viewport; one of them in a linked file."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.mesh.primitive_cube_add(size=1.2)
     source = bpy.context.object
     smoother = source.modifiers.new("Smoother", "SUBSURF")

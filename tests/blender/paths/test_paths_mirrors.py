@@ -19,20 +19,22 @@ from radarsim_addon.signal.radar import Burst
 
 bpy = pytest.importorskip("bpy")
 
-from mathutils import Matrix
-
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials import is_mirror_like
 from radarsim_addon.blender.materials import physical_materials as pm
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
+from tests.blender.mirror_scenes import (
+    HEIGHT_M,
+    IMAGE_M,
+    RANGE_M,
+    THREE,
+    box,
+    measure,
+    scene,
+    stand_apart,
+)
 
 pytestmark = pytest.mark.blender
-
-HEIGHT_M, RANGE_M = 4.0, 40.0
-#: Both are 4 m over the mirror, 40 m apart: the image is 8 m below.
-IMAGE_M = np.array([0.0, 0.0, -HEIGHT_M])
-THREE = {"max_reflections": 3}
 
 
 def gammas(index: complex, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -40,38 +42,6 @@ def gammas(index: complex, sine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     eps = index**2
     root = np.sqrt(eps - (1 - sine**2))
     return (sine - root) / (sine + root), (eps * sine - root) / (eps * sine + root)
-
-
-def scene(ground: Any = None, *, view_deg: float = 30.0, plate_m: float = 0.4) -> Any:
-    """Radar and a Lambert plate at one height over a mirror; returns the plate's material."""
-    rs.new_scene()
-    ph.field_of_view(view_deg)
-    ph.radar_at((0, 0, HEIGHT_M))
-    ground_material = ph.mirror() if ground is None else ground()
-    corners = [(-60, -5, 0), (60, -5, 0), (60, 90, 0), (-60, 90, 0)]
-    ph.quad("Ground", corners, ground_material)
-    rough = ph.rough_metal()
-    half, low = plate_m / 2, HEIGHT_M - plate_m / 2
-    ph.quad(
-        "Plate",
-        [
-            (-half, RANGE_M, low),
-            (half, RANGE_M, low),
-            (half, RANGE_M, low + plate_m),
-            (-half, RANGE_M, low + plate_m),
-        ],
-        rough,
-    )
-    return rough
-
-
-def measure(folder: Path, *, pixels: int = 128, **options: Any) -> ph.PathRun:
-    return ph.run_paths(
-        folder,
-        width_px=pixels,
-        height_px=pixels,
-        options={**THREE, **options},
-    )
 
 
 @pytest.mark.parametrize("code", ["world", "materials"])
@@ -159,61 +129,6 @@ def test_phase_and_power_of_each_polarisation(
         np.testing.assert_array_equal(phases, rows["mirror_phase_rad"])
 
 
-def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float]) -> Any:
-    """A rough metal box between two corners."""
-    middle, half = (np.add(low, high) / 2, np.subtract(high, low) / 2)
-    bpy.ops.mesh.primitive_cube_add(size=2, location=tuple(middle))
-    item = bpy.context.object
-    item.name, item.scale = name, tuple(half)
-    item.data.materials.append(ph.rough_metal())
-    return item
-
-
-@pytest.mark.parametrize(
-    ("name", "low", "high", "blocks"),
-    [
-        ("between scatterer and mirror", (-9, 30, 1), (9, 31, 2.5), True),
-        ("between mirror and transmitter", (-9, 9, 1), (9, 10, 2.5), True),
-        ("straddling the plane", (-9, 19.5, -1), (9, 20.5, 0.5), True),
-        ("below the plane", (-9, 1, -9), (9, 35, -1), False),
-        ("beside", (1, 9, 1), (9, 31, 2.5), False),
-        ("above", (-9, 9, 6), (9, 31, 7), False),
-    ],
-)
-def test_obstacles(
-    tmp_path: Path,
-    name: str,
-    low: tuple[float, float, float],
-    high: tuple[float, float, float],
-    blocks: bool,
-) -> None:
-    scene(view_deg=2.0)
-    box(name, low, high)
-    rows = measure(tmp_path, pixels=32).table()
-    plate = rows[(rows["last_object"] == list_of_objects().index("Plate") + 1)]
-    assert np.any(plate["order"] == 1)
-    assert np.any(plate["transmitter_image"] == 1) != blocks
-
-
-def list_of_objects() -> list[str]:
-    """Names in the order of their numbers."""
-    return sorted(item.name for item in bpy.data.objects if item.type == "MESH")
-
-
-def test_mirror_patch_ends_and_sides(tmp_path: Path) -> None:
-    """A patch that ends before the point of reflection, and one that the radar sees from below."""
-    for number, (low, high, height, count) in enumerate(
-        ((-5, 15, 0.0, 0), (15, 25, 0.0, 1), (15, 25, 8.0, 1), (15, 25, 4.0, 0))
-    ):
-        scene(view_deg=2.0)
-        ground = bpy.data.objects["Ground"]
-        for vertex, y in zip(ground.data.vertices, (low, low, high, high), strict=True):
-            vertex.co.y, vertex.co.z = y, height
-        rows = measure(tmp_path / str(number), pixels=16).table()
-        images = rows["transmitter_image"] if rows.dtype == IMAGE_DTYPE else np.zeros(1)
-        assert np.any(images == 1) == bool(count), (low, high, height)
-
-
 def test_scatterer_behind_the_mirror(tmp_path: Path) -> None:
     """A wall as a mirror, the plate on its far side: seen past its edge, but not mirrored."""
     scene(view_deg=4.0)
@@ -262,29 +177,12 @@ def test_the_underside_is_another_point(tmp_path: Path) -> None:
     assert np.all(rows["mirrors"][rows["order"] == 3] == 1)
 
 
-def test_narrow_lobes_are_kept_as_measured(tmp_path: Path) -> None:
+@pytest.mark.parametrize("bistatic", [False, True])
+def test_narrow_lobes_are_kept_as_measured(tmp_path: Path, bistatic: bool) -> None:
     """A glossy plate: over the mirror it scatters otherwise than towards the radar."""
     scene()
-    plate = bpy.data.objects["Plate"]
-    plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
-    run = measure(tmp_path, pixels=256)
-    rows = run.table()
-    found = {item.code: item for item in run.record().findings}
-    assert found["mirror-lobe-narrow"].subjects == ("Plate",)
-    assert np.all(rows["receiver_image"] == 0)
-    assert np.all(rows["point"][rows["mirrors"] > 0] == 0)
-    assert {1, 2, 3} == set(rows["order"])
-
-
-def stand_apart(x: float, y: float, z: float) -> None:
-    """Put the transmitter at a place of its own."""
-    bpy.context.view_layer.update()
-    bpy.data.objects["Radar Emitter"].matrix_world = Matrix.Translation((x, y, z))
-
-
-def test_narrow_lobes_of_a_bistatic_radar_are_kept_as_measured(tmp_path: Path) -> None:
-    scene()
-    stand_apart(6.0, 5.0, HEIGHT_M)
+    if bistatic:
+        stand_apart(6.0, 5.0, HEIGHT_M)
     plate = bpy.data.objects["Plate"]
     plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
     run = measure(tmp_path, pixels=256)
@@ -348,8 +246,9 @@ def test_a_mirror_that_moves_and_turns(tmp_path: Path) -> None:
     )
     record = run.record(1)
     assert not [item.code for item in record.findings if "mirror" in item.code]
+    plate = record.objects.index("Plate") + 1  # and no second scatterer: points tell rows apart
     first, second = (
-        table[table["last_object"] == record.objects.index("Plate") + 1]
+        table[(table["last_object"] == plate) & (table["order"] == table["mirrors"] + 1)]
         for table in (run.table(1), run.table(2))
     )
     scene_motion = frame_motion(run.folder / contract.frame_dir(1), record)
@@ -372,13 +271,6 @@ def test_a_mirror_that_moves_and_turns(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, expected, atol=2e-5)
 
 
-def test_an_orthographic_receiver_is_named(tmp_path: Path) -> None:
-    scene(view_deg=4.0)
-    bpy.context.scene.camera.data.type = "ORTHO"
-    codes = {item.code for item in measure(tmp_path, pixels=16).record().findings}
-    assert "mirror-ways-not-in-phase" in codes
-
-
 def test_rows_of_the_transmitter_stay_bit_by_bit(tmp_path: Path) -> None:
     scene(view_deg=4.0)
     without = measure(tmp_path / "off", pixels=32, mirror_images=0).table()
@@ -389,165 +281,6 @@ def test_rows_of_the_transmitter_stay_bit_by_bit(tmp_path: Path) -> None:
     # The motion file has the mirror's body, too: others have other numbers.
     for column in set(PATH_DTYPE.names or ()) - {"first_body", "last_body"}:
         np.testing.assert_array_equal(own[column], without[column])
-
-
-def test_nothing_is_rendered_without_a_mirror(tmp_path: Path) -> None:
-    scene(ph.rough_metal, view_deg=4.0)
-    on = measure(tmp_path / "on", pixels=32)
-    off = measure(tmp_path / "off", pixels=32, mirror_images=0)
-    assert on.table().tobytes() == off.table().tobytes()
-    assert on.record().renders == off.record().renders
-    assert "scattering" not in on.record().column_groups
-
-
-def test_what_is_left_out_is_said(tmp_path: Path) -> None:
-    def codes(name: str, **options: Any) -> set[str]:
-        run = measure(tmp_path / name, pixels=16, **options)
-        return {item.code for item in run.record().findings if "mirror" in item.code}
-
-    scene(view_deg=4.0)
-    assert codes("all") == set()
-    assert codes("two", max_reflections=2) == {"mirror-both-ways-left-out"}
-    assert codes("one", max_reflections=1) == {"mirrors-need-reflections"}
-    assert codes("none", mirror_images=0) == {"mirrors-left-out"}
-    bpy.ops.mesh.primitive_uv_sphere_add(location=(3, 30, 4))
-    bpy.context.object.data.materials.append(ph.mirror())
-    bpy.ops.object.shade_smooth()
-    assert codes("sphere") == {"mirror-rounded"}
-
-
-def textured_mirror() -> Any:
-    """A mirror whose index is set by a node."""
-    material = ph.mirror()
-    tree = material.node_tree
-    group = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeGroup")
-    value = tree.nodes.new("ShaderNodeValue")
-    value.outputs[0].default_value = 1e4
-    tree.links.new(value.outputs[0], group.inputs["Index of Refraction"])
-    return material
-
-
-def two_closures(kind: str, roughness: float) -> Any:
-    return ph.shader_material(
-        "Two", ("ShaderNodeBsdfDiffuse", {}), (kind, {"Roughness": roughness})
-    )
-
-
-WITHOUT = {"mirror-without-image"}
-
-
-@pytest.mark.parametrize(
-    ("ground", "options", "expected"),
-    [
-        (lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0), {}, WITHOUT),
-        (lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.01), {}, set()),
-        (
-            lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0),
-            {"max_reflections": 1},
-            {"mirrors-need-reflections"},
-        ),
-        # absorbs: no path over it exists
-        (
-            lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0),
-            {"range_encoding": "materials"},
-            set(),
-        ),
-        (lambda: two_closures("ShaderNodeBsdfAnisotropic", 0.0), {}, WITHOUT),
-        (lambda: two_closures("ShaderNodeBsdfMetallic", 0.0), {}, WITHOUT),
-        (lambda: two_closures("ShaderNodeBsdfMetallic", 0.3), {}, set()),
-        (textured_mirror, {}, WITHOUT),
-    ],
-)
-def test_mirrors_without_an_image_are_named(
-    tmp_path: Path, ground: Any, options: dict[str, Any], expected: set[str]
-) -> None:
-    scene(ground, view_deg=4.0)
-    run = measure(tmp_path, pixels=16, **{"range_encoding": "world", **options})
-    found = {item.code: item for item in run.record().findings if "mirror" in item.code}
-    assert set(found) == expected
-    assert all(item.subjects == ("Ground",) for item in found.values())
-    assert not run.record().images
-
-
-def in_a_group(inside: str) -> Any:
-    """A material whose BSDF, of the default inputs but a roughness of 0, is in a node group."""
-    tree = bpy.data.node_groups.new("Group", "ShaderNodeTree")
-    tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
-    shader, end = tree.nodes.new(inside), tree.nodes.new("NodeGroupOutput")
-    shader.inputs["Roughness"].default_value = 0.0
-    tree.links.new(shader.outputs[0], end.inputs[0])
-    material = ph.shader_material("Grouped", ("ShaderNodeBsdfDiffuse", {}))
-    nodes_of = material.node_tree.nodes
-    group = nodes_of.new("ShaderNodeGroup")
-    group.node_tree = tree
-    output = next(node for node in nodes_of if node.bl_idname == "ShaderNodeOutputMaterial")
-    material.node_tree.links.new(group.outputs[0], output.inputs["Surface"])
-    return material
-
-
-@pytest.mark.parametrize(
-    ("inputs", "expected"),
-    [
-        ({"Roughness": 0.0}, True),
-        ({"Roughness": 0.0, "Specular IOR Level": 0.0}, False),
-        ({"Roughness": 0.0, "Specular IOR Level": 0.0, "Metallic": 1.0}, True),
-        ({"Coat Weight": 0.5, "Coat Roughness": 0.0}, True),
-        ({"Coat Weight": 0.0, "Coat Roughness": 0.0}, False),
-        ({"Coat Weight": 0.5}, False),  # a roughness of 0.03
-    ],
-)
-def test_lobes_of_principled(inputs: dict[str, float], expected: bool) -> None:
-    rs.new_scene()
-    material = ph.principled("P", (0.5, 0.5, 0.5))
-    node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
-    for name, value in inputs.items():
-        node.inputs[name].default_value = value
-    assert is_mirror_like(material) == expected
-    if "Roughness" in inputs:
-        value = material.node_tree.nodes.new("ShaderNodeValue")
-        material.node_tree.links.new(value.outputs[0], node.inputs["Roughness"])
-        assert not is_mirror_like(material)
-
-
-def test_lobes_in_groups_and_of_radar_materials() -> None:
-    rs.new_scene()
-    assert is_mirror_like(in_a_group("ShaderNodeBsdfGlass"))
-    assert not is_mirror_like(in_a_group("ShaderNodeBsdfDiffuse"))
-    assert is_mirror_like(ph.mirror())
-    assert not is_mirror_like(ph.rough_metal())
-    assert not is_mirror_like(None)
-
-
-def test_a_plane_edge_on_is_not_named(tmp_path: Path) -> None:
-    """A Radar Material there has no image either: `test_mirror_patch_ends_and_sides`."""
-    scene(lambda: ph.principled("G", (0.5, 0.5, 0.5), 0.0), view_deg=4.0)
-    for vertex in bpy.data.objects["Ground"].data.vertices:
-        vertex.co.z = HEIGHT_M
-    run = measure(tmp_path, pixels=16, range_encoding="world")
-    assert not [item for item in run.record().findings if "mirror" in item.code]
-
-
-def test_a_pane_on_the_way_is_said(tmp_path: Path) -> None:
-    scene(view_deg=4.0)
-    pane = nodes.make_material("Pane", 1.5, 0.0, 0.0, 0.5)
-    box("Pane", (-9, 30, 1), (9, 31, 2.5)).data.materials[0] = pane
-    run = measure(tmp_path, pixels=32)
-    found = {item.code: item for item in run.record().findings}
-    assert float(str(found["mirror-way-through"].numbers["fraction"])) > 0.1
-    rows = run.table()
-    assert not np.any((rows["transmitter_image"] == 1) & (rows["order"] == 2))
-
-
-def test_the_scene_comes_back(tmp_path: Path) -> None:
-    scene(view_deg=4.0)
-    before = {(kind, item.name) for kind in ("objects", "meshes", "collections", "lights")
-              for item in getattr(bpy.data, kind)}  # fmt: skip
-    hidden = {item.name: item.hide_render for item in bpy.data.objects}
-    measure(tmp_path, pixels=16)
-    after = {(kind, item.name) for kind in ("objects", "meshes", "collections", "lights")
-             for item in getattr(bpy.data, kind)}  # fmt: skip
-    assert after == before
-    assert {item.name: item.hide_render for item in bpy.data.objects} == hidden
 
 
 def test_the_diffuse_rest_of_a_mirror_stays(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
 from radarsim_addon.blender.paths.tiles import Tile
+from radarsim_addon.blender.views import PathClass, RenderRequest, ViewWindow, window
 from radarsim_addon.blender.views import view_scene as path_scene
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
@@ -43,6 +44,38 @@ def test_number_of_threads_changes_nothing(
         assert render.threads == 5
     assert tables[0] == tables[1]
     assert run.table().size > 500 and set(run.table()["order"]) == {1, 2}
+
+
+def test_a_small_render_between_large_ones_keeps_their_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another number of threads costs Cycles a new scene, so only many small renders get one."""
+    monkeypatch.setattr(path_scene, "_ONE_THREAD_BELOW_PX", 100)
+    monkeypatch.setattr(window, "_ENOUGH_RAYS", 16)
+    rs.new_scene()
+    ph.plate_at(10, 4, ph.rough_metal())
+    render = bpy.context.scene.render
+    render.threads_mode, render.threads = "FIXED", 2
+    sizes, used = [], []
+    job = ph.job_for(tmp_path, frames=(1, 2), width_px=12, height_px=12)
+    with job:
+        for task in job.pending():
+            job.start(task)
+            job.render(task)
+            if task.request is not None:
+                sizes.append(render.resolution_x)
+                used.append(render.threads)
+            job.finish(task)
+        assert sizes == [12, 4, 12, 4]
+        assert used == [2, 2, 2, 2]
+        small = ViewWindow(-0.1, 0.1, -0.1, 0.1, 4, 4)
+        used.clear()
+        for _ in range(12):
+            job.path_scene.look(small, (0.0, 0.0), 0)
+            job.path_scene.begin(RenderRequest(PathClass(order_max=1)), None)
+            used.append(render.threads)
+    assert used[0] == 2
+    assert used[-1] == 1
 
 
 def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,3 +100,21 @@ def test_power_of_second_reflections_is_twice_the_sum(tmp_path: Path) -> None:
         for one in (None, antennas)
     ]  # fmt: skip
     assert energy[1] / energy[0] == pytest.approx(2.0, rel=1e-6)
+
+
+def test_reverses_outside_the_view_are_named(tmp_path: Path) -> None:
+    """The fraction is what a wider view finds on the way by the other wall first."""
+    corner(lambda: ph.lambert(0.6))
+    wide = measured(tmp_path / "wide")
+    ph.field_of_view(16.0)
+    narrow = measured(tmp_path / "narrow")
+    found = [
+        [item for item in run.record().findings if item.code == "reverse-outside-view"]
+        for run in (wide, narrow)
+    ]
+    assert (len(found[0]), len(found[1])) == (0, 1)
+    rows = wide.table()
+    right = rows["first_object"] == wide.record().objects.index("Right") + 1
+    missing_w = rows["power_w"][right & (rows["order"] == 2)].sum()
+    named_w = float(found[1][0].numbers["fraction"]) * narrow.record().total_power_w
+    assert named_w == pytest.approx(missing_w, rel=0.1)

@@ -27,7 +27,7 @@ EXAMPLE = merged(Example)
 
 @pytest.fixture
 def rig() -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     changed: list[float] = []
     group = property_group(
         "RadarSimExample",
@@ -103,7 +103,7 @@ def test_kept_in_files_copies_and_linked_objects(rig: Any, tmp_path: Path) -> No
     assert Settings(rig.copy().example, EXAMPLE).carrier_hz == 76.512345678901e9
     path = str(tmp_path / "a.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     for link in (False, True):
         with bpy.data.libraries.load(path, link=link) as (_, wanted):
             wanted.objects = ["Radar"]

@@ -138,7 +138,7 @@ def test_a_migrated_file_is_saved_and_opened(addon: Any, tmp_path: Path) -> None
     expected = values(active_radar(scene))
     path = tmp_path / "new.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     scene = bpy.context.scene
     assert values(active_radar(scene)) == expected
@@ -171,7 +171,7 @@ def test_a_light_without_a_rig_keeps_the_settings_itself(addon: Any, parent: str
 
 
 def test_settings_without_a_radar_wait_for_one(addon: Any) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     stored = {"pulses": 77, "acquisition": 0, "max_bounces": 2}
     if bpy.app.version >= (5, 0, 0):
@@ -187,7 +187,7 @@ def test_settings_without_a_radar_wait_for_one(addon: Any) -> None:
 
 
 def test_a_rig_takes_its_radar_into_another_file(addon: Any, tmp_path: Path) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     rig = setup_rig(bpy.context.scene)
     settings(rig).carrier_hz = 76.512345678901e9
     settings(rig).transmitter.kind = "cosine"
@@ -198,7 +198,7 @@ def test_a_rig_takes_its_radar_into_another_file(addon: Any, tmp_path: Path) -> 
     path = str(tmp_path / "car.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     for link in (False, True):
-        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         scene = bpy.context.scene
         own = setup_rig(scene)
         settings(own).pulses = 3

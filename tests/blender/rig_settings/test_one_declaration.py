@@ -65,7 +65,7 @@ def other_value(item: Declared) -> Any:
 
 @pytest.fixture
 def radar(addon: Any) -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     return setup_rig(bpy.context.scene)
 
 

@@ -44,7 +44,7 @@ EIRP_DBM = {
 
 @pytest.fixture
 def scene(addon: Any) -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     yield bpy.context.scene
 
 
@@ -162,7 +162,7 @@ def test_files_from_before_keep_their_numbers(scene: Any, tmp_path: Path) -> Non
     setup_rig(scene, eirp_w=1e6)
     path = str(tmp_path / "old.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.wm.open_mainfile(filepath=path)
     measurement = read_measurement(bpy.context.scene)
     waveform = measurement.waveform

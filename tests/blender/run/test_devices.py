@@ -84,7 +84,7 @@ def _measured(tmp_path: Path) -> tuple[Any, list[str]]:
     """The job of a small run, and the devices that its renders were set to."""
     from radarsim_addon.blender.headless import make_job
 
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     rig = radarsim.add_radar(preset="paper", sampling_mode="paths", width_px=8, height_px=8)
     mesh = bpy.data.meshes.new("Plate")
     mesh.from_pydata([(-5, 9, -5), (5, 9, -5), (5, 9, 5), (-5, 9, 5)], [], [(0, 1, 2, 3)])

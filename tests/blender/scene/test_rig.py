@@ -46,7 +46,7 @@ def test_set_up_looks_level_along_y() -> None:
 
 
 def test_set_up_keeps_a_camera_and_adds_a_second_radar() -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     own = bpy.data.objects.new("Own", bpy.data.cameras.new("Own"))
     scene.collection.objects.link(own)
@@ -67,7 +67,7 @@ def test_set_up_keeps_a_camera_and_adds_a_second_radar() -> None:
 
 
 def test_no_emitter(tmp_path: Path) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     with pytest.raises(SceneError, match=r"no transmitter.*Set Up Radar"):
         rs.run(tmp_path)
 

@@ -10,7 +10,14 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.state import Snapshot, evaluated_objects, evaluations, take_snapshot
+from radarsim_addon.blender.state import (
+    Snapshot,
+    evaluated_mesh,
+    evaluated_objects,
+    evaluations,
+    read_triangles,
+    take_snapshot,
+)
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -28,6 +35,13 @@ def checked() -> Snapshot:
         assert found.layout.visible[row] == one.visible
         np.testing.assert_array_equal(found.matrices[row], one.matrix)
         np.testing.assert_array_equal(shape.box, one.box)
+        with evaluated_mesh(one.evaluated) as mesh:
+            faces = 0 if mesh is None else len(mesh.polygons)
+            read = (np.empty((0, 3)),) * 2 if mesh is None else read_triangles(mesh)
+        assert found.face_count(shape) == faces
+        for mine, own in zip(found.triangles(shape), read, strict=True):
+            np.testing.assert_array_equal(mine, own)
+        np.testing.assert_array_equal(found.vertices(shape), read[0])
         assert (shape.original, shape.kind) == (one.original, one.evaluated.type)
         slots = one.evaluated.material_slots
         assert shape.materials == tuple(s.material and s.material.original for s in slots)

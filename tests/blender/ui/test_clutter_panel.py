@@ -29,7 +29,7 @@ pytestmark = pytest.mark.blender
 
 @pytest.fixture
 def material() -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     properties.register()
     rs.setup_rig(bpy.context.scene)
     rs.radar().carrier_ghz = 9.65

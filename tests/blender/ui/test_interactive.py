@@ -11,6 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.blender.ui import interactive, operators
 from radarsim_addon.blender.ui.interactive import InteractiveRender
 from tests.blender import radar_scenes as rs
@@ -70,6 +71,43 @@ def test_esc_stops_after_the_running_render_and_the_run_goes_on(
     interactive_run.close()
     assert interactive_run.tick()
     assert rs.run(tmp_path).done == 3
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_the_end_waits_for_icons_that_cycles_draws(
+    interactive_run: Any, monkeypatch: pytest.MonkeyPatch, stopped: bool
+) -> None:
+    """To set the render engine meanwhile blocks Blender for good."""
+    busy = True
+    monkeypatch.setattr(interactive, "_icons_are_drawn", lambda: busy)
+    if stopped:
+        interactive_run.request_stop("stopped by Esc")
+    for _ in range(50):
+        assert not interactive_run.tick()
+    assert interactive_run.job.done == (0 if stopped else 3)
+    busy = False
+    assert interactive_run.tick()
+
+
+@pytest.mark.parametrize("engine", ["CYCLES", "BLENDER_WORKBENCH"])
+def test_the_engine_is_set_only_where_it_is_another(
+    scene: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str
+) -> None:
+    scene.render.engine = engine
+    names = []
+    put = SettingsRestorer.set
+
+    def noted(self: Any, owner: Any, name: str, value: Any) -> None:
+        names.append(name)
+        put(self, owner, name, value)
+
+    monkeypatch.setattr(SettingsRestorer, "set", noted)
+    job = rs.job_for(tmp_path)
+    job.prepare()
+    assert scene.render.engine == "CYCLES"
+    job.restore()
+    assert scene.render.engine == engine
+    assert ("engine" in names) == (engine != "CYCLES") and "resolution_x" in names
 
 
 def test_a_moment_at_which_blender_refuses_changes_is_waited_for(

@@ -10,10 +10,12 @@ import pytest
 
 from radarsim_addon.blender.ui.live_picture import (
     SPAN_DB,
+    Box,
     LivePicture,
     lay_out_draft,
     level_colours,
 )
+from radarsim_addon.blender.ui.live_quads import BACK, Quads, filled, picture_quads, pixels
 from radarsim_addon.blender.ui.pictures import viridis
 
 RANGE_M = np.arange(0.0, 100.5, 0.5)
@@ -90,3 +92,63 @@ def test_one_pulse_has_no_map_and_no_echo_is_said() -> None:
 def test_colours_are_those_of_the_levels() -> None:
     found = level_colours(10 ** (np.array([-90.0, -30.0, -60.0, 5.0]) / 10), 0.0)
     np.testing.assert_array_equal(found[:, :3], viridis()[[0, 128, 0, 255]])
+
+
+def painted(quads: Quads, width: int, height: int) -> Any:
+    """Pixels (height, width, 3) of rectangles on black, bottom row first: those with their middle
+    in one, blended one after the other.
+    """
+    found = np.zeros((height, width, 3))
+    corners = quads.corners.reshape(-1, 4, 2)
+    triangles = quads.triangles.reshape(-1, 6)
+    np.testing.assert_array_equal(
+        triangles - triangles[:, :1], np.broadcast_to([0, 1, 2, 0, 2, 3], triangles.shape)
+    )
+    np.testing.assert_array_equal(triangles[:, 0], 4 * np.arange(len(corners)))
+    for places, colour in zip(corners, quads.colours[::4], strict=True):
+        (left, low), (right, top) = np.ceil(places[[0, 2]] - 0.5).astype(int)
+        part = found[low:top, left:right]
+        part[...] = part * (1 - colour[3]) + colour[:3] * colour[3]
+    return found
+
+
+def test_rectangles_are_the_pixels_that_they_stand_for() -> None:
+    random = np.random.default_rng(5)
+    colours = random.random((3, 4)).astype(np.float32)[random.integers(0, 3, (6, 9))]
+    colours[..., 3] = 1.0
+    colours[2:4, 1:8, 3] = 0.0
+    found = pixels(colours, Box(2.0, 3.0, 2.0 + 18, 3.0 + 12))
+    picture = painted(found, 22, 17)[3:15, 2:20]
+    wanted = np.where(colours[..., 3:] > 0, colours[..., :3], 0.0).repeat(2, 0).repeat(2, 1)
+    np.testing.assert_allclose(picture, wanted, atol=1e-6)
+    assert len(found.corners) == len(found.colours) < 4 * 6 * 9
+    np.testing.assert_allclose(
+        painted(filled(Box(1.0, 1.0, 3.0, 2.0), BACK), 4, 3)[1, 1:3], 0.07 * 0.86, rtol=1e-6
+    )
+
+
+def test_the_whole_picture_is_few_rectangles() -> None:
+    """Map, strip, curve and ring are where the picture has them; the noise is a dashed line."""
+    found = picture(draft())
+    quads = picture_quads(found, 1.0)
+    assert len(quads.corners) / 4 < 3000
+    colours = painted(quads, 901, 500)
+    box = found.map
+    area = colours[round(box.bottom) : round(box.top), round(box.left) : round(box.right)]
+    assert found.colours is not None
+    np.testing.assert_allclose(area, found.colours[..., :3], atol=1e-6)
+    strip = colours[round(found.strip.bottom) : round(found.strip.top), round(found.strip.left) + 5]
+    np.testing.assert_allclose(strip[[0, -1]], viridis()[[0, -1]], atol=1e-6)
+    box, (x, y) = found.profile, found.mark or (0.0, 0.0)
+    orange = (colours[..., 0] > 0.6) & (colours[..., 2] < 0.15)
+    orange[round(box.top) + 8 :] = orange[: round(box.bottom)] = False
+    noise_y = round(float(found.noise[0, 1]))
+    dashes = orange[noise_y - 1 : noise_y + 2].any(axis=0)
+    assert 0.4 < dashes[round(box.left) : round(box.right)].mean() < 0.6
+    ring = np.argwhere(orange[round(y) - 8 : round(y) + 9, round(x) - 8 : round(x) + 9])
+    away = np.hypot(*(ring + 0.5 - 8 + [[round(y) - y, round(x) - x]]).T)
+    assert len(ring) > 20 and away.min() > 2.9 and away.max() < 5.1
+    blue = (colours[..., 2] > 0.5) & (colours[..., 0] < 0.4)
+    rows = np.nonzero(blue[:, round(x) - 40])[0]
+    flat_y = np.interp(x - 40, *found.curve.T)
+    assert len(rows) and abs(rows.mean() + 0.5 - flat_y) < 1.0

@@ -258,3 +258,24 @@ def test_materials_of_cycles_echo_only_where_all_do(scene: Any) -> None:
     assert live_material(None, *how, True).surface.albedo == 0.8
     exact = live_material(ph.lambert(0.3), *how, True)
     assert not exact.guessed and exact.surface.albedo == pytest.approx(0.3)
+
+
+def test_a_refusal_is_shown_only_where_the_update_is_refused_too(
+    scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blender's note of drawing stays after some renders."""
+    preview = switched_on()
+    refusals = 1
+
+    def step(self: Any, context: Any, deadline_s: float) -> float:
+        nonlocal refusals
+        refusals -= 1
+        if refusals >= 0:
+            raise RuntimeError("can't modify blend data in this state (drawing/rendering)")
+        return 0.05
+
+    monkeypatch.setattr(live_preview.LivePreview, "_step", step)
+    assert live_preview._tick() == 0.05 and preview.fault == ""
+    refusals = 2
+    live_preview._tick()
+    assert "can't modify" in preview.fault

@@ -107,7 +107,7 @@ def test_operators_report_named_errors(scene: Any, tmp_path: Path) -> None:
 
 
 def test_set_up_and_assign_operators(addon: Any) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.scene.cursor.location = (1, 2, 3)
     assert bpy.ops.radarsim.setup_rig() == {"FINISHED"}
     empty = bpy.data.objects["Radar"]

@@ -27,7 +27,7 @@ AHEAD = np.array([0.0, 0.0, -1.0])
 
 @pytest.fixture
 def shown(addon: Any) -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     state = bpy.context.window_manager.radarsim
     before = [getattr(state, f"overlay_{name}") for name in NAMES]
     assert before == [True, False, False, False, False, False, True]

@@ -71,5 +71,5 @@ def test_view_and_selection() -> None:
 
 
 def test_without_objects_the_cursor_counts(addon: Any) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert radar_pose(context_with(None)) is None

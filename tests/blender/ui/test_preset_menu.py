@@ -23,7 +23,7 @@ OPERATORS = {"apply_preset", "load_preset", "save_preset"}
 @pytest.fixture
 def folder(addon: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Blender's folder of saved radars, in a place of the test."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.ops.radarsim.setup_rig()
     monkeypatch.setattr(bpy.utils, "user_resource", lambda *a, path="", **k: made(tmp_path / path))
     monkeypatch.setattr(
@@ -88,5 +88,5 @@ def test_a_file_of_something_else_is_refused(folder: Path, tmp_path: Path) -> No
 
 
 def test_without_a_radar_the_operators_are_off(addon: Any) -> None:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert not any(getattr(bpy.ops.radarsim, name).poll() for name in OPERATORS)

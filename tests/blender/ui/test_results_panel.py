@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,11 +19,11 @@ from mathutils import Vector
 from matplotlib import image as matplotlib_image
 from PIL import Image as pillow
 
+from radarsim_addon import movie_file
 from radarsim_addon.blender import addon as addon_module
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import active_radar
-from radarsim_addon.blender.ui import movie_file
 from radarsim_addon.blender.ui import results_panel as rp
 from radarsim_addon.blender.ui import shown_results as sr
 from radarsim_addon.blender.ui.frame_views import COLUMNS, ROWS, shrunk_axis
@@ -145,14 +146,15 @@ def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:
         bpy.ops.radarsim.select_target(row=99)
 
 
-@pytest.mark.parametrize("picture", ["MAP", "PROFILE"])
+@pytest.mark.parametrize("picture", ["MAP", "PROFILE", "SPECTROGRAM", "RANGE_TIME"])
 def test_a_click_on_a_peak_selects_its_object(state: Any, picture: str) -> None:
     """The place is read from the picture: what the mark of the chosen target changes there."""
-    view = process()
     state.picture = picture
+    view = process()
+    kind, profiles = KINDS[picture], sr.shown_run().profiles
+    plain = kind.draw(Shown(view, profiles))
     for row, item in enumerate(view.targets):
-        kind = KINDS[picture]
-        change = np.abs(kind.draw(Shown(view, chosen=item)) - kind.draw(Shown(view))).max(axis=2)
+        change = np.abs(kind.draw(Shown(view, profiles, chosen=item)) - plain).max(axis=2)
         y, x = np.argwhere(change > 0.1).mean(axis=0)
         x, y = (x + 0.5) / WIDTH, 1 - (y + 0.5) / HEIGHT
         bpy.context.view_layer.objects.active = None
@@ -161,8 +163,53 @@ def test_a_click_on_a_peak_selects_its_object(state: Any, picture: str) -> None:
         assert chosen() == item["name"] == bpy.context.view_layer.objects.active.name
         assert bpy.context.selected_objects == [bpy.data.objects[item["name"]]]
     chosen_before = chosen()
-    assert bpy.ops.radarsim.pick_target(kind=picture, x=0.8, y=0.5) == {"CANCELLED"}
+    assert bpy.ops.radarsim.pick_target(kind=picture, x=0.8, y=0.75) == {"CANCELLED"}
     assert chosen() == chosen_before
+
+
+def place_of(picture: str, across: float, up: float) -> dict[str, Any]:
+    """Arguments of a click, from fractions of the plotting area, where levels are highest."""
+    right, top = (COLUMNS - 1) * across, (ROWS - 1) * up
+    return {"kind": picture, "x": (110.5 + right) / WIDTH, "y": (80.5 + top) / HEIGHT}
+
+
+def test_a_click_in_the_spectrogram_means_a_target_of_its_echoes(state: Any) -> None:
+    """At any time: the strongest cells are the wall's, the car's those of 8 m/s."""
+    state.picture = "SPECTROGRAM"
+    arrays = process().arrays
+    rates, level_db = arrays["spectrogram_mps"], arrays["spectrogram_db"]
+    for across in (0.1, 0.9):
+        column = level_db[int(across * len(level_db))]
+        strongest = {"Wall": abs(rates) < 2, "Car": abs(rates - CAR_MPS) < 2}
+        for name, near in strongest.items():
+            cell = np.where(near, column, -np.inf).argmax()
+            click = place_of("SPECTROGRAM", across, (cell + 0.5) / rates.size)
+            assert bpy.ops.radarsim.pick_target(**click) == {"FINISHED"}
+            assert chosen() == name
+    state.source, state.object_name = "OBJECT", "Car"
+    process()
+    still = place_of("SPECTROGRAM", 0.5, (np.abs(rates).argmin() + 0.5) / rates.size)
+    bpy.ops.radarsim.pick_target(**still)
+    assert chosen() != "Wall"
+    state.source, state.range_start, state.range_stop = "RANGES", 50.0, 70.0
+    process()
+    assert bpy.ops.radarsim.pick_target(**still) == {"FINISHED"} and chosen() == "Wall"
+
+
+def test_a_click_in_the_range_time_picture_shows_the_frame_of_that_time(state: Any) -> None:
+    """Frame 1 is the left half, frame 7 the right one, where the car is 2 m further away."""
+    view = process()
+    state.picture = "RANGE_TIME"
+    low_m, high_m = cell_edges(view.arrays["profile_range_m"])
+    for frame, across in ((1, 0.2), (7, 0.8)):
+        car_m = CAR_M + CAR_MPS * (frame - 1) / 24
+        up = (car_m - max(low_m, 0.0)) / (high_m - max(low_m, 0.0))
+        assert bpy.ops.radarsim.pick_target(**place_of("RANGE_TIME", across, up)) == {"FINISHED"}
+        assert state.frame == frame and chosen() == "Car"
+        target = sr.chosen_target()
+        assert target is not None and target["range_m"] == pytest.approx(car_m, abs=0.02)
+        assert bpy.context.view_layer.objects.active.name == "Car"
+        assert state.rows[state.row].name == "Car"
 
 
 def test_paths_of_a_target_go_from_the_radar_to_its_object_and_back(state: Any) -> None:
@@ -304,7 +351,7 @@ def test_movies_need_blenders_ffmpeg(
             bpy.ops.radarsim.save_animation(filepath=str(path))
     options = SimpleNamespace(build_options=SimpleNamespace(codec_ffmpeg=False))
     with monkeypatch.context() as patch:
-        patch.setattr(movie_file, "bpy", SimpleNamespace(app=options))
+        patch.setitem(sys.modules, "bpy", SimpleNamespace(app=options))
         with pytest.raises(RuntimeError, match="built without FFmpeg"):
             bpy.ops.radarsim.save_animation(filepath=str(path))
     assert list(tmp_path.iterdir()) == [bad]
@@ -317,7 +364,7 @@ def test_a_run_is_forgotten_with_its_files(state: Any) -> None:
     assert not folder.exists()
     folder = Path(sr.shown_run().folder.name)
     assert folder.is_dir()
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert sr.shown_run() is None and not folder.exists()
 
 

@@ -28,7 +28,7 @@ from tests.blender import recording
 
 @pytest.fixture
 def scene(addon: Any, tmp_path: Path) -> Iterator[Any]:
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     bpy.context.window_manager.radarsim.checked = ""
     yield bpy.context.scene
 

@@ -44,3 +44,29 @@ def test_its_error_is_raised() -> None:
 
     with pytest.raises(RuntimeError, match="no file"):
         timer()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "Writing to ID classes in this context is not allowed: Scene",
+        "Calling operator error, can't modify blend data in this state (drawing/rendering)",
+    ],
+)
+def test_what_blender_refuses_is_done_again_in_the_update(words: str) -> None:
+    seen = []
+
+    @timer_writes.may_write_at_need
+    def timer() -> float | None:
+        seen.append(bpy.context.window_manager.radarsim_timer)
+        if words and len(seen) == 1:
+            raise AttributeError(words)
+        return 0.5
+
+    assert timer() == 0.5 and len(seen) == 2 and seen[0] != seen[1]
+    assert timer() == 0.5 and seen[2] == seen[1]  # nothing was refused, nothing is drawn again
+    seen.clear()
+    words = "no such attribute"
+    with pytest.raises(AttributeError, match="no such attribute"):
+        timer()
+    assert len(seen) == 1

@@ -13,6 +13,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender.materials.library import READY
+from radarsim_addon.blender.rig_settings.material import MaterialSettings
 from radarsim_addon.blender.ui import translations
 from radarsim_addon.blender.ui.overlays import overlay_lines
 from radarsim_addon.errors import ConfigError
@@ -91,6 +93,24 @@ def test_dictionaries_are_read_and_checked(tmp_path: Path) -> None:
     (tmp_path / "de_DE.json").write_text("{")
     with pytest.raises(ConfigError, match="is no JSON"):
         translations.read_dictionaries(tmp_path)
+
+
+def test_the_german_dictionary_has_the_texts_of_the_code(addon: None) -> None:
+    """No text that the window no longer has; without a translation are the names of papers only.
+
+    `python scripts/make_translation.py de_DE` removes the former and lists the latter.
+    """
+    path = translations.LOCALES / "de_DE.json"
+    german = json.loads(path.read_text(encoding="utf-8"))
+    known = make_translation.source_texts() | make_translation.declared_texts()
+    assert set(german) <= known, set(german) - known
+    media = MaterialSettings.bl_rna.properties["medium"].enum_items_static
+    sources = {one.description for one in media} | {one.description for one in READY.values()}
+    assert {text for text, translated in german.items() if not translated} <= sources
+    registered = translations.read_dictionaries()["de_DE"]
+    assert registered["*", "Range Profile"] == "Entfernungsprofil"
+    assert registered["Operator", "Set Up Radar"] == "Radar einrichten"
+    assert len(registered) > 1600
 
 
 def test_the_script_adds_texts_and_keeps_translations(addon: None, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 
@@ -50,6 +50,28 @@ def add_objects() -> Any:
     bpy.ops.object.select_all(action="SELECT")
     bpy.ops.radarsim.assign_material()
     return ball
+
+
+class Drawing(bpy.types.Panel):
+    """What is called while it is drawn may change nothing."""
+
+    bl_idname, bl_label, bl_category = "RADARSIM_PT_drawing", "Drawing", "Radar"
+    bl_space_type, bl_region_type = "VIEW_3D", "UI"
+    draws: ClassVar[list[Any]] = []
+    said: ClassVar[list[str]] = []
+
+    def draw(self, context: Any) -> None:
+        while self.draws:
+            try:
+                self.draws.pop(0)()
+                self.said.append("")
+            except Exception as error:
+                self.said.append(str(error))
+
+    @staticmethod
+    def write() -> None:
+        """Change data, to the value that it has."""
+        bpy.context.scene.frame_start = bpy.context.scene.frame_start
 
 
 def times(found: Any) -> dict[str, float]:
@@ -106,7 +128,7 @@ def script(robot: Robot) -> Any:
         ball.data.update()
         yield 0.3
     result["editing"] = times(found)
-    # a full undo step, then the preview goes on
+    # a full undo step, then the preview resumes
     drafts = found.drafts
     bpy.ops.ed.undo_push(message="test")
     ball.location.x = 0.0
@@ -114,6 +136,15 @@ def script(robot: Robot) -> Any:
     bpy.ops.ed.undo()
     yield from robot.wait(lambda: found.drafts > drafts, "a draft after undo", 20)
     result["fault"] = preview.fault
+    # Where Blender refuses timers to change data, which this state of drawing stands for.
+    write, step = Drawing.write, live.LivePreview._step
+    live.LivePreview._step = lambda *words: (write(), step(*words))[1]
+    Drawing.draws.extend([write, live._tick])
+    bpy.utils.register_class(Drawing)
+    yield from robot.wait(lambda: not Drawing.draws, "a drawing", 20)
+    live.LivePreview._step = step
+    bpy.utils.unregister_class(Drawing)
+    result["refused"], result["fault_there"] = Drawing.said, preview.fault
     yield from robot.click_until("radarsim_live", lambda: not state.radarsim_live, "the end")
     result["left"] = [name for name in dir(live) if name == "_preview" and live._preview]
     yield 0.5

@@ -9,6 +9,7 @@ timer, independent of the script, measures how long the window does not respond.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import math
 import os
@@ -25,9 +26,15 @@ import numpy as np
 Steps = Generator[float, None, Any]
 
 #: Seconds between two beats of the heartbeat, and between two looks at what is awaited.
-BEAT_S = 0.05
+BEAT_S, LOOK_S = 0.05, 0.01
+#: Longer than the delay of any timer of the add-on.
+SETTLE_S = 0.5
+#: Longest time for which the robot waits until Blender has noticed the mouse.
+NOTICE_S = 0.5
 #: Pixels between two places where the mouse is put when a button is searched; a button has 20.
 SCAN_PX = 16
+#: Clicks of the wheel between two looks at the sidebar.
+WHEEL_CLICKS = 8
 
 
 class ROBOT_OT_step(bpy.types.Operator):
@@ -44,6 +51,8 @@ class ROBOT_OT_step(bpy.types.Operator):
     advance: ClassVar[Callable[[], float | None] | None] = None
     due_s: ClassVar[float] = 0.0
     last_s: ClassVar[float] = 0.0
+    #: Where Blender saw the mouse last.
+    mouse: ClassVar[tuple[int, int]] = (-1, -1)
     running: ClassVar[int] = 0
     _number = 0
     _timer: Any = None
@@ -52,7 +61,7 @@ class ROBOT_OT_step(bpy.types.Operator):
         kind = type(self)
         kind.running += 1
         self._number, kind.last_s = kind.running, time.monotonic()
-        self._timer = context.window_manager.event_timer_add(BEAT_S, window=context.window)
+        self._timer = context.window_manager.event_timer_add(LOOK_S, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -62,6 +71,7 @@ class ROBOT_OT_step(bpy.types.Operator):
             context.window_manager.event_timer_remove(self._timer)
             return {"CANCELLED", "PASS_THROUGH"}
         kind.last_s = time.monotonic()
+        kind.mouse = event.mouse_x, event.mouse_y
         if event.type == "TIMER" and kind.last_s >= kind.due_s:
             kind.due_s = math.inf  # no step within a step
             assert kind.advance is not None
@@ -69,6 +79,27 @@ class ROBOT_OT_step(bpy.types.Operator):
             kind.last_s = time.monotonic()
             kind.due_s = math.inf if wait_s is None else kind.last_s + wait_s
         return {"PASS_THROUGH"}
+
+
+class Pointer:
+    """The mouse, by X's own events: to start xdotool takes as long as a search of ten places."""
+
+    def __init__(self) -> None:
+        self._x11, self._test = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
+        self._x11.XOpenDisplay.restype = ctypes.c_void_p
+        self._display = ctypes.c_void_p(self._x11.XOpenDisplay(None))
+
+    def move(self, x: int, y: int) -> None:
+        """Move to a place of the screen, from its upper left corner [px]."""
+        self._test.XTestFakeMotionEvent(self._display, -1, x, y, ctypes.c_ulong(0))
+        self._x11.XFlush(self._display)
+
+    def click(self, button: int, times: int = 1) -> None:
+        """Press and release a button: 1 is the left one, 4 and 5 are the wheel."""
+        for _ in range(times):
+            for pressed in (1, 0):
+                self._test.XTestFakeButtonEvent(self._display, button, pressed, ctypes.c_ulong(0))
+        self._x11.XFlush(self._display)
 
 
 class Robot:
@@ -83,6 +114,9 @@ class Robot:
         self._own_s: list[float] = []
         self._gaps: list[float] | None = None
         self._found: dict[str, int] = {}
+        self._last = 0
+        self._start_s = time.monotonic()
+        self._pointer = Pointer()
 
     # -- running ---------------------------------------------------------------------------------
     def run(self, script: Callable[[Robot], Steps]) -> None:
@@ -131,8 +165,9 @@ class Robot:
 
     def log(self, text: str) -> None:
         """Note a line in the result and on the terminal."""
-        self.result["log"].append(text)
-        print("robot:", text, flush=True)
+        line = f"{time.monotonic() - self._start_s:6.1f} s  {text}"
+        self.result["log"].append(line)
+        print("robot:", line, flush=True)
 
     # -- looking ---------------------------------------------------------------------------------
     def shot(self, name: str) -> Steps:
@@ -159,11 +194,18 @@ class Robot:
 
     def wait(self, condition: Callable[[], Any], what: str, timeout_s: float = 60.0) -> Steps:
         """Wait until `condition()` is true."""
-        deadline = time.monotonic() + timeout_s
+        start_s = time.monotonic()
         while not condition():
-            if time.monotonic() > deadline:
+            if time.monotonic() > start_s + timeout_s:
                 raise TimeoutError(f"{what} did not happen within {timeout_s:g} s")
-            yield BEAT_S
+            yield LOOK_S
+        self.log(f"{what}: {time.monotonic() - start_s:.1f} s")
+
+    def settle(self) -> Steps:
+        """Wait until the window has been drawn after what its timers do a moment later."""
+        yield SETTLE_S
+        for _ in range(3):  # turns of the event loop, each of which ends with a drawing
+            yield 0.0
 
     def modal_operators(self) -> list[str]:
         """Names of the operators that are running in the window."""
@@ -187,16 +229,36 @@ class Robot:
     def open_tab(self, name: str) -> Steps:
         """Open the sidebar and choose a tab, as N and a click would."""
         self.view.spaces.active.show_region_ui = True
-        yield 0.8  # the region gets its width with the next redraw
+        yield from self.settle()  # the region gets its width with the next redraw
         self.sidebar.active_panel_category = name
         self.view.tag_redraw()
-        yield 0.8
+        yield from self.settle()
 
     # -- mouse and keys --------------------------------------------------------------------------
     def move(self, x: int, y: int) -> None:
         """Move the mouse; Blender counts pixels from below, X from above."""
-        height = self.window.height
-        subprocess.run(["xdotool", "mousemove", str(x), str(height - y)], check=True)
+        self._pointer.move(x, self.window.height - y)
+
+    def go(self, x: int, y: int) -> Steps:
+        """Move the mouse, and wait until Blender has noticed it."""
+        # Twice, since a button wakes up by a movement and not by a place.
+        self.move(x - 1, y)
+        self.move(x, y)
+        start_s = time.monotonic()
+        while True:
+            yield 0.0
+            seen = ROBOT_OT_step.mouse
+            if max(abs(seen[0] - x), abs(seen[1] - y)) < 2 and seen[0] >= x:
+                break
+            if time.monotonic() > start_s + NOTICE_S:
+                break  # a popup takes all events
+        yield 0.0
+
+    def turn_wheel(self, clicks: int) -> Steps:
+        """Turn the mouse wheel: down by a positive number of clicks, else up."""
+        self._pointer.click(5 if clicks > 0 else 4, abs(clicks))
+        yield 0.1
+        yield 0.0
 
     def press(self, key: str) -> None:
         """Press and release a key."""
@@ -215,53 +277,71 @@ class Robot:
     def find(self, wanted: str) -> Steps:
         """Search the sidebar for a button; its place is the value.
 
-        Where it was found last is tried first, then what is seen from top to bottom; then the
-        sidebar is scrolled by the wheel, from its top on.
+        Where it was found last is tried first, then what is seen, from the last button downwards;
+        then the sidebar is scrolled by the wheel: to its end, and once more from its top on.
         """
         # Away from the sidebar first: a busy Blender still shows the button of a while ago.
         yield from self._leave_sidebar()
-        for attempt in range(12):
-            if attempt == 1:  # not in what is seen: from the top on
-                # its default is 100 ms a click, during which the window would not respond
-                words = ["xdotool", "click", "--repeat", "80", "--delay", "5", "4"]
-                subprocess.run(words, check=True)
-                yield 0.8
-            region = self.sidebar
-            x = region.x + region.width // 2
-            places = list(range(region.y + region.height - 12, region.y + 12, -SCAN_PX))
-            if wanted in self._found:
-                places.insert(0, self._found[wanted])
-            for y in places:
-                # Twice, since a button wakes up by a movement and not by a place.
-                self.move(x - 1, y)
-                self.move(x, y)
-                yield 0.06
-                if wanted in self.under_mouse():
-                    self.move(x - 1, y)
-                    yield 0.3
+        tried: set[int] = set()
+        lines = [self._found[wanted]] if wanted in self._found else []
+        for line in lines:
+            yield from self._bring_into_view(line)
+        for upwards in (False, True):
+            if upwards:
+                yield from self.turn_wheel(-80)
+            while True:
+                for line in [*lines, *sorted(self._lines(), key=lambda one: one < self._last)]:
+                    place = self._place(line)
+                    if line in tried or place is None:
+                        continue
+                    tried.add(line)
+                    yield from self.go(*place)
                     if wanted in self.under_mouse():
-                        self._found[wanted] = y
-                        return x, y
-            if attempt:
-                subprocess.run(["xdotool", "click", "--repeat", "8", "5"], check=True)
-                yield 0.4
+                        yield from self.go(place[0] - 1, place[1])
+                        yield 0.1
+                        if wanted in self.under_mouse():
+                            self._found[wanted] = self._last = line
+                            return place
+                before = self._lines()
+                yield from self.turn_wheel(WHEEL_CLICKS)
+                if self._lines() == before:  # the end of the sidebar
+                    break
         raise LookupError(f"no button of the sidebar is {wanted!r}")
+
+    def _bring_into_view(self, line: int) -> Steps:
+        """Scroll the sidebar until a line of it is in view, as far as there are lines."""
+        region, before = self.sidebar, None
+        yield from self.go(region.x + region.width // 2, region.y + region.height // 2)
+        while self._place(line) is None and self._lines() != before:
+            before = self._lines()
+            yield from self.turn_wheel(4 if line > before[-1] else -4)
+
+    def _lines(self) -> range:
+        """Lines of the sidebar, `SCAN_PX` high and counted from its top, that are in view."""
+        region = self.sidebar
+        top = region.view2d.region_to_view(0, region.height - 12)[1]
+        return range(math.ceil(-top / SCAN_PX), int((region.height - 24 - top) / SCAN_PX) + 1)
+
+    def _place(self, line: int) -> tuple[int, int] | None:
+        """Where a line is in the window; None: out of view."""
+        region = self.sidebar
+        y = region.view2d.view_to_region(0, -line * SCAN_PX, clip=False)[1]
+        inside = 12 <= y <= region.height - 12
+        return (region.x + region.width // 2, region.y + y) if inside else None
 
     def click_image(self, area: Any, place: tuple[float, float]) -> Steps:
         """Click in an Image Editor of the window, at a place of its image: fractions from below."""
         region = next(one for one in area.regions if one.type == "WINDOW")
         x, y = region.view2d.view_to_region(*place)
-        for step in (1, 0):  # Blender wakes up by a movement
-            self.move(region.x + x - step, region.y + y)
-            yield 0.1
-        subprocess.run(["xdotool", "click", "1"], check=True)
-        yield 0.5
+        yield from self.go(region.x + x, region.y + y)
+        self._pointer.click(1)
+        yield 0.3
 
     def _leave_sidebar(self) -> Steps:
         view = self.view
         for number in range(100):
-            self.move(view.x + view.width // 3 + number % 2, view.y + view.height // 2)
-            yield 0.1
+            place = view.x + view.width // 3 + number % 2, view.y + view.height // 2
+            yield from self.go(*place)
             if not self.under_mouse():
                 return
         raise TimeoutError("Blender took no notice of the mouse for 10 s")
@@ -279,16 +359,15 @@ class Robot:
                 return
             except TimeoutError:
                 self.log(f"{what}: the click was not taken")
-                subprocess.run(["xdotool", "mousemove_relative", "--", "-400", "-60"], check=True)
-                yield 0.5
+                yield from self._leave_sidebar()
         raise TimeoutError(f"{what} did not happen after four clicks on {wanted}")
 
     def click(self, wanted: str) -> Steps:
         """Find a button and click it with the left mouse button."""
         x, y = yield from self.find(wanted)
         self.log(f"click {wanted} at {x}, {y}")
-        subprocess.run(["xdotool", "click", "1"], check=True)
-        yield 0.3
+        self._pointer.click(1)
+        yield 0.2
         return x, y
 
 

@@ -66,7 +66,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(
         lambda: len({image.name for image in bpy.data.images} - images) >= 2, "the images", 300
     )
-    yield 5.0  # the editors fit their images once they were drawn
+    yield 3.0  # the editors fit their images once they were drawn
     yield from robot.shot("tutorial_5_map")
     result["frame"] = scene.frame_current
 

@@ -7,7 +7,6 @@ blender --python walk.py -- FOLDER
 from __future__ import annotations
 
 import importlib.util
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -77,7 +76,7 @@ def script(robot: Any) -> Any:
     result = robot.result
     scene = bpy.context.scene
     objects = add_objects()
-    yield 0.5
+    yield from robot.settle()
 
     # 1. The tab.
     yield from robot.open_tab("Radar")
@@ -89,7 +88,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(
         lambda: any(item.type == "EMPTY" for item in scene.objects), "the rig", 20
     )
-    yield 0.5
+    yield from robot.settle()
     result["rig"] = {item.name: item.type for item in scene.objects if item not in objects}
     yield from robot.shot("02_rig")
 
@@ -97,23 +96,23 @@ def script(robot: Any) -> Any:
     yield from robot.click("radarsim.suggest_materials")
     rows = bpy.context.window_manager.radarsim.suggestions
     yield from robot.wait(lambda: len(rows) > 0, "the list", 20)
-    yield 0.5
+    yield from robot.settle()
     yield from robot.shot("03_by_name")
     result["suggested"] = [row.material for row in rows]
     bpy.ops.radarsim.apply_materials(discard=True)
-    yield 1.5
+    yield from robot.settle()
 
     # 3. The material, to all that was selected.
     select(objects)
     yield 0.3
     yield from robot.click("radarsim.assign_material")
-    yield 1.0
+    yield from robot.settle()
     yield from robot.shot("03_material")
     result["materials"] = {
         item.name: [slot.material.name if slot.material else "" for slot in item.material_slots]
         for item in objects
     }
-    yield 1.5
+    yield from robot.settle()
 
     # Overlays: all of them, seen from above.
     shown = bpy.context.window_manager.radarsim
@@ -126,7 +125,7 @@ def script(robot: Any) -> Any:
     region.view_distance, region.view_rotation = 190.0, (1.0, 0.0, 0.0, 0.0)
     region.view_location = (0.0, 45.0, 0.0)
     robot.view.tag_redraw()
-    yield 1.5
+    yield from robot.settle()
     yield from robot.shot("03_overlays")
     region.view_perspective = "PERSP"
     region.view_distance, region.view_rotation, region.view_location = before
@@ -137,7 +136,7 @@ def script(robot: Any) -> Any:
     settings = bpy.data.objects["Radar"].radarsim
     settings.prf_hz = 5000.0
     robot.view.tag_redraw()
-    yield 2.0
+    yield from robot.settle()
     yield from robot.shot("04_checklist")
     yield from robot.click("radarsim.set_values")
     yield from robot.wait(lambda: settings.prf_hz > 9e3, "the button of the checklist", 20)
@@ -145,7 +144,7 @@ def script(robot: Any) -> Any:
     settings.prf_hz = 40e3
     yield from robot.click("radarsim.check_scene")
     yield from robot.wait(lambda: bpy.context.window_manager.radarsim.checked, "the check", 60)
-    yield 1.0
+    yield from robot.settle()
     yield from robot.shot("04_checked")
 
     # 4. Numbers, and a first run.
@@ -157,7 +156,7 @@ def script(robot: Any) -> Any:
     settings.width_px = settings.height_px = 128
     settings.samples = 4
     robot.view.tag_redraw()
-    yield 0.8
+    yield from robot.settle()
     yield from robot.shot("04_numbers")
 
     before = snapshot_module.snapshot(scene)
@@ -172,14 +171,13 @@ def script(robot: Any) -> Any:
     # The window takes events while it renders: the user zooms the view.
     x, y = robot.view.x + robot.view.width // 3, robot.view.y + robot.view.height // 2
     distance = robot.view.spaces.active.region_3d.view_distance
-    robot.move(x, y)
-    yield 0.3
-    subprocess.run(["xdotool", "click", "--repeat", "3", "5"], check=True)
-    yield 1.0
+    yield from robot.go(x, y)
+    yield from robot.turn_wheel(3)
+    yield 0.4  # the view moves smoothly
     result["zoomed"] = robot.view.spaces.active.region_3d.view_distance / distance
     result["running_after_zoom"] = OPERATOR in robot.modal_operators()
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
-    yield 0.5
+    yield from robot.settle()
     result["first"] = robot.stop_watching() | {
         "files": files(first),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
@@ -197,7 +195,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(lambda: len(list(second.rglob("*.exr"))) >= 2, "two files", 120)
     robot.press("Escape")
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 30)
-    yield 1.0
+    yield from robot.settle()
     stopped = {str(p.relative_to(second)): p.stat().st_mtime_ns for p in second.rglob("*.exr")}
     result["stopped"] = {
         "files": files(second),
@@ -210,7 +208,7 @@ def script(robot: Any) -> Any:
         "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
     )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
-    yield 0.5
+    yield from robot.settle()
     result["continued"] = {
         "files": files(second),
         "rendered_again": [
@@ -255,13 +253,13 @@ def script(robot: Any) -> Any:
     third = FOLDER / "run paths"
     settings.output_folder = str(third)
     robot.view.tag_redraw()
-    yield 1.0
+    yield from robot.settle()
     before = snapshot_module.snapshot(scene)
     yield from robot.click_until(
         "radarsim.render_frames", lambda: (third / "run.json").exists(), "the run's start"
     )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
-    yield 1.0
+    yield from robot.settle()
     yield from robot.shot("07_paths")
     result["paths"] = {
         "files": files(third),
@@ -269,7 +267,7 @@ def script(robot: Any) -> Any:
     }
     settings.sampling_mode = "rings"
     settings.output_folder = str(second)
-    yield 1.0
+    yield from robot.settle()
 
     # Antennas and a medium: what the panels say of them.
     settings.use_link_budget = True
@@ -282,28 +280,33 @@ def script(robot: Any) -> Any:
     opened = type("RADARSIM_PT_system_open", panel.__mro__[:1], names)
     bpy.utils.register_class(opened)
     robot.view.tag_redraw()
-    yield 1.0
+    yield from robot.settle()
     yield from robot.click("radarsim.draw_patterns")
     yield from robot.wait(
         lambda: sum("radarsim_pattern" in item for item in bpy.data.objects) == 2, "patterns", 20
     )
     select(objects[:1])
     properties = next(a for a in robot.window.screen.areas if a.type == "PROPERTIES")
+    # With EEVEE, software OpenGL compiles the material for its icon, which takes a minute. The
+    # engine stays: to set it while Cycles draws an icon blocks Blender for good.
+    scene.render.engine = "CYCLES"
     properties.spaces.active.context = "MATERIAL"
     material = objects[0].active_material.copy()
     objects[0].active_material = material
     with bpy.context.temp_override(material=material):
         bpy.ops.radarsim.make_physical()
-    yield 1.5
+    yield from robot.settle()
     yield from robot.shot("07_physics")
     result["physical"] = material.radarsim.medium
-    yield 1.5
+    yield from robot.settle()
     region = next(region for region in properties.regions if region.type == "WINDOW")
     for _ in range(3):
         with bpy.context.temp_override(window=robot.window, area=properties, region=region):
             bpy.ops.view2d.scroll_down(page=True)
-        yield 0.5
+        yield from robot.settle()
     yield from robot.shot("07_material")
+    properties.spaces.active.context = "OBJECT"
+    yield from robot.wait(lambda: not bpy.app.is_job_running("RENDER_PREVIEW"), "the icons", 60)
     settings.use_link_budget = False
     bpy.ops.radarsim.remove_patterns()
     bpy.utils.unregister_class(opened)
@@ -317,7 +320,7 @@ def script(robot: Any) -> Any:
         lambda: {image.name for image in bpy.data.images} - images, "the images", 300
     )
     result["processing"] = robot.stop_watching()
-    yield 5.0  # the editors fit their images once they were drawn
+    yield 3.0  # the editors fit their images once they were drawn
     result["images"] = {
         image.name: list(image.size) for image in bpy.data.images if image.name not in images
     }
@@ -337,7 +340,7 @@ def script(robot: Any) -> Any:
         region = next(region for region in area.regions if region.type == "WINDOW")
         with bpy.context.temp_override(window=window, area=area, region=region):
             bpy.ops.image.view_all(fit_view=True)
-        yield 1.0
+        yield from robot.settle()
         yield from robot.shot(f"09_image_{number}")
     result["products"] = files(second)
 
@@ -346,21 +349,21 @@ def script(robot: Any) -> Any:
     for window in list(bpy.context.window_manager.windows)[1:]:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
-    yield 1.0
+    yield from robot.settle()
     region = next(region for region in robot.view.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
         bpy.ops.screen.area_split(direction="VERTICAL", factor=0.45)
-    yield 1.0
+    yield from robot.settle()
     views = [area for area in robot.window.screen.areas if area.type == "VIEW_3D"]
     min(views, key=lambda area: area.width).type = "IMAGE_EDITOR"
     settings.sampling_mode, settings.output_folder = "paths", str(third)
     shown = bpy.context.window_manager.radarsim_results
-    yield 1.0
+    yield from robot.settle()
     region = next(region for region in robot.view.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
         bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT")
     yield from robot.wait(lambda: len(shown.rows) > 0, "the list of targets", 120)
-    yield 2.0
+    yield from robot.settle()
     for region in robot.view.regions:  # to the panel at the end of the tab
         if region.type == "UI":
             with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
@@ -369,33 +372,33 @@ def script(robot: Any) -> Any:
     region_3d = robot.view.spaces.active.region_3d
     region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
     result["steps_s"] = [robot_module.thread_time_of(shown, "row", 0)]
-    yield 1.0
+    yield from robot.settle()
     target = shown.rows[0].name
     result["target"] = [target, bpy.context.view_layer.objects.active.name]
     select(objects[2:3])  # the sphere: Blender tells of the new active object
     yield from robot.wait(lambda: shown.rows[shown.row].name == objects[2].name, "its row", 10)
-    yield 1.5
+    yield from robot.settle()
     yield from robot.shot("10_targets")
     for name in ("ECHO", "RANGE_TIME", "MAP"):
         result["steps_s"].append(robot_module.thread_time_of(shown, "picture", name))
-        yield 1.0
+        yield from robot.settle()
     # A click into the map, where the ring of another target was.
     chosen, editor = shown.row, next(a for a in robot.window.screen.areas if a.type == IMAGES)
     place = robot_module.ring_in(editor.spaces.active.image)
     shown.row = 1 if chosen == 0 else 0
-    yield 0.5
+    yield from robot.settle()
     yield from robot.click_image(editor, place)
     result["clicked"] = [chosen, shown.row]
     result["zoom"] = list(editor.spaces.active.zoom)
     shown.cfar = "os"
     yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "processing by itself", 20)
     yield from robot.wait(lambda: PROCESS not in robot.modal_operators(), "its end", 120)
-    yield 2.0
+    yield from robot.settle()
     yield from robot.shot("11_detector")
     shown.picture = "SPECTROGRAM"
     name = "Radar spectrogram"
     yield from robot.wait(lambda: name in bpy.data.images, "the spectrogram", 120)
-    yield 1.5
+    yield from robot.settle()
     yield from robot.shot("12_spectrogram")
     result["pictures"] = [
         area.spaces.active.image.name

@@ -189,6 +189,17 @@ def test_edges_are_separated_and_ordered() -> None:
         leading_edges(profile, by="height")  # type: ignore[arg-type]
 
 
+def test_a_step_on_the_flank_of_a_higher_peak_has_no_edge() -> None:
+    """Its power does not fall to half before the higher peak; the edge found was that peak's."""
+    place = np.arange(2000)
+    power = 1e-3 + np.sum(
+        [a * np.exp(-(((place - c) / 20) ** 2)) for a, c in ((9, 500), (4, 1000))], axis=0
+    )
+    power += 0.5 * ((place > 1000) & (place < 1200)) + 0.1 * ((place > 1100) & (place < 1110))
+    found = leading_edges(profile_of(power), 5, separation_m=30)
+    assert [round(edge.peak_range_m) for edge in found] == [250, 500]
+
+
 def test_leading_edge_of_a_wide_face_is_at_the_face() -> None:
     """A face seen square-on: equal powers from 1000 m on, over 200 m."""
     radar = radar_of(1)

@@ -113,7 +113,7 @@ def test_what_does_not_fit_is_refused() -> None:
         spectrogram(short, SpectrogramOptions(1024))
     with pytest.raises(ConfigError, match="hold no range cell"):
         spectrogram(short, SpectrogramOptions(limits_m=(900.0, 901.0)))
-    with pytest.raises(ConfigError, match="Range window"):
+    with pytest.raises(ConfigError, match="Range limits"):
         SpectrogramOptions(limits_m=(5.0, 1.0))
     with pytest.raises(ConfigError):
         SpectrogramOptions(1)

@@ -227,7 +227,7 @@ def test_command_line_processes_and_informs(folder: Path, capsys: pytest.Capture
     assert (folder / "out ü" / "frame_0001_map.npz").is_file()
     assert main(["info", str(folder)]) == 0
     shown = capsys.readouterr().out
-    for words in ("8 of 8 are there", "code length k      1000 m", "mixed pixels     0.00 %",
+    for words in ("8 of 8 are there", "encoding length    1000 m", "mixed pixels     0.00 %",
                   "1 Blender unit = 100 m", "range rounding", "paths            11"):  # fmt: skip
         assert words in shown
 

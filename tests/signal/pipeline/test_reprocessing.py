@@ -2,14 +2,16 @@
 """Processing again into the same folder, and messages that name what was given."""
 
 import dataclasses
+import importlib.util
 import json
+import sys
 from pathlib import Path
 
 import pytest
 
 from radarsim_addon.blender.plan import given_settings, parse_render_arguments
 from radarsim_addon.contract import AntennaRecord, RenderRecord, RunRecord
-from radarsim_addon.errors import ConfigError, FrameFileError
+from radarsim_addon.errors import ConfigError, FrameFileError, MissingDependencyError
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import Burst, Cfar, ProcessOptions, Radar, Waveform, process_run
 from radarsim_addon.signal.pipeline import main
@@ -24,6 +26,30 @@ ECHOES = [(5, 6, 600.0, 5.0, 1e-6)]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return write_run(tmp_path / "run", SETUP, points(SETUP, ECHOES))
+
+
+@pytest.mark.parametrize(
+    ("option", "kind"), [("cfar", "Cfar"), ("spectrogram", "SpectrogramOptions")]
+)
+def test_options_of_a_wrong_kind_are_named(folder: Path, option: str, kind: str) -> None:
+    options = ProcessOptions(**{option: "os"})
+    with pytest.raises(ConfigError, match=rf"{option} of .* is 'os'; expected {kind}\("):
+        next(process_run(folder, options))
+
+
+def test_a_movie_without_blender_is_refused_before_any_work(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The error names what to install, and the format that needs nothing."""
+    find = importlib.util.find_spec
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda x: None if x == "bpy" else find(x))
+    words = ["process", str(folder), "--no-plots", "--animation-format", "mp4"]
+    assert main(words) == MissingDependencyError.exit_code
+    said = capsys.readouterr().err
+    assert "pip install '.[blender]'" in said and "GIF" in said
+    assert not (folder / "products").exists()
+    assert main([*words, "--no-animate"]) == 0
 
 
 def test_nothing_stale_stays_beside_a_new_map(folder: Path) -> None:

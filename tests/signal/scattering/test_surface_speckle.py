@@ -16,18 +16,17 @@ from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.findings import merge
 from radarsim_addon.sidecar import read_record, write_record
+from radarsim_addon.signal import synthesize
 from radarsim_addon.signal.decoding import frame_paths, open_frame
-from radarsim_addon.signal.motion import BodyMotion, FrameMotion
-from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import PathRows, motion_of_rows
-from radarsim_addon.signal.paths.paths import Paths, path_power_w
+from radarsim_addon.signal.paths import PathRows
+from radarsim_addon.signal.paths.paths import make_paths
 from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Radar
-from radarsim_addon.signal.runs import RadarFrame, open_run
+from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
 from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_findings
-from radarsim_addon.signal.scattering.surface_cells import Body
+from radarsim_addon.signal.scattering.surface_cells import Body, distinct
 from radarsim_addon.signal.scattering.surface_speckle import Roughness, SurfaceSpeckle
 from tests.signal import path_runs as pr
 
@@ -75,9 +74,25 @@ def speckle(
     )
 
 
+@pytest.mark.parametrize("count", [0, 1, 3000])
+def test_distinct_keys_are_those_of_numpy(count) -> None:
+    keys = np.random.default_rng(8).integers(0, 900, count).astype(np.uint64) << np.uint64(54)
+    expected = np.unique(keys, return_index=True, return_inverse=True)
+    for found, wanted in zip(distinct(keys), expected, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def factors_of(made: SurfaceSpeckle, rows: PathRows) -> tuple[np.ndarray, np.ndarray]:
+    """Complex factors of the amplitudes of rows at t, and which of them are known."""
+    known = made.known(rows)
+    factors = np.ones(rows.size, dtype=complex)
+    factors[known] = made.factors_at_rest(made.scattering(rows[known]))
+    return factors, known
+
+
 def field(rows: PathRows, made: SurfaceSpeckle) -> complex:
     """Sum over all paths: one resolution cell at the carrier."""
-    factors, known = made.factors(rows)
+    factors, known = factors_of(made, rows)
     assert known.all()
     phase = WAVENUMBER * rows["length_m"]
     return complex(np.sum(np.sqrt(rows["power_w"]) * factors * np.exp(-1j * phase)))
@@ -119,6 +134,27 @@ def test_mean_power_and_exponential_intensity(
     assert abs(found.mean() - expected) < 3 * error
     if rms_height_m is None or rms_height_m * WAVENUMBER > 2 or rms_height_m == 0:
         assert stats.kstest(found / found.mean(), "expon").pvalue > 0.01
+
+
+@pytest.mark.parametrize(("size_px", "tilt_deg"), [(12, 70.0), (48, 80.0)])
+def test_energy_of_echoes_is_that_of_the_paths(
+    tmp_path: Path, size_px: int, tilt_deg: float
+) -> None:
+    """Cells deeper than the range resolution; paths over one scatterer kept delays of their own."""
+    folder = scene(tmp_path / "run", size_px=size_px, side_m=60.0, tilt_deg=tilt_deg)[2]
+    frame, radar = open_frame(open_run(folder).frame(1)), open_run(folder).radar
+    limits_m, found = (900.0, 1100.0), []
+    raw = frame_paths(frame)
+    for seed in range(60):
+        made = FrameSpeckle(frame, seed)
+        echoes = synthesize([made.apply(raw)], radar, range_limits_m=limits_m, speckle_seed=seed)
+        found.append(np.sum(np.abs(echoes.plane[0]) ** 2))
+    assert made.report().cell_m > RESOLUTION_M
+    one = make_paths(raw.radiance.sum(), 2000.0, solid_angle_sr=raw.solid_angle_sr[0])
+    expected = np.sum(np.abs(synthesize([one], radar, range_limits_m=limits_m).plane[0]) ** 2)
+    mean, error = np.mean(found), np.std(found, ddof=1) / math.sqrt(len(found))
+    assert error < 0.05 * expected
+    assert abs(mean - expected) < 3 * error
 
 
 @pytest.mark.parametrize("kh", [0.0, 0.3, 1.0])
@@ -213,12 +249,12 @@ def test_speckle_moves_with_its_object(tmp_path: Path) -> None:
     )
     own = speckle(record, table, 5)
     others = speckle(there, moved, 5, bodies={1: Body("Plate", turn)})
-    a, b = own.factors(rows)[0], others.factors(moved)[0]
+    a, b = factors_of(own, rows)[0], factors_of(others, moved)[0]
     # Points that lie on the border of two cells may change sides by rounding.
     assert np.mean(np.abs(a - b) < 1e-5) > 0.99
-    assert np.mean(np.abs(a - speckle(record, table, 6).factors(rows)[0]) < 1e-5) < 0.01
+    assert np.mean(np.abs(a - factors_of(speckle(record, table, 6), rows)[0]) < 1e-5) < 0.01
     renamed = speckle(record, table, 5, bodies={1: Body("Other", np.eye(4))})
-    assert np.mean(np.abs(a - renamed.factors(rows)[0]) < 1e-5) < 0.01
+    assert np.mean(np.abs(a - factors_of(renamed, rows)[0]) < 1e-5) < 0.01
 
 
 def test_neighbours_within_a_correlation_length_share_their_height(tmp_path: Path) -> None:
@@ -238,8 +274,10 @@ def test_parts_do_not_matter(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "run")
     rows = np.array(table)
     made = speckle(record, table, 1)
-    whole, _ = made.factors(rows)
-    parts = np.concatenate([made.factors(rows[i : i + 700])[0] for i in range(0, rows.size, 700)])
+    whole, _ = factors_of(made, rows)
+    parts = np.concatenate(
+        [factors_of(made, rows[i : i + 700])[0] for i in range(0, rows.size, 700)]
+    )
     np.testing.assert_array_equal(whole, parts)
 
 
@@ -302,7 +340,7 @@ def test_three_reflections_have_none(tmp_path: Path) -> None:
     rows = np.array(table)
     rows["order"][::2] = 3
     rows["last_scatterer_m"][1] = np.nan
-    _, known = speckle(record, rows, 0).factors(rows)
+    _, known = factors_of(speckle(record, rows, 0), rows)
     assert not known[::2].any()
     assert not known[1]
     assert known[3::2].all()
@@ -329,65 +367,6 @@ def test_frames_know_the_roughness_of_their_objects(tmp_path: Path) -> None:
     assert (
         FrameSpeckle(open_frame(frame, radar=radar), None).apply(frame_paths(frame)).phasors is None
     )
-
-
-def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, RadarFrame, Paths]:
-    """A plate that turns by 0.03 rad about the vertical through its middle within 0.1 s."""
-    _, table, _ = scene(folder, side_m=30.0, size_px=48)
-    if rms_height_m is not None:
-        item = contract.ObjectRecord("Plate", 1000.0, 1000.0, None, rms_height_m=rms_height_m)
-        record = contract.GroundTruthRecord(1, 0.0, [item])
-        write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, record)
-    frame = open_run(folder).frame(1)
-    pose = np.eye(4)
-    pose[:3, 3] = 0, 1000, 0
-    turn = np.array([[0, 0, 0.015]])
-    piece = Segment(0.0, 0.1, pose[None, :3, 3], np.zeros(3), turn, np.eye(3))
-    plate, still = BodyMotion(pose, (piece,)), BodyMotion(np.eye(4))
-    rows = np.array(table)
-    rows["last_body"] = rows["first_body"] = 1
-    motion = motion_of_rows(rows, FrameMotion(0.1, still, still, False, [plate]))
-    paths = dataclasses.replace(frame_paths(frame), motion=motion)
-    return Radar(pr.WAVEFORM, pr.BURST), frame, paths
-
-
-def fields(paths: Paths, times_s: np.ndarray) -> np.ndarray:
-    amplitude = np.sqrt(path_power_w(paths, WAVELENGTH_M)) * paths.phasors
-    phase = WAVENUMBER * paths.lengths.lengths_m(times_s, slice(None))
-    return np.asarray(amplitude @ np.exp(-1j * phase))
-
-
-def test_power_of_a_body_that_turns_is_the_sum_of_powers_at_every_pulse(tmp_path: Path) -> None:
-    radar, frame, paths = turning_plate(tmp_path / "run", None)
-    times_s = np.array([0.0, 0.05, 0.1])
-    # From one end of a cell to the other the phase turns by more than a cycle.
-    made = FrameSpeckle(open_frame(frame, radar=radar), 0, cell_m=2.0)
-    assert 2 * 2.0 * 0.03 / WAVELENGTH_M > 1
-    found = [
-        np.abs(
-            fields(
-                FrameSpeckle(open_frame(frame, radar=radar), seed, cell_m=2.0).apply(paths), times_s
-            )
-        )
-        ** 2
-        for seed in range(150)
-    ]
-    mean = np.mean(found, axis=0) / path_power_w(paths, WAVELENGTH_M).sum()
-    assert np.abs(mean - 1).max() < 3.5 / math.sqrt(150)
-    assert len(made.apply(paths)) == len(paths)
-
-
-@pytest.mark.parametrize("rms_height_m", [None, 0.0, 0.003])
-def test_scatterers_that_move_are_where_they_were_at_the_frames_time(
-    tmp_path: Path, rms_height_m: float | None
-) -> None:
-    radar, frame, paths = turning_plate(tmp_path / "run", rms_height_m)
-    made = FrameSpeckle(open_frame(frame, radar=radar), 5)
-    at_rest = made.apply(dataclasses.replace(paths, motion=None))
-    moving = made.apply(paths)
-    start = fields(moving, np.zeros(1))
-    np.testing.assert_allclose(start, fields(at_rest, np.zeros(1)), rtol=1e-9)
-    assert len(moving) == len(paths)
 
 
 @pytest.mark.parametrize("cell_m", [0.0, -3.0, math.nan, 1e9])

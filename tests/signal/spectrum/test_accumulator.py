@@ -74,6 +74,17 @@ def test_tolerance_holds(backend, method, tolerance) -> None:
         assert ("linear", way) in ways(found)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_an_older_finufft_sums_pulse_by_pulse(
+    monkeypatch: pytest.MonkeyPatch, backend: nufft.Backend
+) -> None:
+    """One that cannot spread alone, or none: to the same tolerance."""
+    monkeypatch.setattr(nufft.RowsType1, "possible", staticmethod(lambda: False))
+    found = sum_up(MOTION, AMPLITUDE, backend=backend, method="type3", tolerance=1e-8)
+    assert relative(found.values, EXPECTED) <= 1e-8
+    assert ways(found) == {("still", "once"), ("linear", "pulse by pulse")}
+
+
 def test_direct_method_is_the_sum() -> None:
     found = sum_up(MOTION, AMPLITUDE, method="direct")
     assert relative(found.values, EXPECTED) < 1e-12

@@ -3,20 +3,21 @@
 
 from __future__ import annotations
 
+import importlib.util
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-import bpy
 import numpy as np
+from numpy.typing import NDArray
 
-from ...array_types import Single
-from ...errors import OutputError
-from ...png import png_bytes
+from .errors import MissingDependencyError, OutputError
+from .png import png_bytes
 
-_ENCODER = Path(__file__).with_name("movie_encoder.py")
+_ENCODER = Path(__file__).parent / "blender" / "ui" / "movie_encoder.py"
 
 
 class MovieWriter:
@@ -31,16 +32,12 @@ class MovieWriter:
 
     Raises
     ------
-    OutputError
-        This Blender has no FFmpeg.
+    MissingDependencyError, OutputError
+        As `movie_encoder`.
     """
 
     def __init__(self, path: Path, seconds: float) -> None:
-        if not bpy.app.build_options.codec_ffmpeg:
-            raise OutputError(
-                "This Blender is built without FFmpeg, so it writes no MP4 files. Save the "
-                "animation as GIF: a name that ends in .gif."
-            )
+        self._command = movie_encoder()
         self._path, self._seconds, self._count = path, seconds, 0
         self._folder = tempfile.TemporaryDirectory(prefix="radarsim_movie_")
         self._encoder: subprocess.Popen[bytes] | None = None
@@ -54,13 +51,11 @@ class MovieWriter:
             self._encoder.wait()
         self._folder.cleanup()
 
-    def add(self, picture: Single) -> Iterator[None]:
-        """Take a picture (height, width, 3), sRGB from 0 to 1."""
+    def add(self, picture: NDArray[np.uint8]) -> None:
+        """Take a picture (height, width, 3), sRGB."""
         self._count += 1
         path = Path(self._folder.name, f"{self._count:06d}.png")
-        pixels = np.round(picture * 255).clip(0, 255).astype(np.uint8)
-        path.write_bytes(png_bytes(pixels, 72))
-        yield
+        path.write_bytes(png_bytes(picture, 72))
 
     def close(self) -> Iterator[None]:
         """Encode the pictures; a step looks whether that has ended. Raises OutputError."""
@@ -68,7 +63,7 @@ class MovieWriter:
         words = ["--", self._folder.name, repr(self._seconds), str(self._path)]
         with open(log, "wb") as said:
             self._encoder = subprocess.Popen(
-                [*_blender(), str(_ENCODER), *words],
+                [*self._command, str(_ENCODER), *words],
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=subprocess.STDOUT,
@@ -80,13 +75,30 @@ class MovieWriter:
         if self._encoder.returncode or not self._path.stat().st_size:
             end = log.read_text(encoding="utf-8", errors="replace").strip()[-300:]
             raise OutputError(
-                f"Blender's FFmpeg wrote no movie: {end or 'no words'}. Save the animation as GIF: "
-                "a name that ends in .gif."
+                f"Blender's FFmpeg wrote no movie: {end or 'no words'}. Choose GIF as the "
+                "format of the animation."
             )
 
 
-def _blender() -> list[str]:
-    """Command that runs a script with bpy: a Blender without a window, or Python with bpy."""
+def movie_encoder() -> list[str]:
+    """Command that runs a script with bpy: a Blender without a window, or Python with bpy.
+
+    Raises MissingDependencyError without bpy, OutputError where this Blender has no FFmpeg.
+    """
+    bpy: Any = sys.modules.get("bpy")
+    if bpy is None:
+        if importlib.util.find_spec("bpy") is None:
+            raise MissingDependencyError(
+                "Blender's module bpy is not installed. Its FFmpeg writes MP4 movies. Install bpy "
+                "with pip install '.[blender]' (Python 3.13 or 3.11), or choose GIF as the format "
+                "of the animation."
+            )
+        return [sys.executable]
+    if not bpy.app.build_options.codec_ffmpeg:
+        raise OutputError(
+            "This Blender is built without FFmpeg, so it writes no MP4 files. Choose GIF as the "
+            "format of the animation."
+        )
     if Path(sys.executable).resolve() == Path(bpy.app.binary_path or sys.executable).resolve():
         return [sys.executable]
     return [
