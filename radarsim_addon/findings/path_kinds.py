@@ -17,10 +17,10 @@ PATHS = {
     ),
     "reverse-outside-view": Kind(
         "caution",
-        "{fraction:percent} of the received power comes from paths via two scatterers of which the "
-        "second is outside the field of view.",
-        "The wave also takes the reverse path, which begins at the second scatterer. The table does "
-        "not contain it, so the power of such a pair is up to 3 dB too low.",
+        "{fraction:percent} of the received power comes from paths via two scatterers, the second "
+        "of which is outside the field of view.",
+        "The wave also takes the reverse path, which begins at the second scatterer. The table "
+        "does not contain it, so the power of such a pair is up to 3 dB too low.",
         "Widen the field of view, or use a panoramic camera.",
     ),
     "transparency-truncated": Kind(

@@ -85,7 +85,7 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
             others += [] if known else [item.name_full]
         else:
             _set_layer(recorder, item, normal, thickness)
-        if _is_told(item):  # Cycles reads custom properties again only after a tag; the mesh is as before
+        if _is_told(item):  # Cycles reads custom properties again only after a tag
             item.update_tag(refresh={"OBJECT"})
     if not others:
         return []

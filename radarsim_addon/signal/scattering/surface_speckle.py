@@ -18,9 +18,9 @@ mean of their lengths: with delays of their own, a receiver that resolves them i
 power. A cell that is deeper than the range resolution is split into parts of that depth, each with
 its own scatterer.
 
-A surface of small height also has a coherent part, m^2 = exp(-(2 k h_rms cos)^2) of the power (Ament
-1953). It is left out: as a sum over pixel centres its level grows with the number of pixels in a
-Fresnel zone, by 6 dB for each doubling of the resolution.
+A surface of small height also has a coherent part, m^2 = exp(-(2 k h_rms cos)^2) of the power
+(Ament 1953). It is left out: as a sum over pixel centres its level grows with the number of pixels
+in a Fresnel zone, by 6 dB for each doubling of the resolution.
 
 On a body that turns a scatterer lies within the box of its mesh: beyond the end of a rotor blade it
 would be faster than all of the blade.

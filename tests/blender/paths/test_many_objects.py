@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a run asks of Blender for each object, and that Cycles nevertheless takes over what is set."""
+"""What a run asks of Blender for each object, and that Cycles still takes over what is set."""
 
 from __future__ import annotations
 
