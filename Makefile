@@ -8,7 +8,8 @@ OUT ?= out/paper
 # Extra words for pytest, for example PYTEST_ARGS="-k gate".
 PYTEST_ARGS ?=
 # Processes that `make test` uses. Tests of one file share their fixtures, so they stay together;
-# files marked as slow come first.
+# files marked as slow come first. Where a process crashes, the run ends: xdist would start another and
+# then wait for ever.
 JOBS ?= 2
 
 PY := $(VENV)/bin/python
@@ -55,7 +56,7 @@ demo: $(STAMP)
 	@$(PY) scripts/demo.py --out "$(OUT)"
 
 test: $(STAMP)
-	$(PY) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
+	$(PY) -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder --max-worker-restart=0 $(PYTEST_ARGS)
 
 validate: $(STAMP)
 	@$(PY) scripts/validate.py

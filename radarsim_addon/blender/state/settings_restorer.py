@@ -14,6 +14,8 @@ from functools import partial
 from typing import Any
 
 _ABSENT = object()
+#: The way from a struct to one in it: names of attributes, and places in collections.
+_Path = tuple[str | int, ...]
 #: Times that settings which limit one another are set: media type, format, depth, codec.
 _PASSES = 4
 
@@ -110,14 +112,18 @@ class SettingsRestorer:
         before = list(_settings_of(owner))
 
         def undo() -> None:
+            # Each struct is looked up anew: some settings free the structs of others and make new
+            # ones, and a kept reference would then be to freed memory.
             for _ in range(_PASSES):
-                for struct, name, value in before:
-                    if _plain(getattr(struct, name)) != value:
+                for path, name, value in before:
+                    struct = _struct_at(owner, path)
+                    if struct is not None and _read(struct, name) != value:
                         with contextlib.suppress(TypeError):  # not allowed yet
-                            setattr(struct, name, value)
-            lost = [
-                name for struct, name, value in before if _plain(getattr(struct, name)) != value
-            ]
+                            _write(struct, name, value)
+                            if name == "points":
+                                _struct_at(owner, path[:-2]).update()
+            after = {(path, name): value for path, name, value in _settings_of(owner)}
+            lost = [name for path, name, value in before if after.get((path, name)) != value]
             if lost:
                 raise ValueError(f"{', '.join(lost)} cannot be set as before")
 
@@ -152,16 +158,54 @@ class SettingsRestorer:
         return failures
 
 
-def _settings_of(owner: Any) -> Iterator[tuple[Any, str, Any]]:
-    """Structs, names and values of what can be set in a struct and those in it."""
+def _settings_of(owner: Any, path: _Path = ()) -> Iterator[tuple[_Path, str, Any]]:
+    """Ways to structs, names and values of what can be set in a struct and those in it."""
     for item in owner.bl_rna.properties:
         value = getattr(owner, item.identifier)
+        here = (*path, item.identifier)
         if item.type == "POINTER":
             if value is not None and item.identifier != "rna_type":
-                yield from _settings_of(value)
-        elif not item.is_readonly and item.type != "COLLECTION" and value != "":
+                yield from _settings_of(value, here)
+        elif item.type == "COLLECTION":
+            if item.identifier == "points":
+                yield path, item.identifier, _read(owner, item.identifier)
+            else:
+                for index, part in enumerate(value):
+                    yield from _settings_of(part, (*here, index))
+        elif not item.is_readonly and value != "":
             # an enumeration that reads "" is unset, and cannot be set so
-            yield owner, item.identifier, _plain(value)
+            yield path, item.identifier, _plain(value)
+
+
+def _struct_at(owner: Any, path: _Path) -> Any:
+    """The struct that a way leads to, or None if there is none now."""
+    for step in path:
+        owner = getattr(owner, step) if isinstance(step, str) else owner[step]
+        if owner is None:
+            return None
+    return owner
+
+
+def _read(struct: Any, name: str) -> Any:
+    """The value of a setting; of the points of a curve, places, handles and selection."""
+    value = getattr(struct, name)
+    if name != "points":
+        return _plain(value)
+    return tuple((tuple(point.location), point.handle_type, point.select) for point in value)
+
+
+def _write(struct: Any, name: str, value: Any) -> None:
+    """Set a setting; for the points of a curve, as many as there were."""
+    if name != "points":
+        setattr(struct, name, value)
+        return
+    points = struct.points
+    while len(points) > max(len(value), 2):  # a curve has two or more
+        points.remove(points[-2])
+    while len(points) < len(value):
+        points.new(1.0, 1.0)
+    for point, (location, handle, selected) in zip(points, value, strict=True):
+        point.location, point.handle_type, point.select = location, handle, selected
 
 
 def _plain(value: Any) -> Any:

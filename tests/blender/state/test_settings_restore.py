@@ -105,6 +105,9 @@ def unusual_scene() -> Any:
     scene.render.use_multiview = True
     image.views_format, image.stereo_3d_format.display_mode = "STEREO_3D", "SIDEBYSIDE"
     image.color_management, image.linear_colorspace_settings.name = "OVERRIDE", "Linear Rec.2020"
+    image.view_settings.use_curve_mapping = True
+    image.view_settings.curve_mapping.curves[3].points.new(0.3, 0.6).handle_type = "VECTOR"
+    image.view_settings.curve_mapping.update()
     render = scene.render
     render.engine = "BLENDER_WORKBENCH"
     render.resolution_x, render.resolution_y, render.resolution_percentage = 640, 480, 50
