@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -346,3 +349,18 @@ def test_recorder_goes_on_after_a_failure() -> None:
     recorder.on_restore("broken", fail)
     assert recorder.restore() == ["broken: gone"]
     assert owner.value == 1
+
+
+def test_restoring_uses_no_freed_memory() -> None:
+    """The GNU C library overwrites freed memory here; other libraries ignore the variable."""
+    test = f"{Path(__file__)}::{test_every_setting_of_the_file_is_restored.__name__}"
+    overwrite = "glibc.malloc.tcache_count=0:glibc.malloc.perturb=170"
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"{test}[success-rings]"],
+        env=os.environ | {"GLIBC_TUNABLES": overwrite},
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
