@@ -71,6 +71,30 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
     return _bounded(col, row)
 
 
+def view_limits(table: PathRows) -> tuple[Indices, Indices]:
+    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
+    tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
+    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
+    starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
+    return starts, np.append(starts[1:], table.size)[: starts.size]
+
+
+def joined_places(
+    rows: PathRows, receiver: ReceiverRecord, count: int
+) -> tuple[Integers, Integers]:
+    """Return places as `grid_places`, of rows of several views, whose grids lie side by side."""
+    starts, stops = view_limits(rows)
+    each, left = [], 0
+    for start, stop in zip(starts, stops, strict=True):
+        col, row = grid_places(rows[start:stop], receiver, count)
+        each.append((col + left, row))
+        left += int(col.max()) + _GAP
+    if len(each) == 1:
+        return each[0]
+    col, row = map(np.concatenate, zip(*each, strict=True))
+    return _bounded(col, row)
+
+
 #: Column and row of the pixels of rows, as `grid_places` finds them.
 Places = Callable[[PathRows, ReceiverRecord, int], tuple[Integers, Integers]]
 

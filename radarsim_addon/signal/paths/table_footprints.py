@@ -25,8 +25,8 @@ from .footprints import (
     power_steps,
     shares,
     steps_of,
-    view_limits,
 )
+from .pixel_spacing import view_limits
 from .rows import PathColumns
 from .table import PathRows
 from .table_files import usable
