@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 
 from ...errors import ConfigError, SceneError
-from ...processes import own_folder, remove_abandoned_folders
+from ...processes import keep_freed_memory, own_folder, remove_abandoned_folders
 from ..materials import set_mirrors
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
@@ -43,6 +43,7 @@ def open_scene(arguments: argparse.Namespace) -> tuple[Any, Any, Any]:
 
 def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     """Open the file of a command line; return its job, unprepared."""
+    keep_freed_memory()
     scene, view_layer, radar = open_scene(arguments)
     if arguments.device is not None:
         choose_device(scene, Device(arguments.device.upper()))

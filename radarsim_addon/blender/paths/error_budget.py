@@ -17,13 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import contract
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ...findings import Finding, finding
 from ...signal.paths import (
     PathFlag,
     PathRows,
     Points,
     edge_variances,
+    joined_places,
     lone_variances,
     spread,
     steps_of,
@@ -84,41 +85,72 @@ class CellGrid:
 
         Without a camera nothing is known of edges along the grid.
         """
-        size = self.first_object
-        power = rows["power_w"] * count
-        by_bin = self._by_bin(rows, count, receiver) if self.ranges else np.zeros(1)
-        by_object = np.bincount(rows["last_object"], power, minlength=1)
-        bins, objects = np.flatnonzero(by_bin), np.flatnonzero(by_object)
-        hits = np.bincount(rows["last_object"], minlength=1) / count
-        edges = np.zeros(hits.size)
-        if receiver is not None:
-            number = rows["last_object"].astype(np.int64)
-            if count > 1:
-                edges = edge_variances(rows, number, power, receiver, count) / count
-            else:
-                edges = lone_variances(rows, number, power, receiver)
-        return ReplicatePowers(
-            np.concatenate([bins, objects + size]),
-            np.concatenate([by_bin[bins], by_object[objects]]),
-            hits,
-            edges,
-        )
+        return self.powers_of_views([rows], count, receiver)[0]
 
-    def _by_bin(self, rows: PathRows, count: int, receiver: contract.ReceiverRecord | None) -> Real:
-        """Power of range bins, each row spread over what its pixel covers, as in the profile."""
-        rows = rows[rows["flags"] & PathFlag.NO_RANGE == 0]
+    def powers_of_views(
+        self,
+        views: Sequence[PathRows],
+        count: int,
+        receiver: contract.ReceiverRecord | None = None,
+    ) -> list[ReplicatePowers]:
+        """Compute the powers of several replicates, as `replicate_powers` of each."""
+        rows = np.concatenate(views) if len(views) > 1 else views[0]
+        view = np.repeat(np.arange(len(views)), [own.size for own in views])
+        power_w = rows["power_w"] * count
+        by_bin = self._by_bin(rows, view, len(views), power_w, count, receiver)
+        number = rows["last_object"].astype(np.int64)
+        shape = len(views), int(number.max(initial=0)) + 1
+        # objects of each view by numbers of their own
+        place, size = view * shape[1] + number, math.prod(shape)
+        by_object = np.bincount(place, power_w, size).reshape(shape)
+        hits = np.bincount(place, minlength=size).reshape(shape) / count
+        edges = np.zeros(size)
+        if receiver is not None:
+            label = np.where(number > 0, place, 0)
+            if count > 1:
+                least = edge_variances(rows, label, power_w, receiver, count, joined_places) / count
+            else:
+                least = lone_variances(rows, label, power_w, receiver, joined_places)
+            edges[: least.size] = least
+        found = []
+        for each in zip(by_bin, by_object, hits, edges.reshape(shape), strict=True):
+            bins, objects = map(np.flatnonzero, each[:2])
+            cells = np.concatenate([bins, objects + self.first_object])
+            powers_w = np.concatenate([each[0][bins], each[1][objects]])
+            found.append(ReplicatePowers(cells, powers_w, *each[2:]))
+        return found
+
+    def _by_bin(
+        self,
+        rows: PathRows,
+        view: Indices,
+        views: int,
+        power_w: Real,
+        count: int,
+        receiver: contract.ReceiverRecord | None,
+    ) -> Real:
+        """Power of range bins by view, each row spread over what its pixel covers, as in the
+        profile.
+        """
+        size = self.bins + 1
+        total = np.zeros(views * size)
+        if not self.ranges:
+            return total.reshape(views, size)
+        kept = np.flatnonzero(rows["flags"] & PathFlag.NO_RANGE == 0)
+        if kept.size < rows.size:
+            rows, view, power_w = rows[kept], view[kept], power_w[kept]
         parts: Iterable[Points]
         if receiver is None:
             whole = np.arange(rows.size)
             parts = [Points(whole, rows["length_m"], np.zeros(rows.size), np.ones(rows.size))]
         else:
-            parts = spread(rows, steps_of(rows, receiver, count), self.bin_m, math.inf)
-        total = np.zeros(self.bins + 1)
+            steps = steps_of(rows, receiver, count, joined_places)
+            parts = spread(rows, steps, self.bin_m, math.inf, views=views)
         for part in parts:
             place = np.clip(part.length_m / 2 / self.bin_m, 0, self.bins).astype(np.int64)
-            share = part.share * rows["power_w"][part.row] * count
-            total += np.bincount(place, share, minlength=total.size)
-        return total
+            place += (view * size)[part.row]
+            total += np.bincount(place, part.share * power_w[part.row], total.size)
+        return total.reshape(views, size)
 
     def powers(self, replicates: Sequence[ReplicatePowers]) -> CellPowers:
         """Means and variances of a tile's cells over its replicates."""

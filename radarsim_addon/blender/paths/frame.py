@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ... import contract
-from ...array_types import Mask
+from ...array_types import Mask, Real
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import PATH_DTYPE, PathRows, column_groups, write_table
@@ -28,6 +28,7 @@ from .materials_in_use import by_surface
 from .mirror_paths import MirrorPaths
 from .mirror_views import MirrorViews
 from .quality import QualitySums
+from .row_finisher import RowFinisher, views_together
 from .screen_boxes import ViewBoxes, projected_bounds
 from .small_object_ranking import (
     MOST_TILED,
@@ -82,7 +83,8 @@ class FrameWork:
     ) -> None:
         self._no_echo = no_echo
         self._tracer, self._motion, self._progress = tracer, motion, progress
-        self._hits, self._clutter, self._mirrors = hits, clutter, mirrors
+        self._finisher = RowFinisher(motion, hits, clutter)
+        self._clutter, self._mirrors = clutter, mirrors
         self._dtype = mirrors.dtype
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
@@ -268,6 +270,9 @@ class FrameWork:
         quality = QualitySums()
         powers: list[ReplicatePowers] = []
         rows_of, renders = list[int](), 0
+        waiting: list[tuple[PathRows, Real]] = []
+        mirrored = self._dtype != PATH_DTYPE
+        together = 1 if mirrored else views_together(tile.window)
         with self._parts.writer(key) as part:
             for replicate in range(count):
                 rows, origin_m, traced = yield from self._tracer.replicate_tasks(
@@ -275,23 +280,26 @@ class FrameWork:
                 )
                 renders += traced.renders
                 quality.add_view(traced, watts_per_unit / count)
-                self._motion.label(rows)
-                normals = self._hits.refine(rows, origin_m, self._tracer.transmitter_m)
-                self._clutter.apply(rows, normals, origin_m, self._tracer.transmitter_m)
-                if self._dtype != PATH_DTYPE:  # there are mirrors
-                    views = MirrorViews(
-                        self._tracer, self._motion, self._hits, self._clutter, self._mirrors
+                waiting.append((rows, origin_m))
+                if len(waiting) < min(together, count - len(rows_of)):
+                    continue
+                views = self._finisher.finish(waiting, self._tracer.transmitter_m)
+                waiting = []
+                if mirrored:
+                    images = MirrorViews(self._tracer, self._finisher, self._mirrors)
+                    rows, made = yield from images.measure(
+                        number, tile, replicate, views[0], traced, quality
                     )
-                    rows, made = yield from views.measure(
-                        number, tile, replicate, rows, traced, quality
-                    )
+                    views = [rows]
                     renders += made
-                rows = self._clutter.better.in_better_direction(rows, self._tracer)
-                quality.add_rows(rows, self._receiver)
-                powers.append(self._grid.replicate_powers(rows, count, self._receiver))
-                rows_of.append(rows.size)
-                part.add(rows)
-                self._progress.replicates_measured(1, earlier=False)
+                better = self._clutter.better
+                views = [better.in_better_direction(rows, self._tracer) for rows in views]
+                powers += self._grid.powers_of_views(views, count, self._receiver)
+                for rows in views:
+                    quality.add_rows(rows, self._receiver)
+                    rows_of.append(rows.size)
+                    part.add(rows)
+                self._progress.replicates_measured(len(views), earlier=False)
         record = TileRecord(
             rows_of,
             quality.numbers(),

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...signal.paths import PathRows
-from ..motion import BurstMotion
 from ..views import TracedReplicate
-from .clutter_weights import ClutterWeights
-from .hit_points import HitPoints
 from .mirror_paths import MirrorPaths
 from .quality import QualitySums
+from .row_finisher import RowFinisher
 from .tiles import Tile
 from .view_tracer import PathTask, ViewTracer
 
@@ -24,9 +22,7 @@ class MirrorViews:
     """Measures tile replicates over the mirrors of a frame."""
 
     tracer: ViewTracer
-    motion: BurstMotion
-    hits: HitPoints
-    clutter: ClutterWeights
+    finisher: RowFinisher
     mirrors: MirrorPaths
 
     def measure(
@@ -49,9 +45,7 @@ class MirrorViews:
                 number, tile, replicate, image, self.mirrors.reflections(image)
             )
             renders += traced.renders
-            self.motion.label(found)
-            normals = self.hits.refine(found, origin_m, place_m)
-            self.clutter.apply(found, normals, origin_m, place_m)
+            (found,) = self.finisher.finish([(found, origin_m)], place_m)
             found = self.mirrors.number(found, traced, image)
             found, through_w = self.mirrors.choose(image, found)
             quality.through_mirrored_w += through_w

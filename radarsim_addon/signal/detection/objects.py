@@ -41,6 +41,8 @@ from ..scattering import Link, interference_factors, reverse_factors
 
 #: Names in the message of a name that is unknown.
 _NAMES_SHOWN = 10
+#: Rows of a tile whose replicates are treated together.
+_SMALL_TILE = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -186,13 +188,13 @@ def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list
 
 @dataclass(frozen=True)
 class _Grids:
-    """Finds the pixels of some rows of a tile, all those of one view, by their numbers in it."""
+    """Finds the pixels of some rows of a tile, all those of some views, by their numbers in it."""
 
     grids: GridPlaces
     number: Indices
 
     def __call__(self, own: Indices | slice) -> Places:
-        return self.grids.of_view(self.number[own])
+        return self.grids.of_views(self.number[own])
 
 
 class _Sums:
@@ -256,16 +258,22 @@ class _Sums:
 
         It comes from edges along the grid of the tile, on which the replicates may agree.
         """
-        variance, count = np.zeros(self._size), self._replicates
+        count, size = self._replicates, self._size
         total = self._by_group(label, power)
         relative = count * power / np.where(total > 0, total, 1.0)[label]
-        for replicate in range(count):
-            own = np.flatnonzero(rows["replicate"] == replicate)
+        replicate = rows["replicate"].astype(np.int64)
+        # of few rows numpy is all overhead: groups of all replicates have numbers of their own
+        apart = np.where(label > 0, label + size * replicate, 0)
+        step = count if rows.size <= _SMALL_TILE else 1
+        variance = np.zeros(count * size)
+        for first in range(0, count, step):
+            own = np.flatnonzero((replicate >= first) & (replicate < first + step))
+            mine = rows if own.size == rows.size else rows[own]
             found = edge_variances(
-                rows[own], label[own], relative[own], self._camera, count, grids(own)
+                mine, apart[own], relative[own], self._camera, count, grids(own)
             )
-            variance[: found.size] += found / count
-        return variance
+            variance[: found.size] += found
+        return np.asarray((variance / count).reshape(count, size).sum(axis=0))
 
     def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:
         errors = np.sqrt(self._variance)

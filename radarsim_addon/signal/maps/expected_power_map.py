@@ -19,13 +19,13 @@ with the Doppler spectrum of its scatterers; they give the powers of clutter alo
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
 from ..decoding import FrameInput, as_input
 from ..paths import (
@@ -48,8 +48,8 @@ from ..spectrum import check_finite, repeat_orders
 from .ray_gaps import RayGaps
 from .smearing import FINER, Smearing
 
-#: Rows of which gains are found at once.
-_SMALL_TABLE = 1 << 16
+#: Rows of a table that is treated at once, and cells of the grids of all its replicates: 32 MB.
+_SMALL_TABLE, _MOST_CELLS = 1 << 16, 1 << 22
 
 
 @dataclass(frozen=True)
@@ -175,9 +175,8 @@ def expected_power(
     def every(planes: list[Real]) -> list[Real]:
         return [values for start in starts for values in smeared(planes, start)]
 
-    sums.keep_gains(table.rows)
-    for views in views_by_replicate(table.rows, table.record.replicates):
-        for mean, values in zip(means, every(sums.replicate(views)), strict=True):
+    for planes in sums.replicates(table.rows):
+        for mean, values in zip(means, every(planes), strict=True):
             mean.add(values)
     found = [
         (mean.mean, np.sqrt(mean.variance() + (mean.mean - values) ** 2))
@@ -229,12 +228,27 @@ class _TableSums:
             radar.waveform.range_resolution_m * self._record.replicates,
         )
 
-    def replicate(self, views: Iterable[tuple[Indices, PathRows]]) -> list[Real]:
-        """Powers in cells from the views of one replicate, plane by plane."""
-        planes = [plane.copy() for plane in self._volume]
-        for number, rows in views:
-            self._add_view(planes, number, rows)
-        return planes
+    def replicates(self, table: PathRows) -> Iterator[list[Real]]:
+        """Yield the powers in cells of each replicate, plane by plane.
+
+        Replicates of a small table are treated together: of few rows numpy is all overhead.
+        """
+        count = self._record.replicates
+        small = table.size <= _SMALL_TABLE and not has_images(table)
+        if small and count * sum(plane.size for plane in self._volume) <= _MOST_CELLS:
+            rows = np.asarray(table)
+            number = np.flatnonzero(usable(rows) & (rows["replicate"] < count))
+            rows = rows if number.size == rows.size else rows[number]
+            planes = [np.repeat(plane[None], count, axis=0) for plane in self._volume]
+            self._add_rows(planes, number, rows, rows["replicate"].astype(np.int64))
+            yield from map(list, zip(*planes, strict=True))
+            return
+        self._keep_gains(table)
+        for views in views_by_replicate(table, count):
+            planes = [plane[None].copy() for plane in self._volume]
+            for number, rows in views:
+                self._add_rows(planes, number, rows)
+            yield [plane[0] for plane in planes]
 
     def add_volume(self, rows: PathRows) -> None:
         """Add points that are the same in all replicates, before those."""
@@ -250,10 +264,17 @@ class _TableSums:
             radiance = gain * radiance_of(rows, self._record) * rows["solid_angle_sr"]
             self._points_to(make_paths(radiance, np.array(rows["length_m"])))
 
-    def _add(self, planes: list[Real], part: Points, power: Real, rows: PathRows) -> None:
-        """Add the points of rows to the plane of each."""
+    def _add(
+        self,
+        planes: list[Real],
+        part: Points,
+        power: Real,
+        rows: PathRows,
+        grid_of: Integers | None = None,
+    ) -> None:
+        """Add the points of rows to the plane of each, of several grids to that of each row."""
         if len(planes) == 1:
-            self._cells.add(planes[0], part, power)
+            self._cells.add(planes[0], part, power, grid_of)
             return
         plane_of_point = self._surfaces.planes_of(rows)[part.row]
         for plane in np.unique(plane_of_point).tolist():
@@ -261,32 +282,44 @@ class _TableSums:
             row, length_m, share = part.row[mine], part.length_m[mine], part.share[mine]
             rate_mps = part.range_rate_mps[mine]
             if not plane:
-                self._cells.add(planes[0], Points(row, length_m, rate_mps, share), power)
+                points = Points(row, length_m, rate_mps, share)
+                self._cells.add(planes[0], points, power, grid_of)
                 continue
             for strength, added_mps in self._surfaces.lines(plane, rows):
                 points = Points(row, length_m, rate_mps + added_mps[row], strength * share)
-                self._fine.add_between(planes[plane], points, power)
+                self._fine.add_between(planes[plane], points, power, grid_of)
 
-    def _add_view(self, planes: list[Real], number: Indices, rows: PathRows) -> None:
+    def _add_rows(
+        self,
+        planes: list[Real],
+        number: Indices,
+        rows: PathRows,
+        grid_of: Integers | None = None,
+    ) -> None:
+        """Add rows of views to planes, (grids, ...), with their numbers in the table, and the
+        number of the grid of each, (n,) each; None: the only one.
+        """
         record, cells = self._record, self._cells
         check_finite(rows["length_m"], number, "length")
         gain = self._gain(rows, number)
         power = self._scale * gain * rows["power_w"]
         radiance = gain * radiance_of(rows, record) * rows["solid_angle_sr"]
-        steps = steps_of(rows, record.receiver, record.replicates, self._grids.of_view(number))
+        steps = steps_of(rows, record.receiver, record.replicates, self._grids.of_views(number))
         if self._footprints is not None:
             self._footprints.take(number, rows, steps)
         self.gaps.add(rows, steps)
-        for part in spread(rows, steps, *cells.spacing):
-            self._add(planes, part, record.replicates * power, rows)
+        views = len(planes[0])
+        whole = record.replicates * power
+        for part in spread(rows, steps, *cells.spacing, views):
+            self._add(planes, part, whole, rows, grid_of)
             if self._points_to is not None:
                 self._points_to(make_paths(radiance[part.row] * part.share, part.length_m))
         if record.replicates > 1:
             steps = steps.scaled(record.replicates**-0.5)
-            for part in spread(rows, steps, *cells.spacing):
+            for part in spread(rows, steps, *cells.spacing, views):
                 self._add(self.finer, part, power, rows)
 
-    def keep_gains(self, table: PathRows) -> None:
+    def _keep_gains(self, table: PathRows) -> None:
         """Find the gains of a small table at once: of few rows they are all overhead."""
         if self._link is not None and table.size <= _SMALL_TABLE:
             rows = np.asarray(table)
@@ -360,19 +393,27 @@ class _Cells:
         """Centres of the range cells, (ranges,) [m]."""
         return np.asarray(self._start_m + self.step_m * np.arange(self.ranges), dtype=np.float64)
 
-    def add(self, grid: Real, part: Points, power: Real) -> None:
-        """Add the points that rows of these powers are spread over to the cells of a grid."""
+    def add(
+        self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
+    ) -> None:
+        """Add the points that rows of these powers are spread over to the cells of a grid, or of
+        several, (grids, ...), with the number of each row's.
+        """
         seen, number = self.of(part.length_m, part.range_rate_mps)
+        if grid_of is not None:
+            number += (grid_of * math.prod(self.shape))[part.row[seen]]
         # unbuffered: of a small tile few cells are touched
         np.add.at(grid.ravel(), number, (power[part.row] * part.share)[seen])
 
-    def add_between(self, grid: Real, part: Points, power: Real) -> None:
+    def add_between(
+        self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
+    ) -> None:
         """As `add`, each point shared by the two cells of Doppler that it lies between."""
         place = part.range_rate_mps / self.step_mps
         below = np.floor(place)
         for cell, share in ((below, below + 1 - place), (below + 1, place - below)):
             points = Points(part.row, part.length_m, cell * self.step_mps, share * part.share)
-            self.add(grid, points, power)
+            self.add(grid, points, power, grid_of)
 
     def of(
         self, length_m: Real, range_rate_mps: Real

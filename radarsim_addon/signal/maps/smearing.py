@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import make_paths
@@ -17,6 +17,8 @@ from .range_compression import expected_power_profile
 
 #: Cells in a bin of Doppler of the planes of clutter.
 FINER = 4
+#: Up to so many rows of Doppler are convolved one by one, faster than by a transform of all.
+_FEW_ROWS = 16
 
 
 class Smearing:
@@ -63,16 +65,11 @@ class Smearing:
         for plane in range(first, len(planes)):
             profile = profile + planes[plane].sum(axis=0)
             step = FINER if plane else 1
-            in_range = self._in_range(planes[plane])
-            image = image + _smear_doppler(in_range, self._doppler[plane])[::step]
+            # most rows of Doppler are empty
+            held = np.flatnonzero(planes[plane].any(axis=1))
+            in_range = _smear(planes[plane][held], self._range)
+            image = image + _smear_doppler(in_range, held, self._doppler[plane], step)
         return _smear(np.atleast_2d(profile), self._range)[0], np.asarray(image)
-
-    def _in_range(self, plane: Real) -> Real:
-        """The plane smeared over range: most rows of Doppler are empty."""
-        held = np.flatnonzero(plane.any(axis=1))
-        found = np.zeros_like(plane)
-        found[held] = _smear(plane[held], self._range)
-        return found
 
 
 def _doppler_response(weight: Real, correlation: Real, finer: int) -> Real:
@@ -123,7 +120,14 @@ def _smear(grid: Real, response: Real) -> Real:
     return np.maximum(result, 0.0)
 
 
-def _smear_doppler(grid: Real, response: Real) -> Real:
-    """Circular convolution over Doppler."""
+def _smear_doppler(rows: Real, held: Indices, response: Real, step: int) -> Real:
+    """Every `step`-th row of a circular convolution over Doppler, of the rows that are `held`."""
+    count = response.size
+    if held.size <= _FEW_ROWS:
+        # sidelobes keep their digits where they are far below the strongest row, too
+        shifts = (np.arange(0, count, step)[:, None] - held) % count
+        return np.einsum("dh,hr->dr", response[shifts], rows)
+    grid = np.zeros((count, rows.shape[1]))
+    grid[held] = rows
     spectrum = np.fft.rfft(grid, axis=0) * np.fft.rfft(response)[:, None]
-    return np.maximum(np.fft.irfft(spectrum, len(grid), axis=0), 0.0)
+    return np.maximum(np.fft.irfft(spectrum, count, axis=0), 0.0)[::step]

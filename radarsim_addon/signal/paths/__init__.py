@@ -17,7 +17,7 @@ from .footprints import (
 )
 from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
-from .pixel_spacing import GridPlaces, Places
+from .pixel_spacing import GridPlaces, Places, joined_places
 from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .rows import AnyRows, PathColumns, has_curved_images, has_images, scatterer_rows
 from .table import (
@@ -76,6 +76,7 @@ __all__ = [
     "has_images",
     "images_of",
     "iter_rows",
+    "joined_places",
     "lone_variances",
     "make_paths",
     "motion_of_rows",

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Integers, Real
 from ...contract import ReceiverRecord
-from .pixel_spacing import Places, grid_places, placed
+from .pixel_spacing import Places, grid_places, placed, view_limits
 from .table import PathRows
 from .table_files import usable
 
@@ -98,7 +98,7 @@ def steps_of(
     Parameters
     ----------
     rows
-        Of one tile at one replicate, with lengths, (n,).
+        Of one tile at one replicate, with lengths, (n,); of several such views with `joined_places`.
     receiver
         Of the frame.
     count
@@ -201,17 +201,17 @@ def _counting(length_m: Real, rays: Indices) -> Indices:
 
 
 def points_along(
-    steps: Steps, cell_m: float, cell_mps: float, most_a_row: int = _POINTS_A_ROW
+    steps: Steps, cell_m: float, cell_mps: float, most_a_row: int = _POINTS_A_ROW, views: int = 1
 ) -> Indices:
     """Return how many points stand for each row across and up, (n, 2), see `spread`; there are at
-    most so many times the rows, or a number that costs nothing.
+    most so many times the rows, or a number for each view that costs nothing.
     """
     # by columns: reductions over two are slow
     length_m, rate_mps = abs(steps.length_m), abs(steps.range_rate_mps)
     extent = np.maximum(length_m[..., 0], length_m[..., 1]) / cell_m
     if rate_mps.any():
         extent = np.maximum(extent, np.maximum(rate_mps[..., 0], rate_mps[..., 1]) / cell_mps)
-    most = max(most_a_row * len(extent), _LEAST_POINTS)
+    most = max(most_a_row * len(extent), _LEAST_POINTS * views)
     along = np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
     # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
     while int(along[:, 0] @ along[:, 1]) > most:
@@ -220,14 +220,19 @@ def points_along(
 
 
 def spread(
-    rows: PathRows, steps: Steps, cell_m: float, cell_mps: float, border_m: float = 0.0
+    rows: PathRows,
+    steps: Steps,
+    cell_m: float,
+    cell_mps: float,
+    border_m: float = 0.0,
+    views: int = 1,
 ) -> Iterator[Points]:
     """Yield points that stand for the rows, no further apart than cells, a part at a time.
 
     Parameters
     ----------
     rows
-        Of one tile at one replicate, (n,).
+        Of one tile at one replicate, or of several such views, (n,).
     steps
         Of these rows, from `steps_of`.
     cell_m
@@ -237,13 +242,15 @@ def spread(
     border_m
         Total length at which a cell ends. A point that reaches over such a place, or others whole
         cells away from it, is cut in two there.
+    views
+        Number of tile replicates that the rows are of.
 
     Yields
     ------
     Points
         Those of some rows; the fractions of a row add up to 1.
     """
-    along = points_along(steps, cell_m, cell_mps)
+    along = points_along(steps, cell_m, cell_mps, views=views)
     points = along[:, 0] * along[:, 1]
     lengths, rates = np.array(rows["length_m"]), np.array(rows["range_rate_mps"])
     whole, several = np.flatnonzero(points == 1), np.flatnonzero(points > 1)
@@ -381,14 +388,6 @@ def views_by_replicate(
     for number in range(replicates):
         mine = np.flatnonzero(replicate == number)
         yield (_rows_with_length(table, starts[i], stops[i]) for i in mine)
-
-
-def view_limits(table: PathRows) -> tuple[Indices, Indices]:
-    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
-    tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
-    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
-    starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
-    return starts, np.append(starts[1:], table.size)[: starts.size]
 
 
 def _rows_with_length(table: PathRows, start: int, stop: int) -> tuple[Indices, PathRows]:

@@ -71,6 +71,31 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
     return _bounded(col, row)
 
 
+def view_limits(table: PathRows) -> tuple[Indices, Indices]:
+    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
+    tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
+    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
+    starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
+    return starts, np.append(starts[1:], table.size)[: starts.size]
+
+
+def joined_places(
+    rows: PathRows, receiver: ReceiverRecord, count: int
+) -> tuple[Integers, Integers]:
+    """Return places as `grid_places`, of rows of several views, whose grids lie side by side."""
+    limits = zip(*view_limits(rows), strict=True)
+    return _side_by_side([grid_places(rows[a:b], receiver, count) for a, b in limits])
+
+
+def _side_by_side(each: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
+    """Places in one grid of those in several, none a neighbour of another's."""
+    if len(each) == 1:
+        return each[0]
+    starts = np.cumsum([0] + [int(col.max()) + _GAP for col, _ in each])
+    col = np.concatenate([own + start for (own, _), start in zip(each, starts, strict=False)])
+    return _bounded(col, np.concatenate([row for _, row in each]))
+
+
 #: Column and row of the pixels of rows, as `grid_places` finds them.
 Places = Callable[[PathRows, ReceiverRecord, int], tuple[Integers, Integers]]
 
@@ -81,33 +106,42 @@ class GridPlaces:
     def __init__(self) -> None:
         self._kept: dict[int, tuple[Integers, Integers]] = {}
 
-    def of_view(self, number: Indices) -> Places:
-        """Return what finds places of rows of one view.
+    def of_views(self, number: Indices) -> Places:
+        """Return what finds places of rows of one view or of several.
 
         Parameters
         ----------
         number
-            Numbers of all rows of the view in the table, (n,).
+            Numbers of all rows of the views in the table, (n,).
 
         Returns
         -------
         callable
-            As `grid_places`; of all rows of the view it keeps what it finds, once.
+            As `joined_places`; of all rows of a view it keeps what it finds, once.
         """
 
         def places(
             rows: PathRows, receiver: ReceiverRecord, count: int
         ) -> tuple[Integers, Integers]:
-            if rows.size < number.size:  # not the whole view
-                return grid_places(rows, receiver, count)
-            found = self._kept.pop(int(number[0]), None)
-            if found is None:
-                found = grid_places(rows, receiver, count)
-                if sum(col.size for col, _ in self._kept.values()) <= _MOST_KEPT:
-                    self._kept[int(number[0])] = found
-            return found
+            if rows.size < number.size:  # not the whole views
+                return joined_places(rows, receiver, count)
+            limits = zip(*view_limits(rows), strict=True)
+            return _side_by_side(
+                [self._of_view(int(number[a]), rows[a:b], receiver, count) for a, b in limits]
+            )
 
         return places
+
+    def _of_view(
+        self, first: int, rows: PathRows, receiver: ReceiverRecord, count: int
+    ) -> tuple[Integers, Integers]:
+        """Places of all rows of a view, by the number of the first one."""
+        found = self._kept.pop(first, None)
+        if found is None:
+            found = grid_places(rows, receiver, count)
+            if sum(col.size for col, _ in self._kept.values()) <= _MOST_KEPT:
+                self._kept[first] = found
+        return found
 
 
 def _from_widest_gap(angle: Real) -> Real:

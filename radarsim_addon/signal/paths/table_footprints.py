@@ -25,8 +25,8 @@ from .footprints import (
     power_steps,
     shares,
     steps_of,
-    view_limits,
 )
+from .pixel_spacing import view_limits
 from .rows import PathColumns
 from .table import PathRows
 from .table_files import usable
@@ -45,6 +45,9 @@ class _Split(NamedTuple):
     rows: Indices
     between: NDArray[np.signedinteger]
     along: NDArray[np.int16]
+
+
+_NONE = _Split(np.zeros(0, np.intp), np.zeros((0, 2, 2, 2), np.int32), np.zeros((0, 2), np.int16))
 
 
 class TableFootprints:
@@ -73,20 +76,23 @@ class TableFootprints:
         self._kept: dict[int, tuple[Indices, tuple[Indices, PathColumns]]] = {}
 
     def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
-        """Take the steps of a view from who needs them too.
+        """Take the steps of whole views, one after another, from who needs them too.
 
         Parameters
         ----------
         number, rows
-            From `views_by_replicate`, (n,) each.
+            Usable rows of these views, and their numbers in the table, (n,) each.
         steps
             From `steps_of`.
         """
         if number.size and _placed(rows).all():
-            self._add(int(np.searchsorted(self._starts, number[0], "right")) - 1, number, steps)
+            first, last = (np.searchsorted(self._starts, number[[0, -1]], "right") - 1).tolist()
+            self._views.update(dict.fromkeys(range(first + 1, last + 1), _NONE))
+            self._add(first, number, steps, last + 1 - first)
 
-    def _add(self, view: int, number: Indices, steps: Steps) -> None:
-        along = points_along(steps, *self._cell, _POINTS_A_ROW)
+    def _add(self, view: int, number: Indices, steps: Steps, views: int = 1) -> None:
+        """Rows of several views are kept as those of the first one."""
+        along = points_along(steps, *self._cell, _POINTS_A_ROW, views)
         several = np.flatnonzero(along.max(axis=1, initial=1) > 1)
         # 44 bytes a row, for half of the rows of a scene: numbers no longer than they have to be
         kind: type[np.signedinteger] = np.int32 if self._table.size < 1 << 31 else np.int64
@@ -104,8 +110,7 @@ class TableFootprints:
                 rows = rows if kept.size == rows.size else rows[kept]
                 self._add(view, start + kept, steps_of(rows, record.receiver, record.replicates))
         parts = [self._views.pop(view) for view in range(self._starts.size)]
-        none = np.zeros(0, np.intp), np.zeros((0, 2, 2, 2), np.int32), np.zeros((0, 2), np.int16)
-        return _Split(*map(np.concatenate, zip(none, *parts, strict=True)))
+        return _Split(*map(np.concatenate, zip(_NONE, *parts, strict=True)))
 
     def points(self, numbers: Indices) -> tuple[Indices, PathColumns]:
         """Return the points of some rows, themselves as rows of a table.
