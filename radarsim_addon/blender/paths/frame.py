@@ -108,15 +108,7 @@ class FrameWork:
             ranges=self._options.error_scope != "objects",
         )
         self._budget = ErrorBudget(self._grid.first_object, self._options.error_scope)
-        self._whole = ViewWindow(
-            receiver.left,
-            receiver.right,
-            receiver.bottom,
-            receiver.top,
-            asked.width_px,
-            asked.height_px,
-            sphere=receiver.kind == "equirectangular",
-        )
+        self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
 

@@ -47,9 +47,7 @@ class RowFinisher:
     hits: HitPoints
     clutter: ClutterWeights
 
-    def finish(
-        self, views: Sequence[tuple[PathRows, Real]], transmitter_m: Real
-    ) -> list[PathRows]:
+    def finish(self, views: Sequence[tuple[PathRows, Real]], transmitter_m: Real) -> list[PathRows]:
         """Return the rows of views with bodies, vertices, lengths and powers.
 
         Parameters

@@ -8,6 +8,8 @@ import math
 import struct
 from dataclasses import dataclass, replace
 
+from ...contract import ReceiverRecord
+
 #: Rays that are enough for a sum, and pixels per side of those that share a ray, at most.
 _ENOUGH_RAYS, _MOST_SHARED = 4096, 4
 
@@ -33,6 +35,13 @@ class ViewWindow:
     width_px: int
     height_px: int
     sphere: bool = False
+
+    @classmethod
+    def of(cls, receiver: ReceiverRecord, width_px: int, height_px: int) -> ViewWindow:
+        """Return all that a receiver sees."""
+        sphere = receiver.kind == "equirectangular"
+        edges = receiver.left, receiver.right, receiver.bottom, receiver.top
+        return cls(*edges, width_px, height_px, sphere)
 
     @property
     def step_u(self) -> float:

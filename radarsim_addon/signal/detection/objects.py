@@ -269,9 +269,7 @@ class _Sums:
         for first in range(0, count, step):
             own = np.flatnonzero((replicate >= first) & (replicate < first + step))
             mine = rows if own.size == rows.size else rows[own]
-            found = edge_variances(
-                mine, apart[own], relative[own], self._camera, count, grids(own)
-            )
+            found = edge_variances(mine, apart[own], relative[own], self._camera, count, grids(own))
             variance[: found.size] += found
         return np.asarray((variance / count).reshape(count, size).sum(axis=0))
 

@@ -23,7 +23,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
@@ -41,10 +40,10 @@ from ..paths import (
     usable,
     views_by_replicate,
 )
-from ..radar import FmcwWaveform, LineWaveform, Radar
 from ..runs import RadarFrame
 from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factors, reverse_factors
-from ..spectrum import check_finite, repeat_orders
+from ..spectrum import check_finite
+from .power_cells import PowerCells, ReplicateMean
 from .ray_gaps import RayGaps
 from .smearing import FINER, Smearing
 
@@ -151,7 +150,7 @@ def expected_power(
     """
     frame_input = as_input(frame)
     radar, table = frame_input.radar, frame_input.table
-    cells = _Cells(radar, frame_input.range_limits_m, cells_per_sample)
+    cells = PowerCells(radar, frame_input.range_limits_m, cells_per_sample)
     raining = volume is not None and volume.size > 0
     surfaces = ClutterSurfaces(frame_input, rain=raining)
     smeared = Smearing(
@@ -170,7 +169,7 @@ def expected_power(
     # all power, and that of clutter: planes from this one on
     starts = (0, STILL_PLANE) if surfaces.planes > 1 else (0,)
     shapes = cells.ranges, (cells.pulses, cells.ranges)
-    means = [_Replicates(shape) for _ in starts for shape in shapes]
+    means = [ReplicateMean(shape) for _ in starts for shape in shapes]
 
     def every(planes: list[Real]) -> list[Real]:
         return [values for start in starts for values in smeared(planes, start)]
@@ -203,7 +202,7 @@ class _TableSums:
     def __init__(
         self,
         frame_input: FrameInput,
-        cells: _Cells,
+        cells: PowerCells,
         range_taper: str,
         receiver_gain: float,
         link: Link | None,
@@ -333,105 +332,3 @@ class _TableSums:
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
         return gain * reverse_factors(rows, self._record, *self._band)
-
-
-class _Replicates:
-    """Mean of replicates and its standard error (Welford 1962), without keeping them."""
-
-    def __init__(self, shape: int | tuple[int, int]) -> None:
-        self.mean, self._squares, self._count = np.zeros(shape), np.zeros(shape), 0
-
-    def add(self, values: Real) -> None:
-        self._count += 1
-        if self._count == 1:
-            self.mean = values
-            return
-        change = values - self.mean
-        self.mean = self.mean + change / self._count
-        self._squares += change * (values - self.mean)
-
-    def variance(self) -> Real:
-        """Of the mean; NaN where there is one: it says nothing of its error."""
-        if self._count < 2:
-            return np.full(self.mean.shape, np.nan)
-        return np.asarray(self._squares / ((self._count - 1) * self._count))
-
-
-class _Cells:
-    """Cells of range and Doppler: fractions of the sample spacing, and of the bins of the map."""
-
-    def __init__(
-        self,
-        radar: Radar,
-        range_limits_m: tuple[float, float],
-        per_sample: int,
-        per_bin: int = 1,
-    ) -> None:
-        self._given, self._per_bin = (radar, range_limits_m, per_sample), per_bin
-        self._start_m, waveform = range_limits_m[0], radar.waveform
-        self.step_m = waveform.sample_spacing_m / per_sample
-        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
-        fold_m = radar.burst.unambiguous_range_m
-        if isinstance(waveform, LineWaveform):
-            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
-        self._period = fold_m / self.step_m
-        stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
-        self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
-        self.pulses = radar.burst.pulses
-        self.shape = self.pulses * per_bin, self.ranges
-        #: One cell of Doppler [m/s].
-        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.shape[0]
-        #: Points' distances in total length (a cell) and range rate, and where a cell begins.
-        self.spacing = 2 * self.step_m, self.step_mps, 2 * self._start_m - self.step_m
-
-    def finer(self, per_bin: int) -> _Cells:
-        """Cells of which so many are in a bin of Doppler, the first one in its middle."""
-        return _Cells(*self._given, per_bin)
-
-    @property
-    def range_m(self) -> Real:
-        """Centres of the range cells, (ranges,) [m]."""
-        return np.asarray(self._start_m + self.step_m * np.arange(self.ranges), dtype=np.float64)
-
-    def add(
-        self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
-    ) -> None:
-        """Add the points that rows of these powers are spread over to the cells of a grid, or of
-        several, (grids, ...), with the number of each row's.
-        """
-        seen, number = self.of(part.length_m, part.range_rate_mps)
-        if grid_of is not None:
-            number += (grid_of * math.prod(self.shape))[part.row[seen]]
-        # unbuffered: of a small tile few cells are touched
-        np.add.at(grid.ravel(), number, (power[part.row] * part.share)[seen])
-
-    def add_between(
-        self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
-    ) -> None:
-        """As `add`, each point shared by the two cells of Doppler that it lies between."""
-        place = part.range_rate_mps / self.step_mps
-        below = np.floor(place)
-        for cell, share in ((below, below + 1 - place), (below + 1, place - below)):
-            points = Points(part.row, part.length_m, cell * self.step_mps, share * part.share)
-            self.add(grid, points, power, grid_of)
-
-    def of(
-        self, length_m: Real, range_rate_mps: Real
-    ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-        """Points that are seen, again where they fold into a long window, and the cell of each."""
-        ranges, period = self.ranges, self._period
-        cell = (length_m / 2 - self._start_m) / self.step_m
-        if math.isinf(period):
-            seen = np.flatnonzero((cell >= -0.5) & (cell < ranges - 0.5))
-            place = np.rint(cell[seen])
-        else:
-            low = np.ceil((cell - (ranges - 0.5)) / period)
-            copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
-            seen = np.repeat(np.arange(copies.size), copies)
-            place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
-        column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
-        bins = np.rint(-range_rate_mps[seen] / self.step_mps).astype(np.int64)
-        bins += self.pulses // 2 * self._per_bin
-        if bins.min(initial=0) < 0 or bins.max(initial=0) >= self.shape[0]:
-            bins %= self.shape[0]  # Doppler folds, too
-        return seen, bins * ranges + column

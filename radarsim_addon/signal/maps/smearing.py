@@ -126,7 +126,7 @@ def _smear_doppler(rows: Real, held: Indices, response: Real, step: int) -> Real
     if held.size <= _FEW_ROWS:
         # sidelobes keep their digits where they are far below the strongest row, too
         shifts = (np.arange(0, count, step)[:, None] - held) % count
-        return np.einsum("dh,hr->dr", response[shifts], rows)
+        return np.asarray(np.einsum("dh,hr->dr", response[shifts], rows))
     grid = np.zeros((count, rows.shape[1]))
     grid[held] = rows
     spectrum = np.fft.rfft(grid, axis=0) * np.fft.rfft(response)[:, None]

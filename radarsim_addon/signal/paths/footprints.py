@@ -98,7 +98,7 @@ def steps_of(
     Parameters
     ----------
     rows
-        Of one tile at one replicate, with lengths, (n,); of several such views with `joined_places`.
+        Of one tile at one replicate, with lengths, (n,); with `joined_places` of several of them.
     receiver
         Of the frame.
     count

@@ -171,6 +171,32 @@ def test_one_shift_tells_the_error_of_objects_alone() -> None:
     assert budget.relative_error() == pytest.approx(math.sqrt(1 / 3) / 10)
 
 
+def test_replicates_together_have_the_powers_of_each() -> None:
+    seen = ReceiverRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)
+    rays = pixel_rays(seen, 20, 20)
+    random, views = np.random.default_rng(3), []
+    for replicate in range(3):
+        rows = np.zeros((20, 20), dtype=PATH_DTYPE)
+        rows["direction"], rows["solid_angle_sr"] = rays.direction, rays.solid_angle_sr / 3
+        rows["order"], rows["replicate"] = 1, replicate
+        rows["last_object"] = 1 + (np.arange(20) > 7 + replicate)
+        rows["power_w"] = random.uniform(0.5, 1.0, rows.shape)
+        rows["length_m"] = 7.0 + 0.3 * np.arange(20)[:, None] + 0.1 * random.uniform(size=(20, 20))
+        rows["flags"][3, 4] = PathFlag.NO_RANGE
+        views.append(rows.ravel()[replicate:])
+    views.insert(1, views[0][:0])  # a replicate that sees nothing
+    for ranges in (True, False):
+        grid = CellGrid(bin_m=0.25, bins=30, ranges=ranges)
+        together = grid.powers_of_views(views, 4, seen)
+        for rows, found in zip(views, together, strict=True):
+            alone = grid.replicate_powers(rows, 4, seen)
+            assert np.array_equal(found.cells, alone.cells)
+            assert found.power == pytest.approx(alone.power, rel=1e-14)
+            for name in ("hits", "edges"):
+                own, other = getattr(alone, name), getattr(found, name)
+                assert np.array_equal(own, other[: own.size]) and not other[own.size :].any()
+
+
 def test_objects_beyond_the_target_are_named() -> None:
     """The target is a mean over all objects: those far from it are not passed over in silence."""
     budget = ErrorBudget(10, "objects")

@@ -14,6 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
+from radarsim_addon.blender.paths import row_finisher
 from radarsim_addon.blender.paths.tiles import Tile
 from radarsim_addon.blender.views import PathClass, RenderRequest, ViewWindow, window
 from radarsim_addon.blender.views import view_scene as path_scene
@@ -44,6 +45,23 @@ def test_number_of_threads_changes_nothing(
         assert render.threads == 5
     assert tables[0] == tables[1]
     assert run.table().size > 500 and set(run.table()["order"]) == {1, 2}
+
+
+def test_rows_of_replicates_together_or_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same table and errors, whether rows are finished view by view or of all at once."""
+    found = []
+    for name, pixels in (("each", 1), ("some", 2 * 40 * 40), ("all", 1 << 15)):
+        monkeypatch.setattr(row_finisher, "_PIXELS_TOGETHER", pixels)
+        ps.furnished_scene(clutter=True)
+        options = {"max_reflections": 2, "replicates": 3}
+        run = ph.run_paths(tmp_path / name, options=options, width_px=40, height_px=40)
+        table = (run.folder / contract.frame_dir(1) / contract.PATHS_TABLE).read_bytes()
+        record = run.record()
+        found.append((table, record.relative_error, record.length_sigma_m, record.findings))
+    assert found[0] == found[1] == found[2]
+    assert run.table().size > 500 and set(run.table()["replicate"]) == {0, 1, 2}
 
 
 def test_a_small_render_between_large_ones_keeps_their_threads(

@@ -21,11 +21,12 @@ from radarsim_addon.signal import (
     open_run,
 )
 from radarsim_addon.signal.decoding import open_frame
-from radarsim_addon.signal.maps import ExpectedPower, expected_power
+from radarsim_addon.signal.maps import ExpectedPower, expected_power, expected_power_map
 from radarsim_addon.signal.paths import (
     PATH_DTYPE,
     PathRows,
     Steps,
+    joined_places,
     replicate_offset_px,
     spread,
     steps_of,
@@ -157,6 +158,38 @@ def test_power_is_kept_and_the_map_holds_it_too(tmp_path: Path) -> None:
     # nothing moves: the still bin, smeared by the window over the pulses
     still = found.map[found.doppler_hz == 0][0]
     assert still == pytest.approx(found.profile, rel=1e-9, abs=1e-12 * found.profile.max())
+
+
+def test_views_next_to_one_another_have_their_own_steps() -> None:
+    """Rows of several replicates treated together: steps never lead from one to another."""
+    camera = view(10.0)
+    rows = rows_of(camera, 12, SHIFTS)
+    views = [rows[rows["replicate"] == shift] for shift in range(SHIFTS)]
+    each = [steps_of(view_rows, camera, SHIFTS) for view_rows in views]
+    together = steps_of(rows, camera, SHIFTS, joined_places)
+    for name in ("length_m", "range_rate_mps", "power"):
+        assert np.array_equal(
+            getattr(together, name), np.concatenate([getattr(steps, name) for steps in each])
+        )
+    assert np.array_equal(
+        rows["replicate"][together.between], np.broadcast_to(
+            rows["replicate"][:, None, None, None], together.between.shape
+        )
+    )  # fmt: skip
+
+
+def test_small_tables_in_one_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The expected power is that of one view after the other, up to rounding."""
+    camera = view(0.0)
+    rows = rows_of(camera, 24, SHIFTS)
+    rows["range_rate_mps"] = np.linspace(-4.0, 4.0, rows.size)
+    together = expected(tmp_path / "together", rows, camera)
+    monkeypatch.setattr(expected_power_map, "_SMALL_TABLE", 0)
+    apart = expected(tmp_path / "apart", rows, camera)
+    for name in ("profile", "profile_error", "map", "map_error"):
+        truth = getattr(apart, name)
+        assert getattr(together, name) == pytest.approx(truth, abs=1e-12 * truth.max())
+    assert together.gaps_from_m == apart.gaps_from_m
 
 
 def test_steps_of_a_plane() -> None:

@@ -12,7 +12,7 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.signal import Burst, Radar, open_run
 from radarsim_addon.signal.decoding import open_frame, pixel_rays
-from radarsim_addon.signal.detection import object_echoes
+from radarsim_addon.signal.detection import object_echoes, objects
 from radarsim_addon.signal.maps import expected_power
 from radarsim_addon.signal.paths import PATH_DTYPE
 from tests.signal.path_runs import WAVEFORM, camera, pose, write_run
@@ -85,6 +85,15 @@ def test_groups_that_overlap_are_each_as_if_alone(tmp_path: Path) -> None:
         shared = rows["power_w"][ends[0] ^ ends[1]].sum()
         assert alone.multi_object_power_w == pytest.approx(shared, rel=1e-12)
     assert found["high"].multi_object_power_w > 0
+
+
+def test_replicates_of_a_tile_together_or_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame = open_run(run_of(tmp_path, replicate_rows(0))).frame(1)
+    together = object_echoes(frame, 5.3e9)
+    monkeypatch.setattr(objects, "_SMALL_TILE", 0)
+    assert together == object_echoes(frame, 5.3e9)
 
 
 def test_profile_of_two_replicates(tmp_path: Path) -> None:
