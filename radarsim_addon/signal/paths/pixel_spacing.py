@@ -82,7 +82,23 @@ def view_limits(table: PathRows) -> tuple[Indices, Indices]:
 def joined_places(
     rows: PathRows, receiver: ReceiverRecord, count: int
 ) -> tuple[Integers, Integers]:
-    """Return places as `grid_places`, of rows of several views, whose grids lie side by side."""
+    """Return column and row of each path's pixel, of rows of several views, whose grids lie side by
+    side.
+
+    Parameters
+    ----------
+    rows
+        Of tiles at some of `count` replicates, view by view, all of them `placed`, (n,).
+    receiver
+        Of the frame.
+    count
+        Number of replicates.
+
+    Returns
+    -------
+    (ndarray, ndarray)
+        As from `grid_places`; paths of different views are no neighbours.
+    """
     limits = zip(*view_limits(rows), strict=True)
     return _side_by_side([grid_places(rows[a:b], receiver, count) for a, b in limits])
 
