@@ -44,7 +44,13 @@ from ..maps import (
 from ..radar import slow_time_window
 from ..spectrum import TOLERANCE
 from .doppler_folds import DopplerFolds
-from .peaks import Peak, local_maxima, peak_to_background_db, refine_peak
+from .peaks import (
+    Peak,
+    are_local_maxima,
+    local_maxima,
+    peak_to_background_db,
+    refine_peak,
+)
 from .response_shapes import doppler_line, envelope, ridge_shape, vertex
 
 #: Fewer pulses do not separate moving from stationary targets.
@@ -259,18 +265,22 @@ class _Search:
         self, found: list[_Target], refused: NDArray[np.bool_]
     ) -> tuple[int, int, _Target | None] | None:
         """Return the cell of the strongest unexplained peak, and the target it belongs to."""
-        power = np.abs(self._residual) ** 2
-        ridge = np.maximum(power[self._zero - 1], power[self._zero + 1])
-        least = np.maximum(self._floor, self._explained**2)
-        least = np.maximum(least, (_RIDGE_MARGIN * self._ridge[:, None]) ** 2 * ridge)
+        power = self._residual.real**2 + self._residual.imag**2
+        loud = power > np.maximum(self._floor, self._explained**2)
+        loud &= self._wanted[:, None]
+        loud &= ~refused
+        rows, cols = np.nonzero(loud if self._explained.any() else loud & local_maxima(power))
+        least = (_RIDGE_MARGIN * self._ridge[rows]) ** 2
+        least *= np.maximum(power[self._zero - 1], power[self._zero + 1])[cols]
         if self._noisy_columns:
-            median = np.median(power, axis=0)
+            median = np.median(power, axis=0)[cols]
             least = np.maximum(least, 10 ** (_OVER_NOISE_DB / 10) * median)
         if self._pathless is not None:
-            sidelobes = (_WITHOUT_PATH * self._explained) ** 2
-            least = np.where(self._pathless, np.maximum(least, sidelobes), least)
-        peaks = local_maxima(power) & (power > least) & self._wanted[:, None] & ~refused
-        rows, cols = np.nonzero(peaks)
+            sidelobes = (_WITHOUT_PATH * self._explained[rows, cols]) ** 2
+            least = np.where(self._pathless[rows, cols], np.maximum(least, sidelobes), least)
+        left = np.flatnonzero(power[rows, cols] > least)
+        left = left[are_local_maxima(power, rows[left], cols[left])]
+        rows, cols = rows[left], cols[left]
         for i in np.argsort(-power[rows, cols], kind="stable"):
             row, col = int(rows[i]), int(cols[i])
             for target in found:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Real
+from ...array_types import Complex, Indices, Mask, Real
 from ...errors import ConfigError
 from ..maps import PowerProfile, RangeDopplerMap, power_to_db
 from ..radar import slow_time_window
@@ -136,6 +137,19 @@ def local_maxima(power: Real) -> NDArray[np.bool_]:
     largest = np.maximum(line, np.roll(line, 1, axis=0))
     np.maximum(largest, np.roll(line, -1, axis=0), out=largest)
     return np.asarray((power > 0) & (power >= largest))
+
+
+def are_local_maxima(power: Real, rows: Indices, cols: Indices) -> Mask:
+    """Return which of some cells `local_maxima` finds, (n,); power is above 0 there.
+
+    Of few cells it is much faster.
+    """
+    own, last = power[rows, cols], power.shape[1] - 1
+    found = np.ones(rows.size, dtype=bool)
+    for down, across in itertools.product((-1, 0, 1), repeat=2):
+        beside = (rows + down) % power.shape[0], np.clip(cols + across, 0, last)
+        found &= own >= power[beside]
+    return found
 
 
 def peak_to_background_db(
