@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Integers, Real
 from ...contract import ReceiverRecord
+from .pixel_points import PixelPoints, along_steps, shares
 from .pixel_spacing import Places, grid_places, placed, view_limits
 from .table import PathRows
 from .table_files import usable
@@ -38,8 +39,8 @@ _LARGEST_STEP = 0.9
 _POINTS_A_ROW, _LEAST_POINTS = 16, 1 << 17
 #: Most points along one side of a pixel.
 _MOST_ALONG = 4096
-#: Points that are made at a time.
-_CHUNK = 1 << 20
+#: Points that are made at a time: they stay in the processor's cache.
+_CHUNK = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -263,10 +264,12 @@ def spread(
         begin = ends[start - 1] if start else 0
         stop = max(int(np.searchsorted(ends, begin + _CHUNK, side="right")), start + 1)
         here = several[start:stop]
-        row, place = places_in_pixels(along[here])
-        length_m = lengths[here][row] + along_steps(steps.length_m[here], row, place)
-        rate_mps = rates[here][row] + along_steps(steps.range_rate_mps[here], row, place)
-        found = Points(here[row], length_m, rate_mps, shares(steps.power[here], row, place))
+        points_of = PixelPoints.of(along[here])
+        row = points_of.row
+        length_m, rate_mps = lengths[here][row], rates[here][row]
+        length_m += along_steps(steps.length_m[here], points_of)
+        rate_mps += along_steps(steps.range_rate_mps[here], points_of)
+        found = Points(here[row], length_m, rate_mps, shares(steps.power[here], points_of))
         yield _cut_at_borders(found, _widths_m(steps, here, along)[row], cell_m, border_m)
         start = stop
 
@@ -295,57 +298,6 @@ def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: floa
         np.concatenate([points.range_rate_mps, points.range_rate_mps[cut]]),
         np.concatenate([share, points.share[cut] * part]),
     )
-
-
-def places_in_pixels(along: Indices) -> tuple[Indices, Real]:
-    """Return the row of each point and its place in the pixel, across and up, (points, 2), from
-    -1/2 to 1/2, of rows (n, 2) of so many points.
-    """
-    across, up = along.T
-    points = across * up
-    row = np.repeat(np.arange(points.size), points)
-    number = np.arange(row.size) - np.repeat(np.cumsum(points) - points, points)
-    across, up = across[row], up[row]
-    line = np.floor(number / across)  # whole numbers are exact, and divided faster
-    place = np.stack([(number - line * across + 0.5) / across, (line + 0.5) / up])
-    return row, (place - 0.5).T
-
-
-def along_steps(steps: Real, row: Indices, place: Real) -> Real:
-    """Return by how much values change, (points,) or (points, k), at places in pixels of rows with
-    these steps, (n, 2, 2) or (n, 2, 2, k).
-    """
-    if steps.ndim > 3:
-        each = [along_steps(steps[..., i], row, place) for i in range(steps.shape[3])]
-        return np.stack(each).T
-    total = np.zeros(row.size)
-    if not steps.any():
-        return total
-    for axis, (mean, half, bent) in enumerate(_courses(steps)):
-        here = place[:, axis]
-        total += here * mean[row]
-        total += here**2 * half[row]
-        if bent.any():
-            total += abs(here) * bent[row]
-    return total
-
-
-def _courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
-    """Factors of x, x^2 and |x| by which values change at x in a pixel across, and up, (n,) each.
-
-    With a step on either side it is the parabola through the three rays, which the neighbours'
-    meets half-way; with one side alone that half is straight, and the other one stays at the ray.
-    """
-    for before, after in ((steps[:, axis, 0], steps[:, axis, 1]) for axis in (0, 1)):
-        known = (before != 0) & (after != 0)
-        half = (after - before) / 2
-        yield (before + after) / 2, np.where(known, half, 0.0), np.where(known, 0.0, half)
-
-
-def shares(power_steps: Real, row: Indices, place: Real) -> Real:
-    """Return the fraction of its row's power that each point has, (points,); they add up to 1."""
-    share = 1 + along_steps(power_steps, row, place)
-    return np.asarray(share / np.bincount(row, share)[row])
 
 
 def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:

@@ -19,13 +19,11 @@ from ...contract import PathsRecord
 from ...vectors import are_finite, distances, dots, norms
 from .footprints import (
     Steps,
-    along_steps,
-    places_in_pixels,
     points_along,
     power_steps,
-    shares,
     steps_of,
 )
+from .pixel_points import PixelPoints, along_steps, shares
 from .pixel_spacing import view_limits
 from .rows import PathColumns
 from .table import PathRows
@@ -149,13 +147,13 @@ class TableFootprints:
         index = np.repeat(np.arange(numbers.size), counts)
         points = PathColumns(self._table, numbers[index])
         mine = np.flatnonzero(split[index])
-        row, at = places_in_pixels(along)
+        in_pixels = PixelPoints.of(along)
         power_w = np.asarray(self._table["power_w"])
-        share = shares(power_steps(power_w, between, power_w[numbers[split]]), row, at)
+        share = shares(power_steps(power_w, between, power_w[numbers[split]]), in_pixels)
 
         def moved(name: str) -> Real:
             ends = self._table[name][between]
-            return along_steps(ends[:, :, :, 1] - ends[:, :, :, 0], row, at)
+            return along_steps(ends[:, :, :, 1] - ends[:, :, :, 0], in_pixels)
 
         place_m, length_m = points["last_scatterer_m"], points["length_m"]
         old_m = place_m[mine]

@@ -32,7 +32,7 @@ from radarsim_addon.signal.paths import (
     steps_of,
     tiles_by_replicate,
 )
-from radarsim_addon.signal.paths.footprints import along_steps
+from radarsim_addon.signal.paths.pixel_points import PixelPoints, along_steps
 from tests.signal import path_runs as pr
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 4))
@@ -150,10 +150,11 @@ def test_power_is_kept_and_the_map_holds_it_too(tmp_path: Path) -> None:
     rows = rows_of(camera, 48, SHIFTS)
     for view_rows in [r for views in tiles_by_replicate(rows, SHIFTS) for r in views]:
         steps = steps_of(view_rows, camera, SHIFTS)
+        share = np.zeros(view_rows.size)
         for part in spread(view_rows, steps, 1.0, np.inf):
-            share = np.bincount(part.row, part.share, minlength=view_rows.size)
-            assert share == pytest.approx(np.ones(view_rows.size))
+            share += np.bincount(part.row, part.share, minlength=view_rows.size)
             assert part.share.min() > 0
+        assert share == pytest.approx(np.ones(view_rows.size))
     found = expected(tmp_path / "run", rows, camera)
     # nothing moves: the still bin, smeared by the window over the pulses
     still = found.map[found.doppler_hz == 0][0]
@@ -324,8 +325,26 @@ def test_values_along_a_parabola_are_exact() -> None:
     steps = np.zeros((2, 2, 2))
     steps[0, 0] = before[0], after[0]
     steps[1, 1] = before[0], 0.0
-    place = np.stack([np.linspace(-0.5, 0.5, 9)] * 2, axis=-1)
-    row = np.zeros(9, dtype=np.intp)
-    np.testing.assert_allclose(along_steps(steps, row, place), value(place[:, 0]), atol=1e-15)
-    alone = np.where(place[:, 1] < 0, before * place[:, 1], 0.0)
-    np.testing.assert_allclose(along_steps(steps, row + 1, place), alone, atol=1e-15)
+    points = PixelPoints.of(np.array([[9, 2], [3, 8]]))
+    x, y = (lines.place[lines.of_point] for lines in points.lines)
+    found = along_steps(steps, points)
+    first = points.row == 0
+    np.testing.assert_allclose(found[first], value(x[first]), atol=1e-15)
+    alone = np.where(y < 0, before * y, 0.0)
+    np.testing.assert_allclose(found[~first], alone[~first], atol=1e-15)
+    several = np.stack([steps, 2 * steps], axis=-1)
+    np.testing.assert_array_equal(along_steps(several, points), np.stack([found, 2 * found]).T)
+
+
+def test_points_fill_pixels_evenly() -> None:
+    """From below, and from left to right."""
+    points = PixelPoints.of(np.array([[3, 2], [1, 1], [1, 4]]))
+    assert points.row.tolist() == [0] * 6 + [1] + [2] * 4
+    for lines in points.lines:
+        assert np.array_equal(lines.row[lines.of_point], points.row)
+    x, y = (lines.place[lines.of_point] for lines in points.lines)
+    assert x[:6] == pytest.approx(np.tile([-1 / 3, 0, 1 / 3], 2))
+    assert y[:6] == pytest.approx(np.repeat([-0.25, 0.25], 3))
+    assert x[6:].tolist() == [0.0] * 5
+    assert y[6:].tolist() == [0.0, -0.375, -0.125, 0.125, 0.375]
+    assert PixelPoints.of(np.zeros((0, 2), dtype=np.intp)).row.size == 0
