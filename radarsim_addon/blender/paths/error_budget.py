@@ -20,11 +20,12 @@ from ... import contract
 from ...array_types import Indices, Real
 from ...findings import Finding, finding
 from ...signal.paths import (
+    GridPlaces,
     PathFlag,
     PathRows,
+    Places,
     Points,
     edge_variances,
-    joined_places,
     lone_variances,
     spread,
     steps_of,
@@ -97,7 +98,9 @@ class CellGrid:
         rows = np.concatenate(views) if len(views) > 1 else views[0]
         view = np.repeat(np.arange(len(views)), [own.size for own in views])
         power_w = rows["power_w"] * count
-        by_bin = self._by_bin(rows, view, len(views), power_w, count, receiver)
+        # both ask for the pixels of the same rows
+        grid = GridPlaces().of_views(np.arange(rows.size))
+        by_bin = self._by_bin(rows, view, len(views), power_w, count, receiver, grid)
         number = rows["last_object"].astype(np.int64)
         shape = len(views), int(number.max(initial=0)) + 1
         # objects of each view by numbers of their own
@@ -108,9 +111,9 @@ class CellGrid:
         if receiver is not None:
             label = np.where(number > 0, place, 0)
             if count > 1:
-                least = edge_variances(rows, label, power_w, receiver, count, joined_places) / count
+                least = edge_variances(rows, label, power_w, receiver, count, grid) / count
             else:
-                least = lone_variances(rows, label, power_w, receiver, joined_places)
+                least = lone_variances(rows, label, power_w, receiver, grid)
             edges[: least.size] = least
         found = []
         for each in zip(by_bin, by_object, hits, edges.reshape(shape), strict=True):
@@ -128,6 +131,7 @@ class CellGrid:
         power_w: Real,
         count: int,
         receiver: contract.ReceiverRecord | None,
+        grid: Places,
     ) -> Real:
         """Power of range bins by view, each row spread over what its pixel covers, as in the
         profile.
@@ -144,7 +148,7 @@ class CellGrid:
             whole = np.arange(rows.size)
             parts = [Points(whole, rows["length_m"], np.zeros(rows.size), np.ones(rows.size))]
         else:
-            steps = steps_of(rows, receiver, count, joined_places)
+            steps = steps_of(rows, receiver, count, grid)
             parts = spread(rows, steps, self.bin_m, math.inf, views=views)
         for part in parts:
             place = np.clip(part.length_m / 2 / self.bin_m, 0, self.bins).astype(np.int64)
