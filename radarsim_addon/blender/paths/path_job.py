@@ -125,8 +125,9 @@ class PathJob(MeasurementJob):
         )
 
     def _make_settings(self) -> MeasurementSettings:
+        camera = None if self.view_camera is None else self.view_camera.item
         return MeasurementSettings(
-            self._scene, self._view_layer, self.rig, self.plan, any_material=self.code_world
+            self._scene, self._view_layer, self.rig, self.plan, self.code_world, camera
         )
 
     def prepare(self) -> None:
@@ -141,6 +142,7 @@ class PathJob(MeasurementJob):
                 self.plan.metres_per_unit,
                 self.plan.range_encoding_length_m,
                 self.code_world,
+                self.view_camera,
             )
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()

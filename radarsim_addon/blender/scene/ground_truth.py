@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -125,9 +126,15 @@ def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
     rows = _rendered_rows(snapshot)
     if not any_material:
         is_radar = cache(is_radar_material)
-        echoing = [echoes(shape.original, is_radar) for shape in snapshot.shapes]
+        echoing = [_echoes(shape, is_radar) for shape in snapshot.shapes]
         rows = rows[snapshot.of_shapes(echoing)[rows]]
     return Boxes(snapshot, rows)
+
+
+def _echoes(shape: Shape, is_radar: Callable[[Any], bool]) -> bool:
+    """As `echoes` has it for the object; most evaluated slots hold what its own ones do."""
+    kept = shape.own and shape.kind in SURFACE_TYPES and any(map(is_radar, shape.materials))
+    return kept or echoes(shape.original, is_radar)
 
 
 def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
