@@ -120,7 +120,7 @@ class MeasurementJob:
         self.folder = folder
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
-        #: Camera that renders paths, where who opened the file has added it; see `early_camera`.
+        #: Camera that renders paths, where who opened the file has added it: a `ViewCamera`.
         self.view_camera: Any = None
         #: Frames of the run that this process measures, as long as no other one does.
         self.own_frames: Sequence[int] = measurement.frames

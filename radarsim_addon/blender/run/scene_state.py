@@ -68,8 +68,8 @@ class MeasurementSettings:
         What is measured.
     any_material
         Materials of other kinds than Radar Material echo too (a world volume carries the code).
-    camera : bpy.types.Object, optional
-        The one that renders; None: the receiver.
+    view_camera : ViewCamera, optional
+        The camera that renders; None: the receiver does.
 
     Raises
     ------
@@ -84,10 +84,10 @@ class MeasurementSettings:
         rig: Rig,
         plan: Plan,
         any_material: bool = False,
-        camera: Any = None,
+        view_camera: Any = None,
     ) -> None:
         self._scene = scene
-        self._renders = camera or rig.camera
+        self._renders = rig.camera if view_camera is None else view_camera.item
         self._view_layer = view_layer
         self._rig = rig
         self._plan = plan

@@ -132,9 +132,8 @@ def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
 
 
 def _echoes(shape: Shape, is_radar: Callable[[Any], bool]) -> bool:
-    """As `echoes` has it for the object; most evaluated slots hold what its own ones do."""
-    kept = shape.own and shape.kind in SURFACE_TYPES and any(map(is_radar, shape.materials))
-    return kept or echoes(shape.original, is_radar)
+    """As `echoes` of a surface; its evaluated slots, known already, hold what its own ones do."""
+    return (shape.own and any(map(is_radar, shape.materials))) or echoes(shape.original, is_radar)
 
 
 def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
