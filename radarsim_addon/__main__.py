@@ -46,7 +46,10 @@ def render_command(
     words: list[str], prog: str = "radarsim render", needs_blend: bool = True
 ) -> int:
     """Measure a .blend file; ends the process with the exit code once Blender runs in it."""
-    from .blender.plan import parse_render_arguments
+    from .processes import importing
+
+    with importing():
+        from .blender.plan import parse_render_arguments
 
     parsed = parse_render_arguments(words, prog, needs_blend)  # exits with 0 (--help) or 2
     share = share_of(parsed)
@@ -57,7 +60,8 @@ def render_command(
 
         return serve(os.getcwd(), ["render", *words])
     try:
-        from .blender.headless.render import run_and_leave
+        with importing():
+            from .blender.headless.render import run_and_leave
     except ModuleNotFoundError as error:
         if error.name != "bpy":
             raise
@@ -69,9 +73,8 @@ def render_command(
 def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
     """Coordinate workers; without Blender, unless this runs in its program."""
     from .signal.distributed import run_frames
-    from .signal.pipeline import frame_findings
     from .signal.pipeline import main as process_main
-    from .signal.runs import open_run
+    from .signal.runs import frame_findings, open_run
 
     command = None
     if "bpy" in sys.modules:  # the program, with a file open: its workers are such programs

@@ -56,113 +56,121 @@ A whole run
     open_frame -> FrameInput; ProcessOptions.for_run -> ResolvedOptions; process_frame(FrameInput,
     ResolvedOptions) -> FrameResult, without a file;
     frame_statistics -> FrameStatistics
+
+Each part is loaded when one of its names is first used.
 """
 
-from .decoding import (
-    Decoded,
-    FrameInput,
-    PixelGrid,
-    decode,
-    frame_paths,
-    iter_path_chunks,
-    open_frame,
-    pixel_grid,
-    range_rate,
-)
-from .detection import (
-    Cfar,
-    CfarResult,
-    Detection,
-    Detections,
-    FrameStatistics,
-    LeadingEdge,
-    Peak,
-    cfar_threshold,
-    detect_targets,
-    find_peaks,
-    frame_statistics,
-    leading_edges,
-    peak_to_background_db,
-)
-from .echoes import (
-    Echoes,
-    EchoOptions,
-    EchoSynthesizer,
-    PhaseNoise,
-    ReceivedSignal,
-    Receiver,
-    apply_receiver,
-    load_phase_noise,
-    synthesize,
-)
-from .maps import (
-    ExpectedPower,
-    PowerProfile,
-    RangeDopplerMap,
-    RangeProfiles,
-    Spectrogram,
-    SpectrogramOptions,
-    expected_power,
-    expected_power_profile,
-    map_noise_gain,
-    mti_cancel,
-    mti_response,
-    power_to_db,
-    range_doppler,
-    range_noise_gain,
-    range_process,
-    spectrogram,
-)
-from .paths import PathCounts, PathFlag, Paths, make_paths, path_power_w
-from .pictures import (
-    plot_echo,
-    plot_range_doppler,
-    plot_range_profile,
-    plot_rings,
-    plot_spectrogram,
-    save_figure,
-)
-from .pipeline import (
-    FrameResult,
-    ProcessOptions,
-    Progress,
-    ResolvedOptions,
-    process_frame,
-    process_run,
-)
-from .products import write_products
-from .radar import (
-    ArbitraryPulse,
-    Burst,
-    Channel,
-    Element,
-    FmcwWaveform,
-    PhaseCodedPulse,
-    PmcwWaveform,
-    Radar,
-    SteppedWaveform,
-    Waveform,
-    Weather,
-    load_radar,
-    matched_filter,
-    replica,
-    replica_spectrum,
-    slow_time_window,
-    waveform_from_dict,
-    waveform_to_dict,
-    window_at,
-)
-from .runs import MissingRender, RadarFrame, Run, open_run, read_exr, write_exr
-from .scattering import amplitude, path_amplitude, path_phasors
-from .spectrum import (
-    FrequencyGrid,
-    Ramp,
-    ReceiveWindow,
-    Spectrum,
-    SpectrumAccumulator,
-    SynthesisReport,
-    nufft1,
-)
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .decoding import (
+        Decoded,
+        FrameInput,
+        PixelGrid,
+        decode,
+        frame_paths,
+        iter_path_chunks,
+        open_frame,
+        pixel_grid,
+        range_rate,
+    )
+    from .detection import (
+        Cfar,
+        CfarResult,
+        Detection,
+        Detections,
+        FrameStatistics,
+        LeadingEdge,
+        Peak,
+        cfar_threshold,
+        detect_targets,
+        find_peaks,
+        frame_statistics,
+        leading_edges,
+        peak_to_background_db,
+    )
+    from .echoes import (
+        Echoes,
+        EchoOptions,
+        EchoSynthesizer,
+        PhaseNoise,
+        ReceivedSignal,
+        Receiver,
+        apply_receiver,
+        load_phase_noise,
+        synthesize,
+    )
+    from .maps import (
+        ExpectedPower,
+        PowerProfile,
+        RangeDopplerMap,
+        RangeProfiles,
+        Spectrogram,
+        SpectrogramOptions,
+        expected_power,
+        expected_power_profile,
+        map_noise_gain,
+        mti_cancel,
+        mti_response,
+        power_to_db,
+        range_doppler,
+        range_noise_gain,
+        range_process,
+        spectrogram,
+    )
+    from .paths import PathCounts, PathFlag, Paths, make_paths, path_power_w
+    from .pictures import (
+        plot_echo,
+        plot_range_doppler,
+        plot_range_profile,
+        plot_rings,
+        plot_spectrogram,
+        save_figure,
+    )
+    from .pipeline import (
+        FrameResult,
+        ProcessOptions,
+        Progress,
+        ResolvedOptions,
+        process_frame,
+        process_run,
+    )
+    from .products import write_products
+    from .radar import (
+        ArbitraryPulse,
+        Burst,
+        Channel,
+        Element,
+        FmcwWaveform,
+        PhaseCodedPulse,
+        PmcwWaveform,
+        Radar,
+        SteppedWaveform,
+        Waveform,
+        Weather,
+        load_radar,
+        matched_filter,
+        replica,
+        replica_spectrum,
+        slow_time_window,
+        waveform_from_dict,
+        waveform_to_dict,
+        window_at,
+    )
+    from .runs import MissingRender, RadarFrame, Run, open_run, read_exr, write_exr
+    from .scattering import amplitude, path_amplitude, path_phasors
+    from .spectrum import (
+        FrequencyGrid,
+        Ramp,
+        ReceiveWindow,
+        Spectrum,
+        SpectrumAccumulator,
+        SynthesisReport,
+        nufft1,
+    )
 
 __all__ = [
     "ArbitraryPulse",
@@ -266,3 +274,35 @@ __all__ = [
     "write_exr",
     "write_products",
 ]
+
+#: Parts with these names; those that load little come first.
+_PARTS = (
+    "runs",
+    "radar",
+    "paths",
+    "scattering",
+    "spectrum",
+    "decoding",
+    "echoes",
+    "maps",
+    "detection",
+    "products",
+    "pictures",
+    "pipeline",
+)
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        if name in _PARTS:
+            return import_module(f".{name}", __name__)
+        for part in _PARTS if name in __all__ else ():
+            home = import_module(f".{part}", __name__)
+            if name in home.__all__:
+                value = globals()[name] = getattr(home, name)
+                return value
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_PARTS})

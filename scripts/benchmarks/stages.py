@@ -46,6 +46,7 @@ def process_cost(run: Path, *words: str) -> dict[str, float]:
 
 def main() -> None:
     """Run the command; it ends the process."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command sets it, before bpy
     import bpy
 
     start_s = time.process_time()

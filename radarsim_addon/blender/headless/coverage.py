@@ -18,7 +18,6 @@ from ...errors import ConfigError, RadarSimError
 from ...findings import finding, finding_lines
 from ...option_arguments import given
 from ...physics.constants import STANDARD_EARTH_RADIUS_M
-from ...signal.pipeline import write_coverage
 from ...signal.radar import (
     ConstantGain,
     Coverage,
@@ -153,6 +152,8 @@ def run_and_leave(arguments: argparse.Namespace) -> None:
 
 
 def _draw(arguments: argparse.Namespace, stream: Any) -> None:
+    from ...signal.pipeline import write_coverage  # pictures, which the other commands do without
+
     request = coverage_request(arguments)
     scene, view_layer, radar = open_scene(arguments)
     found = scene_coverage(

@@ -60,9 +60,14 @@ def make_job(
     link_budget = read_link_budget(radar, measurement.waveform.wavelength_m, link_budget_file)
     measurement = dataclasses.replace(measurement, link_budget=link_budget)
     antennas = antennas_of(scene, radar)
-    if values.get("sampling_mode", settings(radar).sampling_mode) == "paths":
+    if sampling_mode(radar, values) == "paths":
         options = read_path_options(radar, **values)
         return PathJob(
             scene, view_layer, measurement, folder, options, overwrite=overwrite, **antennas
         )
     return RingJob(scene, view_layer, measurement, folder, overwrite=overwrite, **antennas)
+
+
+def sampling_mode(radar: Any, given: Mapping[str, Any]) -> str:
+    """Return the sampling mode of a radar, unless values in place of its settings name another."""
+    return str(given.get("sampling_mode", settings(radar).sampling_mode))

@@ -15,8 +15,7 @@ from ...errors import RadarSimError
 from ...findings import Finding, exit_code, finding_lines
 from ...option_arguments import share_of
 from ...progress import ProgressLine
-from ...signal.pipeline import FrameResult, ProcessOptions, frame_findings, process_run
-from ...signal.runs import open_run
+from ...signal.runs import frame_findings, open_run
 from ..run import MeasurementJob
 from .console import quiet_blender
 from .session import leave_blender, limit_threads, open_job
@@ -104,9 +103,7 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
             text = "not processed: other processes still measure frames; the last one processes all"
             print(f"radarsim: {text}", file=stream, flush=True)
         elif arguments.process and job.own_frames:
-            done = process(
-                job, stream, stop, ProcessOptions(animate=False if share.shard else None)
-            )
+            done = process(job, stream, stop, animate=False if share.shard else None)
         found = [*job.run_findings, *frame_findings(job.folder, job.own_frames)]
         return max(done, exit_code(found, job.own_frames))
 
@@ -117,11 +114,15 @@ def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any)
         print(f"radarsim: {line}", file=stream, flush=True)
 
 
-def process(job: MeasurementJob, stream: Any, stop: _StopRequest, options: ProcessOptions) -> int:
+def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool | None) -> int:
     """Process the job's frames; print findings whose codes were not printed at the render.
 
-    Return the exit code.
+    `animate`: whether moving pictures are made; None: the default. Return the exit code.
     """
+    # a render alone needs nothing of it
+    from ...signal.pipeline import FrameResult, ProcessOptions, process_run
+
+    options = ProcessOptions(animate=animate)
     printed = {item.code for item in job.findings}
     findings: list[Finding] = []
     frames: list[int] = []

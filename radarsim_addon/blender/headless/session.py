@@ -4,15 +4,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import bpy
 
-from ...errors import ConfigError, SceneError
+from ...errors import ConfigError, RadarSimError, SceneError
 from ...processes import keep_freed_memory, own_folder, remove_abandoned_folders
 from ..materials import set_mirrors
 from ..plan import given_settings
@@ -20,11 +22,18 @@ from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, registe
 from ..run import MeasurementJob
 from ..run.devices import Device, choose_device
 from ..scene import active_radar, radars
-from .jobs import make_job
+from ..views import ViewCamera
+from .early_camera import add_early_camera, before_sorting
+from .jobs import make_job, sampling_mode
 
 
-def open_scene(arguments: argparse.Namespace) -> tuple[Any, Any, Any]:
-    """Open the file of a command line; return the scene, view layer and radar that it names."""
+def open_scene(
+    arguments: argparse.Namespace, early: Callable[[Any, Any], None] | None = None
+) -> tuple[Any, Any, Any]:
+    """Open the file of a command line; return the scene, view layer and radar that it names.
+
+    `early` is called with the scene and the radar, if there are, before Blender sorts the objects.
+    """
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
@@ -34,17 +43,36 @@ def open_scene(arguments: argparse.Namespace) -> tuple[Any, Any, Any]:
         own_folder(own)
     remove_abandoned_folders()
     if arguments.blend is not None:
-        _open_file(arguments.blend)
+        with before_sorting(lambda: _look_early(arguments, early)):
+            _open_file(arguments.blend)
+    scene, radar = _find(arguments)
+    return scene, _view_layer_of(scene), radar
+
+
+def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
+    """Scene and radar of a command line."""
     scene = _find_scene(arguments.scene)
     migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
     radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
-    return scene, _view_layer_of(scene), radar
+    return scene, radar
+
+
+def _look_early(arguments: argparse.Namespace, early: Callable[[Any, Any], None] | None) -> None:
+    with contextlib.suppress(RadarSimError):  # raised again when the file is open
+        if early is not None:
+            early(*_find(arguments))
 
 
 def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     """Open the file of a command line; return its job, unprepared."""
     keep_freed_memory()
-    scene, view_layer, radar = open_scene(arguments)
+    cameras: list[ViewCamera | None] = [None]
+
+    def add_camera(scene: Any, radar: Any) -> None:
+        if sampling_mode(radar, given_settings(arguments)) == "paths":
+            cameras.append(add_early_camera(scene, radar))
+
+    scene, view_layer, radar = open_scene(arguments, add_camera)
     if arguments.device is not None:
         choose_device(scene, Device(arguments.device.upper()))
     for patterns, choice in ((arguments.mirrors, "first"), (arguments.no_mirrors, "never")):
@@ -61,6 +89,7 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
         link_budget_file=arguments.link_budget,
     )
     job.file_just_opened = arguments.blend is not None
+    job.view_camera = cameras[-1]
     return job
 
 

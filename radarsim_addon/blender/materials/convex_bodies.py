@@ -58,13 +58,14 @@ class ConvexBodies(NamedTuple):
 
         As `depths_behind` has it, at the same points.
         """
-        count = len(self.items)
-        off = _OUTSIDE * self.size[:, None, None]
-        starts = np.einsum("pk,ntkx->ntpx", TRIANGLE_POINTS, self.triangles)
-        inward = np.broadcast_to(-self.normals[:, :, None], starts.shape)
-        starts = (starts + off[..., None] * inward).reshape(count, -1, 3)
-        _, way = self.leave(np.arange(count), starts, inward.reshape(count, -1, 3))
-        return np.asarray((way + off[:, 0]).min(axis=1, initial=np.inf))
+        inward = -self.normals.transpose(0, 2, 1)
+        starts = np.einsum("pk,ntkx->nxtp", TRIANGLE_POINTS, self.triangles)
+        off = _OUTSIDE * self.size[:, None]
+        starts += off[..., None, None] * inward[..., None]
+        onward = np.repeat(inward, len(TRIANGLE_POINTS), axis=2)
+        body = np.arange(len(self.items))
+        per_way = self.across(body) @ onward * self.per_height(body, starts.reshape(onward.shape))
+        return np.asarray((1 / per_way.max(axis=1) + off).min(axis=1, initial=np.inf))
 
     def without_walls(self) -> list[Any]:
         """Return the objects in which no face is near enough behind another for a wall.
@@ -78,23 +79,21 @@ class ConvexBodies(NamedTuple):
         far = WIDE * nearest > math.sqrt(1.5) * diagonal
         return [item for item, one in zip(self.items, far.tolist(), strict=True) if one]
 
-    def leave(
-        self, body: Indices, starts: Real, onward: Real, asked: Mask | None = None
-    ) -> tuple[Real, Real]:
-        """Follow rays (k, m, 3) from inside bodies (k,) to where they arrive.
+    def across(self, body: Indices) -> Real:
+        """Return the outward normals of the p `planes` of bodies (k,), (k, p, 3)."""
+        return np.asarray(self.normals[:, self.planes][body])
 
-        All of them, whichever are `asked` for: planes are compared at once. Returns the cosine
-        to the normal there and the length of the way, (k, m) each.
+    def per_height(self, body: Indices, starts: Real) -> Real:
+        """Return one over the heights of `planes` above points (k, 3, m) in bodies, (k, p, m).
+
+        A ray from there arrives where the cosine to the normal times this is largest; this product
+        is one over the length of its way.
         """
-        across = self.normals[:, self.planes][body].transpose(0, 2, 1)
-        cosines = onward @ across
-        with np.errstate(divide="ignore", invalid="ignore"):
-            way = self.heights[:, self.planes][body][:, None] - starts @ across
-            way /= cosines
-        way[~(cosines > 0)] = np.inf
-        first = way.argmin(axis=-1).ravel() + np.arange(0, way.size, len(self.planes))
-        found = (one.take(first).reshape(way.shape[:2]) for one in (cosines, way))
-        return next(found), next(found)
+        below = self.across(body) @ starts
+        np.subtract(self.heights[:, self.planes, None][body], below, out=below)
+        # of a body that is convex within a tolerance, points may lie outside by as much
+        np.maximum(below, _SAME * self.size[body, None, None], out=below)
+        return np.divide(1.0, below, out=below)
 
 
 #: Those of a snapshot, once they were asked for.
@@ -138,14 +137,21 @@ def _find(depsgraph: Any) -> Iterable[ConvexBodies]:
     alike: defaultdict[tuple[int, int], list[Any]] = defaultdict(list)
     snapshot = take_snapshot(depsgraph)
     own = {shape.original: shape for shape in snapshot.shapes if shape.own and shape.kind == "MESH"}
+    row_of = snapshot.layout.row_of
     for item, materials in assigned_materials(depsgraph):
         if item not in own or not any(map(inside, materials)):
             continue
-        if not 3 < snapshot.face_count(own[item]) <= _MOST_TRIANGLES:
+        if (
+            own[item].triangles is None
+            and not 3 < snapshot.face_count(own[item]) <= _MOST_TRIANGLES
+        ):
             continue
         points, corners = snapshot.triangles(own[item])
-        if len(corners) <= _MOST_TRIANGLES:
-            matrix = np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
+        if 3 < len(corners) <= _MOST_TRIANGLES:
+            if item in row_of:
+                matrix = snapshot.matrices[row_of[item]]
+            else:  # only instances of it are there
+                matrix = np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
             alike[len(points), len(corners)].append((item, points, corners, matrix))
     for (_, count), found in alike.items():
         step = max(1, _PART // count)

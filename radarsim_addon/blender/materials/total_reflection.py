@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ...array_types import Mask, Real
+from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding_about
 from ...vectors import crosses, dots, norms
 from ..nodes import attributes
@@ -35,6 +35,8 @@ _LEAST_FRACTION, _DANGER = 0.005, 0.05
 _CORNER = math.cos(math.radians(40.0))
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
+#: Normal of what is no layer.
+_NO_LAYER = np.full(3, np.nan)
 
 
 class _Body(NamedTuple):
@@ -128,7 +130,7 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
     indices, absorptions = zip(*mediums, strict=True)
     shell = attributes.OBJECT_SHELL_THICKNESS in item
     at_most = thinnest(item, depsgraph) if shell else math.inf
-    layer = np.full(3, np.nan)
+    layer = _NO_LAYER
     given = item.get(attributes.OBJECT_LAYER_NORMAL)
     if given is not None and np.any(given) and not shell:
         linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
@@ -185,23 +187,55 @@ def _reflected_in_convex(
 ) -> Real:
     """What `_reflected` is for each of some convex bodies, (n,)."""
     weights = _spread(part.heights.shape[1])
+    columns = [np.array(column) for column in zip(*bodies, strict=True)]
     entering, reflected = np.zeros(len(bodies)), np.zeros(len(bodies))
     for place in antennas:
         away = np.asarray(place) - part.origin
         # of the rays through a triangle all enter, or none
         of, side = np.nonzero(np.einsum("ntx,nx->nt", part.normals, away) > part.heights)
-        start = np.einsum("mk,nkx->nmx", weights, part.triangles[of, side])
-        outward = np.broadcast_to(part.normals[of, side][:, None], start.shape)
-        ray = start - away[of][:, None]
-        ray /= norms(ray.reshape(-1, 3)).reshape(*ray.shape[:2], 1)
-        cosine = -np.einsum("nmx,nmx->nm", ray, outward)
-        each = _Body(*(np.array(column)[of, None] for column in zip(*bodies, strict=True)))
-        begin = start - _OFF_FACE * part.size[of, None, None] * outward
-        _, lost = _lost(each, ray, cosine, outward, begin, partial(part.leave, of))
+        outward = part.normals[of, side]
+        start = part.triangles[of, side].transpose(0, 2, 1) @ weights.T
+        ray = start - away[of, :, None]
+        ray /= np.sqrt(np.einsum("nxm,nxm->nm", ray, ray))[:, None]
+        cosine = -(outward[:, None] @ ray)[:, 0]
+        start -= (_OFF_FACE * part.size[of, None] * outward)[..., None]
+        each = _Body(*(column[of, None] for column in columns))
+        lost = _lost_in_convex(part, of, each, ray, cosine, outward, start)
         seen = part.areas[of, side][:, None] / len(weights) * cosine
         entering += np.bincount(of, seen.sum(axis=1), len(bodies))
         reflected += np.bincount(of, (seen * lost).sum(axis=1), len(bodies))
     return np.minimum(reflected / np.where(entering > 0, entering, 1.0), 1.0)
+
+
+def _lost_in_convex(
+    part: ConvexBodies,
+    of: Indices,
+    body: _Body,
+    ray: Real,
+    cosine: Real,
+    outward: Real,
+    begin: Real,
+) -> Real:
+    """What `_lost` is of rays (k, 3, m) that enter the convex bodies `of` (k,) at faces with the
+    normals `outward` (k, 3), (k, m).
+    """
+    index, across = np.asarray(body.refraction), part.across(of)
+    per_height = part.per_height(of, begin)
+    # along the ray, over the index, and along the normal, as in `_bent`
+    onward = np.empty((len(of), 4, ray.shape[2]))
+    np.divide(ray, index[..., None], out=onward[:, :3])
+    onward[:, 3] = cosine / index - np.sqrt(1 - (1 - cosine**2) / index**2)
+    toward = np.concatenate([across, across @ outward[..., None]], axis=2) @ onward
+    per_way = toward * per_height
+    first = per_way.max(axis=1)
+    out = np.where(per_way == first[:, None], toward, -np.inf).max(axis=1)
+    beyond = index * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1
+    per_height *= across @ onward[:, :3]
+    straight = 1 / (index * per_height.max(axis=1))
+    slant = np.abs(np.asarray(body.layer) @ ray)[:, 0]
+    straight *= np.where(np.isnan(slant), 1.0, slant)
+    least = np.minimum(np.fmin(1 / first, straight), body.at_most)
+    return np.where(beyond, np.exp(-body.per_unit * least), 0.0)
 
 
 def _lost(

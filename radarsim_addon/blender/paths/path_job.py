@@ -109,6 +109,7 @@ class PathJob(MeasurementJob):
         # One "ring" as wide as the scene: the range limits, and what the range encoding has to
         # reach.
         reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
+        encoding = "world" if self.code_world else "materials"
         self._measurement = dataclasses.replace(
             self._measurement, rings=1, ring_step_m=max(reach_m, self._metres_per_unit() * 1e-3)
         )
@@ -118,15 +119,13 @@ class PathJob(MeasurementJob):
             self._fps(),
             extent,
             sampling_mode="paths",
-            options=repr(self.options)
-            + (" world" if self.code_world else " materials")
-            + marked_mirrors(),
+            options=f"{self.options!r} {encoding}{marked_mirrors()}",
             visibility_updates=self.options.visibility_updates,
         )
 
     def _make_settings(self) -> MeasurementSettings:
         return MeasurementSettings(
-            self._scene, self._view_layer, self.rig, self.plan, any_material=self.code_world
+            self._scene, self._view_layer, self.rig, self.plan, self.code_world, self.view_camera
         )
 
     def prepare(self) -> None:
@@ -141,6 +140,7 @@ class PathJob(MeasurementJob):
                 self.plan.metres_per_unit,
                 self.plan.range_encoding_length_m,
                 self.code_world,
+                self.view_camera,
             )
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()

@@ -120,6 +120,8 @@ class MeasurementJob:
         self.folder = folder
         #: Set by who has just opened the file, so that nobody can have changed it since.
         self.file_just_opened = False
+        #: Camera that renders paths, where who opened the file has added it: a `ViewCamera`.
+        self.view_camera: Any = None
         #: Frames of the run that this process measures, as long as no other one does.
         self.own_frames: Sequence[int] = measurement.frames
         #: Whether the plan of the folder is taken over, where it is this run's: its frames are not
@@ -385,6 +387,8 @@ class MeasurementJob:
         if self._settings is not None:
             self.unrestored += self._settings.restore()
         self.unrestored += self._shown_for_run.restore()
+        if self.view_camera is not None:
+            self.unrestored += self.view_camera.restore()
         if not self._followed:
             ignore_evaluations()
         self._shared.close()

@@ -68,6 +68,8 @@ class MeasurementSettings:
         What is measured.
     any_material
         Materials of other kinds than Radar Material echo too (a world volume carries the code).
+    view_camera : ViewCamera, optional
+        The camera that renders; None: the receiver does.
 
     Raises
     ------
@@ -76,9 +78,16 @@ class MeasurementSettings:
     """
 
     def __init__(
-        self, scene: Any, view_layer: Any, rig: Rig, plan: Plan, any_material: bool = False
+        self,
+        scene: Any,
+        view_layer: Any,
+        rig: Rig,
+        plan: Plan,
+        any_material: bool = False,
+        view_camera: Any = None,
     ) -> None:
         self._scene = scene
+        self._renders = rig.camera if view_camera is None else view_camera.item
         self._view_layer = view_layer
         self._rig = rig
         self._plan = plan
@@ -276,7 +285,7 @@ class MeasurementSettings:
     def _set_antennas(self) -> None:
         put, put_some = self._recorder.set, self._recorder.set_if_present
         camera, emitter = self._rig.camera, self._rig.emitter
-        put(self._scene, "camera", camera)
+        put(self._scene, "camera", self._renders)
         put(camera.data, "clip_start", NEAR_CLIP_UNITS)
         put(camera.data, "clip_end", 1e12)
         put(camera.data.dof, "use_dof", False)

@@ -15,6 +15,7 @@ from .closing_speeds import (
 from .driver_checks import (
     disabled_drivers,
     driven_by_whole_frames,
+    looks_at_view,
     may_move_at_whole_frames,
     moved_by_scripts,
 )
@@ -106,6 +107,7 @@ __all__ = [
     "keyed_move",
     "keyed_speeds",
     "keyed_step",
+    "looks_at_view",
     "may_move_at_whole_frames",
     "measure_pixel_spans",
     "moved_by_scripts",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drivers that Blender does not evaluate, and what moves at whole frames only."""
+"""What drivers and scripts read: whole frames, the active camera; and refused drivers."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from ...findings import Finding, finding
 
 #: The whole number of the frame, as expressions and variables of drivers name it.
 _WHOLE_FRAME = re.compile(r"\bframe_current\b")
+#: The camera of a scene and the numbers of its objects, likewise.
+_VIEW = re.compile(r"\b(camera|pass_index)\b")
 
 
 def disabled_drivers() -> list[Finding]:
@@ -40,12 +42,7 @@ def driven_by_whole_frames() -> list[str]:
     list of str
         Their names, each once.
     """
-    reads = (
-        item.name
-        for item, curve in _drivers()
-        if any(map(_WHOLE_FRAME.search, _read_by(curve.driver)))
-    )
-    return list(dict.fromkeys(reads))
+    return list(dict.fromkeys(_names_of_readers(_WHOLE_FRAME)))
 
 
 def may_move_at_whole_frames() -> bool:
@@ -58,6 +55,25 @@ def may_move_at_whole_frames() -> bool:
         that Blender calls at each frame.
     """
     return moved_by_scripts() or bool(driven_by_whole_frames())
+
+
+def looks_at_view() -> bool:
+    """Return whether the scene may depend on which camera renders, or on numbers of objects.
+
+    Returns
+    -------
+    bool
+        True for Geometry Nodes that read the active camera, movie clips (constraints may follow
+        them in it), drivers that name a camera or a `pass_index`, and handlers of other add-ons
+        and scripts.
+    """
+    nodes = (node for group in bpy.data.node_groups for node in group.nodes)
+    return (
+        moved_by_scripts()
+        or len(bpy.data.movieclips) > 0
+        or any(node.bl_idname == "GeometryNodeInputActiveCamera" for node in nodes)
+        or any(True for _ in _names_of_readers(_VIEW))
+    )
 
 
 def moved_by_scripts() -> bool:
@@ -81,6 +97,13 @@ def _drivers() -> Iterator[tuple[Any, Any]]:
                 yield item, curve
 
 
+def _names_of_readers(what: re.Pattern[str]) -> Iterator[str]:
+    """Names of the data-blocks with drivers that read something."""
+    for item, curve in _drivers():
+        if any(map(what.search, _read_by(curve.driver))):
+            yield item.name
+
+
 def _read_by(driver: Any) -> Iterator[str]:
     """Expression of a driver, and the paths of properties that its variables read."""
     if driver.type == "SCRIPTED":
@@ -92,9 +115,11 @@ def _read_by(driver: Any) -> Iterator[str]:
 
 def _data_blocks() -> Iterator[Any]:
     """All data-blocks in use, and the node trees that are part of them."""
-    for item in bpy.data.user_map():
-        if item.users:
-            yield item
-            tree = getattr(item, "node_tree", None)
-            if tree is not None:
-                yield tree
+    for kind in bpy.data.bl_rna.properties:
+        if kind.type == "COLLECTION" and kind.identifier != "all_ids":  # of 5.x: all once more
+            with_tree = "node_tree" in kind.fixed_type.bl_rna.properties
+            for item in getattr(bpy.data, kind.identifier):
+                if item.users:
+                    yield item
+                    if with_tree and item.node_tree is not None:
+                        yield item.node_tree

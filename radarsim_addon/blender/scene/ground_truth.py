@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -125,9 +126,14 @@ def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
     rows = _rendered_rows(snapshot)
     if not any_material:
         is_radar = cache(is_radar_material)
-        echoing = [echoes(shape.original, is_radar) for shape in snapshot.shapes]
+        echoing = [_echoes(shape, is_radar) for shape in snapshot.shapes]
         rows = rows[snapshot.of_shapes(echoing)[rows]]
     return Boxes(snapshot, rows)
+
+
+def _echoes(shape: Shape, is_radar: Callable[[Any], bool]) -> bool:
+    """As `echoes` of a surface; its evaluated slots, known already, hold what its own ones do."""
+    return (shape.own and any(map(is_radar, shape.materials))) or echoes(shape.original, is_radar)
 
 
 def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:

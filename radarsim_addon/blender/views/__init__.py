@@ -8,6 +8,7 @@ from .path_classes import TracedReplicate, TraceLimits, trace_replicate
 from .power_beyond import PowerBeyond, look_beyond
 from .requests import PathClass, Region, RenderRequest, View
 from .rows import pixel_numbers, ray_origins, rows_of_replicate
+from .view_camera import ViewCamera
 from .view_scene import PathScene
 from .view_setup import set_border
 from .window import ViewWindow, replicate_seed
@@ -21,6 +22,7 @@ __all__ = [
     "TraceLimits",
     "TracedReplicate",
     "View",
+    "ViewCamera",
     "ViewWindow",
     "look_beyond",
     "pixel_numbers",

@@ -24,6 +24,7 @@ from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
 from .pass_files import read_passes
 from .requests import PathClass, Region, RenderRequest, View
+from .view_camera import ViewCamera
 from .view_setup import (
     ENCODING_ALL,
     ENCODING_RED_GREEN,
@@ -34,8 +35,6 @@ from .view_setup import (
     set_border,
 )
 from .window import ViewWindow
-
-_CAMERA = "radarsim view (temporary)"
 
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
@@ -59,6 +58,8 @@ class PathScene:
         k.
     world_encoding
         A world volume carries the range encoding instead of Radar Materials.
+    view
+        Camera that renders, if it is in the scene already; who has made it takes it back.
     """
 
     def __init__(
@@ -70,6 +71,7 @@ class PathScene:
         metres_per_unit: float,
         range_encoding_length_m: float,
         world_encoding: bool,
+        view: ViewCamera | None = None,
     ) -> None:
         self._scene, self._view_layer = scene, view_layer
         self._camera, self._emitter = camera, transmitter
@@ -79,7 +81,8 @@ class PathScene:
         self._recorder = SettingsRestorer()
         self._folder = temporary_folder()
         self._recorder.on_restore("temporary files", self.remove_files)
-        self._view: Any = None
+        self._own_camera: ViewCamera | None = None
+        self._view: Any = None if view is None else view.item
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
@@ -96,7 +99,9 @@ class PathScene:
         """Set everything; on failure restore all settings, then raise the error."""
         try:
             self._keep_changing()
-            self._add_camera()
+            if self._view is None:
+                self._own_camera = ViewCamera(self._scene)
+                self._view = self._own_camera.item
             self._set_format()
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
@@ -131,7 +136,8 @@ class PathScene:
 
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
-        return self._recorder.restore()
+        unrestored = self._recorder.restore()
+        return unrestored + (self._own_camera.restore() if self._own_camera else [])
 
     def remove_files(self) -> None:
         """Remove the temporary files."""
@@ -145,13 +151,12 @@ class PathScene:
         Its rays belong to this pose: the receiver's own has other roundings, which count at poles.
         """
         self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
-        # The pose is kept as location and angles: what comes back differs by float32 rounding, and
-        # is what Cycles renders with.
-        self._view_layer.update()
         return self._pose()
 
     def _pose(self) -> list[list[float]]:
-        pose: list[list[float]] = rigid_pose(self._view.matrix_world, self._units).tolist()
+        # The pose is kept as location and angles: what comes back differs by float32 rounding, and
+        # is what Cycles renders with. It is the pose in the world, as the camera has no parent.
+        pose: list[list[float]] = rigid_pose(self._view.matrix_basis, self._units).tolist()
         return pose
 
     def look(
@@ -355,16 +360,6 @@ class PathScene:
 
         # The recorder's own `set` leaves equal values alone, and so would not put these back.
         self._recorder.on_restore("seed, bounces and size", undo)
-
-    def _add_camera(self) -> None:
-        data = bpy.data.cameras.new(_CAMERA)
-        self._recorder.on_restore(_CAMERA, lambda: bpy.data.cameras.remove(data))
-        data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
-        view = bpy.data.objects.new(_CAMERA, data)
-        self._recorder.on_restore(_CAMERA, lambda: bpy.data.objects.remove(view))
-        self._scene.collection.objects.link(view)
-        self._recorder.set(self._scene, "camera", view)
-        self._view = view
 
     def _set_format(self) -> None:
         # The measuring settings remember the user's format; ours replaces theirs within it.

@@ -43,25 +43,29 @@ def set_border(render: Any, region: Region, width_px: int, height_px: int) -> No
     render.border_max_y = min((height_px - region.top + 0.25) / height_px, 1.0)
 
 
+def numbered_objects() -> list[Any]:
+    """Return the surfaces of the file in the order of their numbers, which begin at 1."""
+    by_name = sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name_full))
+    return [i for i in by_name if i.type in SURFACE_TYPES and PATTERN_PROPERTY not in i]
+
+
 def number_objects(
     recorder: SettingsRestorer,
 ) -> tuple[list[str], frozenset[int], frozenset[int]]:
-    """Give every surface a number that its pixels carry: its place in the names, from 1.
+    """Give every surface a number that its pixels carry.
 
     Returns the names, and the numbers of those that let nothing through, and that are not rendered.
     """
-    names = []
     opaque, hidden = set(), set()
     opaque_material = cache(lets_nothing_through)
-    for item in sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name_full)):
-        if item.type in SURFACE_TYPES and PATTERN_PROPERTY not in item:
-            names.append(item.name_full)
-            recorder.set(item, "pass_index", len(names))
-            if _is_opaque(item, opaque_material):
-                opaque.add(len(names))
-            if item.hide_render:
-                hidden.add(len(names))
-    return names, frozenset(opaque), frozenset(hidden)
+    items = numbered_objects()
+    for number, item in enumerate(items, 1):
+        recorder.set(item, "pass_index", number)
+        if _is_opaque(item, opaque_material):
+            opaque.add(number)
+        if item.hide_render:
+            hidden.add(number)
+    return [item.name_full for item in items], frozenset(opaque), frozenset(hidden)
 
 
 def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmitter: Any) -> None:

@@ -10,7 +10,6 @@ from .coverage import write_coverage
 from .frame import process_frame
 from .frame_processor import FrameProcessor
 from .kept_frames import KeptFrame
-from .measured_findings import frame_findings
 from .options import ProcessOptions, ResolvedOptions
 from .process import Progress, process_run
 from .process_arguments import parse_process_arguments, process_options
@@ -22,7 +21,6 @@ __all__ = [
     "ProcessOptions",
     "Progress",
     "ResolvedOptions",
-    "frame_findings",
     "main",
     "parse_process_arguments",
     "process_frame",

@@ -6,6 +6,7 @@ In: a folder. Out: `Run` and `RadarFrame` records, and float32 images of radianc
 
 from .exr import exr_backend, read_exr, write_exr
 from .exr_header import CHUNK_LINES, ZIP, ExrHeader, read_header
+from .measured_findings import frame_findings
 from .run import MissingRender, RadarFrame, Run, open_run, shared_plan
 
 __all__ = [
@@ -16,6 +17,7 @@ __all__ = [
     "RadarFrame",
     "Run",
     "exr_backend",
+    "frame_findings",
     "open_run",
     "read_exr",
     "read_header",

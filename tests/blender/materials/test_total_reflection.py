@@ -160,7 +160,11 @@ def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
     inside = np.linalg.norm(starts, axis=1) < 0.3
     starts, onward = starts[inside], onward[inside]
     bodies = stacked((2 * points, halves), (points, halves))
-    by_planes = [part[0] for part in bodies.leave(np.array([1]), starts[None], onward[None])]
+    second = np.array([1])
+    cosines = bodies.across(second)[0] @ onward.T
+    per_way = cosines * bodies.per_height(second, starts.T[None])[0]
+    first = per_way.argmax(axis=0), np.arange(len(starts))
+    by_planes = [cosines[first], 1 / per_way[first]]
     tree = total_reflection.BVHTree.FromPolygons(points.tolist(), halves.tolist())
     by_rays = total_reflection._arrivals(tree, starts, onward)
     assert len(starts) > 100
