@@ -74,11 +74,9 @@ def _lines(count: Indices) -> tuple[Indices, Real]:
 
 
 def along_steps(steps: Real, points: PixelPoints) -> Real:
-    """Return by how much values change, (points,) or (points, k), at points in pixels of rows with
-    these steps, (n, 2, 2) or (n, 2, 2, k).
+    """Return by how much values change, (points,), at points in pixels of rows with these steps,
+    (n, 2, 2).
     """
-    if steps.ndim > 3:
-        return np.stack([along_steps(steps[..., i], points) for i in range(steps.shape[3])]).T
     if not steps.any():
         return np.zeros(points.row.size)
     change: list[Real] = []

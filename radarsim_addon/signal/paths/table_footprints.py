@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
 from ...contract import PathsRecord
-from ...vectors import are_finite, distances, dots, norms
+from ...vectors import are_finite, distances, dots, norms, take_rows
 from .footprints import (
     Steps,
     points_along,
@@ -148,28 +148,33 @@ class TableFootprints:
         points = PathColumns(self._table, numbers[index])
         mine = np.flatnonzero(split[index])
         in_pixels = PixelPoints.of(along)
-        power_w = np.asarray(self._table["power_w"])
-        share = shares(power_steps(power_w, between, power_w[numbers[split]]), in_pixels)
+        table, own = np.asarray(self._table), numbers[split]
+        power_w = table["power_w"]
+        share = shares(power_steps(power_w, between, power_w[own]), in_pixels)
 
-        def moved(name: str) -> Real:
-            ends = self._table[name][between]
-            return along_steps(ends[:, :, :, 1] - ends[:, :, :, 0], in_pixels)
+        begin, end = (np.ascontiguousarray(between[..., i]) for i in (0, 1))
 
-        place_m, length_m = points["last_scatterer_m"], points["length_m"]
-        old_m = place_m[mine]
-        new_m = old_m + moved("last_scatterer_m")
-        change_m = distances(new_m, self._emitter_m) - distances(old_m, self._emitter_m)
-        length_m[mine] += change_m
+        def moved(column: Real) -> Real:
+            values = np.ascontiguousarray(column)  # in a table they lie far apart
+            return along_steps(values[end] - values[begin], in_pixels)
+
+        # what belongs to rows is computed once for all of their points
+        row, old_m = in_pixels.row, take_rows(table["last_scatterer_m"], own)
+        new_m = take_rows(old_m, row)
+        new_m += np.stack([moved(column) for column in table["last_scatterer_m"].T]).T
+        longer_m = distances(new_m, self._emitter_m) - distances(old_m, self._emitter_m)[row]
+        points["length_m"][mine] += longer_m
         if self._orthographic:
-            length_m[mine] += dots(points["direction"][mine], new_m - old_m)
+            across_m = new_m - take_rows(old_m, row)
+            points["length_m"][mine] += dots(points["direction"][mine], across_m)
         else:
-            old_arm_m, new_arm_m = old_m - self._receiver_m, new_m - self._receiver_m
-            reach_m = norms(new_arm_m)
-            length_m[mine] += reach_m - norms(old_arm_m)
-            points["direction"][mine] = new_arm_m / reach_m[:, None]
-        place_m[mine] = new_m
-        points["first_scatterer_m"][mine] = new_m
-        points["range_rate_mps"][mine] += moved("range_rate_mps")
+            arm_m = new_m - self._receiver_m
+            reach_m = norms(arm_m)
+            points["length_m"][mine] += reach_m - norms(old_m - self._receiver_m)[row]
+            points["direction"].T[:, mine] = arm_m.T / reach_m
+        for name in ("first_scatterer_m", "last_scatterer_m"):
+            points[name].T[:, mine] = new_m.T
+        points["range_rate_mps"][mine] += moved(table["range_rate_mps"])
         for name in ("power_w", "solid_angle_sr"):
             points[name][mine] *= share
         return index, points
