@@ -24,10 +24,9 @@ from ...signal.paths import (
     PathFlag,
     PathRows,
     Places,
-    Points,
     edge_variances,
     lone_variances,
-    spread,
+    power_of_range_bins,
     steps_of,
 )
 
@@ -100,7 +99,9 @@ class CellGrid:
         power_w = rows["power_w"] * count
         # both ask for the pixels of the same rows
         grid = GridPlaces().of_views(np.arange(rows.size))
-        by_bin = self._by_bin(rows, view, len(views), power_w, count, receiver, grid)
+        by_bin = np.zeros((len(views), 1))
+        if self.ranges:
+            by_bin = self._by_bin(rows, view, len(views), count, receiver, grid)
         number = rows["last_object"].astype(np.int64)
         shape = len(views), int(number.max(initial=0)) + 1
         # objects of each view by numbers of their own
@@ -128,7 +129,6 @@ class CellGrid:
         rows: PathRows,
         view: Indices,
         views: int,
-        power_w: Real,
         count: int,
         receiver: contract.ReceiverRecord | None,
         grid: Places,
@@ -136,25 +136,16 @@ class CellGrid:
         """Power of range bins by view, each row spread over what its pixel covers, as in the
         profile.
         """
-        size = self.bins + 1
-        total = np.zeros(views * size)
-        if not self.ranges:
-            return total.reshape(views, size)
         kept = np.flatnonzero(rows["flags"] & PathFlag.NO_RANGE == 0)
         if kept.size < rows.size:
-            rows, view, power_w = rows[kept], view[kept], power_w[kept]
-        parts: Iterable[Points]
+            rows, view = rows[kept], view[kept]
         if receiver is None:
-            whole = np.arange(rows.size)
-            parts = [Points(whole, rows["length_m"], np.zeros(rows.size), np.ones(rows.size))]
-        else:
-            steps = steps_of(rows, receiver, count, grid)
-            parts = spread(rows, steps, self.bin_m, math.inf, views=views)
-        for part in parts:
-            place = np.clip(part.length_m / 2 / self.bin_m, 0, self.bins).astype(np.int64)
-            place += (view * size)[part.row]
-            total += np.bincount(place, part.share * power_w[part.row], total.size)
-        return total.reshape(views, size)
+            size = self.bins + 1
+            place = np.clip(rows["length_m"] / 2 / self.bin_m, 0, self.bins).astype(np.int64)
+            by_bin = np.bincount(place + view * size, rows["power_w"], views * size)
+            return by_bin.reshape(views, size) * count
+        steps = steps_of(rows, receiver, count, grid)
+        return power_of_range_bins(rows, steps, self.bin_m, self.bins, view, views) * count
 
     def powers(self, replicates: Sequence[ReplicatePowers]) -> CellPowers:
         """Means and variances of a tile's cells over its replicates."""

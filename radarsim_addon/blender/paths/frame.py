@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +16,16 @@ from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import PATH_DTYPE, PathRows, column_groups, write_table
+from ...signal.paths import PATH_DTYPE, PathRows, TableFile, column_groups, write_table
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, PathOptions
 from ..views import ViewWindow
 from .clutter_weights import ClutterWeights
-from .error_budget import CellGrid, ErrorBudget, ReplicatePowers, uncertain_objects
+from .error_budget import CellGrid, ErrorBudget, uncertain_objects
 from .hit_points import HitPoints
 from .inset_tiles import add_inset_tiles
 from .materials_in_use import by_surface
+from .measured_tiles import MeasuredTiles, NewTile
 from .mirror_paths import MirrorPaths
 from .mirror_views import MirrorViews
 from .quality import QualitySums
@@ -37,7 +38,7 @@ from .small_object_ranking import (
     rank_by_error,
     small_boxes,
 )
-from .tile_checkpoints import TileCheckpoints, TileRecord
+from .tile_checkpoints import TileCheckpoints
 from .tiles import Tile
 from .view_tracer import PathTask, Progress, ViewTracer
 
@@ -50,15 +51,6 @@ _SHARE_FOR_TILES = 0.5
 _MANY_BODIES = 250
 #: Pixels across of the renders that tell how long a small one takes.
 _TRIED_PX = 8
-
-
-@dataclasses.dataclass(frozen=True)
-class _Measured:
-    """A tile that was measured, and where its rows are."""
-
-    tile: Tile
-    key: str
-    quality: QualitySums
 
 
 class FrameWork:
@@ -89,7 +81,6 @@ class FrameWork:
         self._run, self._receiver = tracer.run, tracer.receiver
         self._options = tracer.run.options
         self._folder = folder
-        self._tiles: dict[int, _Measured] = {}
         self._next_number = 0
         # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
         asked, receiver = self._run.measurement, self._receiver
@@ -102,12 +93,15 @@ class FrameWork:
         self._renders, self._seconds = 0, 0.0
         resolution_m = asked.waveform.range_resolution_m
         reach_m = self._run.plan.rings * asked.ring_step_m
-        self._grid = CellGrid(
+        grid = CellGrid(
             resolution_m,
             min(int(reach_m / resolution_m) + 1, 1 << 20),
             ranges=self._options.error_scope != "objects",
         )
-        self._budget = ErrorBudget(self._grid.first_object, self._options.error_scope)
+        self._budget = ErrorBudget(grid.first_object, self._options.error_scope)
+        self._tiles = MeasuredTiles(
+            self._parts, grid, self._budget, receiver, self._options.replicates
+        )
         self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
@@ -116,6 +110,14 @@ class FrameWork:
 
     def measure(self) -> Generator[PathTask, None, str]:
         """Make all renders; return the limit that ended it. If stopped, call `keep_tiles`."""
+        try:
+            reason = yield from self._measure_all()
+            self._tiles.wait()
+        finally:
+            self._tiles.end()
+        return reason
+
+    def _measure_all(self) -> Generator[PathTask, None, str]:
         uniform = tiles = Tile(self._whole).split(self._tile_px())
         if self._options.refines:
             chosen = yield from self._choose(uniform)
@@ -137,7 +139,8 @@ class FrameWork:
 
     def _look_beyond(self) -> Generator[PathTask, None, None]:
         """Measure the power beyond the last order, where anything is seen."""
-        found = QualitySums.joined(measured.quality for measured in self._tiles.values())
+        self._tiles.wait()
+        found = self._tiles.quality()
         if found.seen - {0}:
             start_s = time.monotonic()
             beyond = yield from self._tracer.beyond_tasks(self._whole, found.coloured)
@@ -214,7 +217,7 @@ class FrameWork:
                 return "error target"
             open_tiles = [
                 number
-                for number, measured in self._tiles.items()
+                for number, measured in self._tiles.tiles.items()
                 if measured.tile.level < options.max_refinement_level
                 and measured.tile.window.pitch / 2 >= FINEST_PITCH
             ]
@@ -229,11 +232,12 @@ class FrameWork:
                 if options.time_limit_s and self._seconds > options.time_limit_s:
                     return "time budget"
                 # The parts take the tile's place only when all of them are measured.
-                parts = self._tiles[number].tile.halved()
+                parts = self._tiles.tiles[number].tile.halved()
                 self._progress.add_tiles(len(parts))
                 for part in parts:
                     yield from self._measure(part)
-                del self._tiles[number], self._budget.powers[number]
+                self._tiles.wait()
+                self._tiles.remove(number)
 
     def _measure(self, tile: Tile) -> Generator[PathTask, None, None]:
         number, self._next_number = self._next_number, self._next_number + 1
@@ -241,79 +245,62 @@ class FrameWork:
         key = self._parts.key(dataclasses.astuple(tile.window), tile.level, own)
         record = self._parts.find(key)
         if record is None:
-            record, powers = yield from self._trace(tile, number, key)
+            yield from self._trace(NewTile(number, tile, key))
         else:
-            powers = [
-                self._grid.replicate_powers(rows, len(record.rows), self._receiver)
-                for rows in self._parts.replicates(key, record)
-            ]
+            self._renders += record.renders
+            self._seconds += record.seconds
+            self._tiles.take_again(number, tile, key, record)
             self._progress.replicates_measured(len(record.rows), earlier=True)
-        self._tiles[number] = _Measured(tile, key, record.sums())
-        self._budget.powers[number] = self._grid.powers(powers)
-        self._renders += record.renders
-        self._seconds += record.seconds
 
-    def _trace(
-        self, tile: Tile, number: int, key: str
-    ) -> Generator[PathTask, None, tuple[TileRecord, list[ReplicatePowers]]]:
+    def _trace(self, new: NewTile) -> Generator[PathTask, None, None]:
         """Measure a tile replicate by replicate."""
         start_s = time.monotonic()
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
-        quality = QualitySums()
-        powers: list[ReplicatePowers] = []
-        rows_of, renders = list[int](), 0
+        renders, done = 0, 0
         waiting: list[tuple[PathRows, Real]] = []
         mirrored = self._dtype != PATH_DTYPE
-        together = 1 if mirrored else views_together(tile.window)
-        with self._parts.writer(key) as part:
+        together = 1 if mirrored else views_together(new.tile.window)
+        try:
             for replicate in range(count):
                 rows, origin_m, traced = yield from self._tracer.replicate_tasks(
-                    number, tile, replicate
+                    new.number, new.tile, replicate
                 )
                 renders += traced.renders
-                quality.add_view(traced, watts_per_unit / count)
+                new.quality.add_view(traced, watts_per_unit / count)
                 waiting.append((rows, origin_m))
-                if len(waiting) < min(together, count - len(rows_of)):
+                if len(waiting) < min(together, count - done):
                     continue
                 views = self._finisher.finish(waiting, self._tracer.transmitter_m)
                 waiting = []
                 if mirrored:
                     images = MirrorViews(self._tracer, self._finisher, self._mirrors)
                     rows, made = yield from images.measure(
-                        number, tile, replicate, views[0], traced, quality
+                        new.number, new.tile, replicate, views[0], traced, new.quality
                     )
                     views = [rows]
                     renders += made
                 better = self._clutter.better
                 views = [better.in_better_direction(rows, self._tracer) for rows in views]
-                powers += self._grid.powers_of_views(views, count, self._receiver)
-                for rows in views:
-                    quality.add_rows(rows, self._receiver)
-                    rows_of.append(rows.size)
-                    part.add(rows)
+                self._tiles.add_rows(new, views)
+                done += len(views)
                 self._progress.replicates_measured(len(views), earlier=False)
-        record = TileRecord(
-            rows_of,
-            quality.numbers(),
-            sorted(quality.seen),
-            sorted(quality.echoing),
-            sorted(quality.bodies),
-            renders,
-            time.monotonic() - start_s,
-        )
-        self._parts.keep(key, record)
-        return record, powers
+        except BaseException as error:
+            self._tiles.drop(new, error)
+            raise
+        seconds = time.monotonic() - start_s
+        self._renders += renders
+        self._seconds += seconds
+        self._tiles.keep(new, renders, seconds)
 
     # -- the table ---------------------------------------------------------------------------------
 
     def write(self, stop_reason: str) -> contract.PathsRecord:
         """Write the table, the motion and their record, and remove the tiles."""
-        rows = self._write_table()
+        table = self._write_table()
         motion_file = self._motion.write(
             self._folder, self._tracer.instant.time_s, self._run.versions
         )
-        quality = QualitySums.joined([*(m.quality for m in self._tiles.values()), self._beyond])
-        table = self._folder / contract.PATHS_TABLE
+        quality = QualitySums.joined([self._tiles.quality(), self._beyond])
         record = contract.PathsRecord(
             **self._run.record_fields(),
             **quality.record_fields(self._run.measurement.waveform.wavelength_m),
@@ -321,17 +308,19 @@ class FrameWork:
             time_s=self._tracer.instant.time_s,
             receiver=self._receiver,
             transmitter=self._tracer.transmitter,
-            tiles=len(self._tiles),
+            tiles=len(self._tiles.tiles),
             small_objects=self._small,
             small_objects_tiled=self._tiled,
-            finest_refinement_level=max((m.tile.level for m in self._tiles.values()), default=0),
+            finest_refinement_level=max(
+                (m.tile.level for m in self._tiles.tiles.values()), default=0
+            ),
             renders=self._renders,
             render_time_s=self._seconds,
-            path_count=rows,
+            path_count=table.rows,
             relative_error=self._budget.relative_error(),
             stop_reason=stop_reason,
-            table_file=table.name,
-            table_sha256=file_sha256(table),
+            table_file=contract.PATHS_TABLE,
+            table_sha256=table.sha256,
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
             column_groups=column_groups(self._dtype.names or ()),
@@ -342,12 +331,12 @@ class FrameWork:
         self._parts.remove()
         return record
 
-    def _write_table(self) -> int:
-        """All rows with their motion; returns their number."""
-        bodies = set().union(*(measured.quality.bodies for measured in self._tiles.values()))
+    def _write_table(self) -> TableFile:
+        """Write all rows with their motion."""
+        bodies = set().union(*(measured.quality.bodies for measured in self._tiles.tiles.values()))
         mirrors = self._mirrors.bodies
         self._motion.images = self._mirrors.records
-        self._motion.collect(bodies | set(mirrors), self._chunks())
+        self._motion.collect(bodies | set(mirrors), self._tiles.chunks())
         self._motion.sample()
         shared = self._mirrors.shared_bodies
         self._moving = [
@@ -356,13 +345,9 @@ class FrameWork:
             if self._motion.deforms(body) or (body in shared and self._motion.moves(body))
         ]
         table = self._folder / contract.PATHS_TABLE
-        parts = (self._motion.complete(part) for part in self._chunks())
-        return write_table(table, parts, self._dtype)
-
-    def _chunks(self) -> Iterator[PathRows]:
-        """All rows, a part at a time."""
-        for number, measured in self._tiles.items():
-            yield from self._parts.chunks(measured.key, number)
+        parts = (self._motion.complete(part) for part in self._tiles.chunks())
+        rows = sum(measured.rows for measured in self._tiles.tiles.values())
+        return write_table(table, parts, self._dtype, rows)
 
     def _findings(self, quality: QualitySums) -> list[Finding]:
         """Find what a user should know of the frame."""
@@ -389,7 +374,7 @@ class FrameWork:
             findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:
             place_m = np.array(self._receiver.matrix_world)[:3, 3]
-            findings += self._clutter.findings(self._chunks(), place_m)
+            findings += self._clutter.findings(self._tiles.chunks(), place_m)
         # where it was not met, `stop_reason` says so
         if (
             target

@@ -3,7 +3,7 @@
 
 Files bound the memory that a frame takes, and a run that was stopped resumes from them. A tile is
 its rows, as they are in memory, and a record next to them, written last: a tile with a record is
-whole. Tiles are written when they take too much memory, after a few seconds, or when the run is
+whole. Tiles are written when they take too much memory, after some seconds, or when the run is
 stopped: a frame that takes no longer than that leaves no files of them. Does not import bpy.
 """
 
@@ -30,8 +30,9 @@ from .quality import QualitySums
 
 #: Rows read at a time.
 _CHUNK = 1 << 17
-#: Most memory that tiles take [bytes], and the longest time that they are in memory alone [s].
-_MOST_HELD, _LONGEST_HELD_S = 192 << 20, 5.0
+#: Most memory that tiles take [bytes], and the longest time that they are in memory alone [s]: what
+#: a process that is killed loses. Writing and reading them again takes longer than their sums.
+_MOST_HELD, _LONGEST_HELD_S = 192 << 20, 20.0
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ class TileCheckpoints:
                 temporary = stack.enter_context(replaced(self.rows_file(key), sync=False))
                 return stack.enter_context(open(temporary, "wb"))
 
-            writer = TileWriter(open_file)
+            writer = TileWriter(open_file, lambda size: self._write_oldest(_MOST_HELD - size))
             yield writer
         self._held[key] = _Held(writer.rows, time.monotonic(), writer.sha256)
 
@@ -130,12 +131,21 @@ class TileCheckpoints:
         """Say that a tile is whole; write those that are not to be in memory any longer."""
         self._held[key].record = record
         now_s = time.monotonic()
-        size = sum(rows.nbytes for held in self._held.values() for rows in held.rows)
         for name, held in list(self._held.items()):
             since_s = min(held.since_s, now_s - record.seconds) if name == key else held.since_s
-            if held.sha256 or size > _MOST_HELD or now_s - since_s > _LONGEST_HELD_S:
-                size -= sum(rows.nbytes for rows in held.rows)
+            if held.sha256 or now_s - since_s > _LONGEST_HELD_S:
                 self._write(name)
+        self._write_oldest(_MOST_HELD)
+
+    def _write_oldest(self, most: int) -> None:
+        """Write tiles until those that are whole take at most so many bytes of memory."""
+        sizes = {key: sum(rows.nbytes for rows in held.rows) for key, held in self._held.items()}
+        size = sum(sizes.values())
+        for key, own in sizes.items():
+            if size <= most:
+                return
+            size -= own
+            self._write(key)
 
     def write(self) -> None:
         """Write all whole tiles that are in memory; what cannot be written is measured again."""
@@ -168,7 +178,7 @@ class TileCheckpoints:
         """
         if key in self._held:
             held = self._held[key].rows
-            if sum(rows.size for rows in held) <= _CHUNK:
+            if len(held) > 1 and sum(rows.size for rows in held) <= _CHUNK:
                 held = [np.concatenate(held)]
             for rows in held:
                 rows["tile"] = tile
@@ -188,11 +198,12 @@ class TileCheckpoints:
 class TileWriter:
     """Collects the rows of a tile, in a file where they are too many for memory.
 
-    `open_file` opens it; `rows` are those in memory, by replicate.
+    `open_file` opens it, `make_room` is told how many bytes the rows take; `rows` are those in
+    memory, by replicate.
     """
 
-    def __init__(self, open_file: Callable[[], BinaryIO]) -> None:
-        self._open_file = open_file
+    def __init__(self, open_file: Callable[[], BinaryIO], make_room: Callable[[int], None]) -> None:
+        self._open_file, self._make_room = open_file, make_room
         self._stream: BinaryIO | None = None
         self._digest = hashlib.sha256()
         self.rows: list[PathRows] = []
@@ -200,8 +211,11 @@ class TileWriter:
     def add(self, rows: PathRows) -> None:
         """Append the rows of a replicate."""
         self.rows.append(rows)
-        if self._stream is not None or sum(part.nbytes for part in self.rows) > _MOST_HELD:
+        size = sum(part.nbytes for part in self.rows)
+        if self._stream is not None or size > _MOST_HELD:
             self.spill()
+        else:
+            self._make_room(size)
 
     def spill(self) -> None:
         """Write the rows in memory to the file."""

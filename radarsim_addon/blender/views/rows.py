@@ -35,14 +35,14 @@ def rows_of_replicate(
     ndarray
         (paths,), of `PATH_DTYPE`.
     """
-    parts = []
-    for layer in traced.layers:
-        index = np.flatnonzero(layer.amplitude > 0)
+    found = [np.flatnonzero(layer.amplitude > 0) for layer in traced.layers]
+    rows = np.zeros(sum(index.size for index in found), dtype=PATH_DTYPE)
+    start = 0
+    for layer, index in zip(traced.layers, found, strict=True):
         pixels = _pixels(layer, index, metres_per_unit, vertex_map, traced.coloured)
-        parts.append(assemble_rows(pixels, index, shared))
-    if len(parts) == 1:
-        return parts[0]
-    return np.concatenate(parts) if parts else np.empty(0, dtype=PATH_DTYPE)
+        assemble_rows(pixels, index, shared, rows[start : start + index.size])
+        start += index.size
+    return rows
 
 
 def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:

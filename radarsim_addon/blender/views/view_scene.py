@@ -8,6 +8,7 @@ Where the materials do not carry the range encoding, a world volume does.
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from typing import Any
 
@@ -298,6 +299,8 @@ class PathScene:
         path = self._folder / "view.exr"
         # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
         passes = read_passes(path, (combined, "Position", "Object Index", "IndexOB"))
+        with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
+            path.unlink()
         if combined not in passes:
             raise RenderError(
                 f"The render has no pass {combined}; found {', '.join(passes) or 'none'}."

@@ -163,7 +163,9 @@ def first_vertex_order_2(
     return receiver_m + r[:, None] * direction, conditioning
 
 
-def assemble_rows(pixels: PathClassPixels, index: Indices, shared: TileReplicate) -> PathRows:
+def assemble_rows(
+    pixels: PathClassPixels, index: Indices, shared: TileReplicate, into: PathRows | None = None
+) -> PathRows:
     """Make the rows of one path class.
 
     Parameters
@@ -174,6 +176,8 @@ def assemble_rows(pixels: PathClassPixels, index: Indices, shared: TileReplicate
         Numbers of these in the tile, counted row by row, (n,).
     shared
         What they share.
+    into
+        Rows of zeros to fill in, (n,); None: new ones.
 
     Returns
     -------
@@ -202,7 +206,7 @@ def assemble_rows(pixels: PathClassPixels, index: Indices, shared: TileReplicate
     with np.errstate(invalid="ignore"):
         flags[np.abs(pixels.mixing - 1) > MIXED_TOLERANCE] |= PathFlag.MIXED
 
-    rows = np.zeros(pixels.amplitude.size, dtype=PATH_DTYPE)
+    rows = np.zeros(pixels.amplitude.size, dtype=PATH_DTYPE) if into is None else into
     rows["power_w"] = pixels.amplitude * solid_angle_sr * shared.effective_area_m2
     measured = known | (flags & PathFlag.ENCODED_LENGTH == 0)
     rows["length_m"] = np.where(measured, found.length_m, 0.0)

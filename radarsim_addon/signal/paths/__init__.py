@@ -18,6 +18,7 @@ from .footprints import (
 from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
 from .pixel_spacing import GridPlaces, Places, joined_places
+from .range_bins import power_of_range_bins
 from .replicates import edge_variances, lone_variances, replicate_offset_px
 from .rows import AnyRows, PathColumns, has_curved_images, has_images, scatterer_rows
 from .table import (
@@ -26,6 +27,7 @@ from .table import (
     IMAGE_DTYPE,
     PATH_DTYPE,
     PathRows,
+    TableFile,
     column_groups,
     iter_rows,
     open_table,
@@ -65,6 +67,7 @@ __all__ = [
     "Points",
     "Spaces",
     "Steps",
+    "TableFile",
     "TableFootprints",
     "TriangleMesh",
     "channel_lengths",
@@ -84,6 +87,7 @@ __all__ = [
     "open_table",
     "path_power_w",
     "planes_of",
+    "power_of_range_bins",
     "radiance_of",
     "read_paths_record",
     "replicate_offset_px",

@@ -252,12 +252,12 @@ def spread(
         Those of some rows; the fractions of a row add up to 1.
     """
     along = points_along(steps, cell_m, cell_mps, views=views)
-    points = along[:, 0] * along[:, 1]
+    points, covered_m = along[:, 0] * along[:, 1], widths_m(steps, along)
     lengths, rates = np.array(rows["length_m"]), np.array(rows["range_rate_mps"])
     whole, several = np.flatnonzero(points == 1), np.flatnonzero(points > 1)
     if whole.size:
         found = Points(whole, lengths[whole], rates[whole], np.ones(whole.size))
-        yield _cut_at_borders(found, _widths_m(steps, whole, along), cell_m, border_m)
+        yield _cut_at_borders(found, covered_m[whole], cell_m, border_m)
     ends = np.cumsum(points[several])
     start = 0
     while start < several.size:
@@ -270,14 +270,14 @@ def spread(
         length_m += along_steps(steps.length_m[here], points_of)
         rate_mps += along_steps(steps.range_rate_mps[here], points_of)
         found = Points(here[row], length_m, rate_mps, shares(steps.power[here], points_of))
-        yield _cut_at_borders(found, _widths_m(steps, here, along)[row], cell_m, border_m)
+        yield _cut_at_borders(found, covered_m[here][row], cell_m, border_m)
         start = stop
 
 
-def _widths_m(steps: Steps, rows: Indices, along: Indices) -> Real:
-    """Total lengths that each point of some rows covers, along the wider axis, (rows,) [m]."""
-    length_m = abs(steps.length_m[rows])
-    covered_m = (length_m[..., 0] + length_m[..., 1]) / 2 / along[rows]
+def widths_m(steps: Steps, along: Indices) -> Real:
+    """Return the total length that each of so many points covers along the wider axis, (n,) [m]."""
+    size_m = abs(steps.length_m)
+    covered_m = (size_m[..., 0] + size_m[..., 1]) / 2 / along
     return np.maximum(covered_m[:, 0], covered_m[:, 1])
 
 

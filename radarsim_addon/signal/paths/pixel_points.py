@@ -80,7 +80,7 @@ def along_steps(steps: Real, points: PixelPoints) -> Real:
     if not steps.any():
         return np.zeros(points.row.size)
     change: list[Real] = []
-    for lines, (mean, half, bent) in zip(points.lines, _courses(steps), strict=True):
+    for lines, (mean, half, bent) in zip(points.lines, courses(steps), strict=True):
         row, place = lines.row, lines.place
         of_line = place * mean[row] + place**2 * half[row]
         if bent.any():
@@ -89,7 +89,7 @@ def along_steps(steps: Real, points: PixelPoints) -> Real:
     return change[0] + change[1]
 
 
-def _courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
+def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
     """Factors of x, x^2 and |x| by which values change at x in a pixel across, and up, (n,) each.
 
     With a step on either side it is the parabola through the three rays, which the neighbours'

@@ -8,9 +8,12 @@ parts and joined without holding them in memory, so a run may be larger than the
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.lib import format as npy_format
@@ -20,6 +23,7 @@ from ...atomic_files import replaced
 from ...contract import ColumnGroupRecord, ColumnRecord
 from ...errors import FrameFileError
 from ...old_names import todays_name
+from ...sidecar import file_sha256
 
 PathRows = NDArray[np.void]
 
@@ -104,6 +108,8 @@ _GEOMETRY_WITH_IMAGES = 2
 
 #: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
 MAX_ROWS = 5_000_000_000
+#: Bytes of a large table after which the disk begins to take them, while others are computed.
+_SYNC_EVERY = 1 << 27
 
 
 def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
@@ -126,9 +132,28 @@ def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
     return {**COLUMN_GROUPS, "geometry": geometry, IMAGE_GROUP: images}
 
 
+@dataclass(frozen=True)
+class TableFile:
+    """A table that was written.
+
+    Attributes
+    ----------
+    rows
+        Number of its rows.
+    sha256
+        Digest of the file, in hexadecimal digits.
+    """
+
+    rows: int
+    sha256: str
+
+
 def write_table(
-    path: Path, parts: Iterable[PathRows], dtype: np.dtype[np.void] = PATH_DTYPE
-) -> int:
+    path: Path,
+    parts: Iterable[PathRows],
+    dtype: np.dtype[np.void] = PATH_DTYPE,
+    rows: int | None = None,
+) -> TableFile:
     """Write rows as one ``.npy`` file under a temporary name, then rename.
 
     Parameters
@@ -139,36 +164,52 @@ def write_table(
         Arrays of `dtype`; only one is in memory at a time.
     dtype
         `PATH_DTYPE`; `IMAGE_DTYPE` or `CURVED_IMAGE_DTYPE` with images.
+    rows
+        Number of all rows; None: unknown, and the file is read once more for its digest.
 
     Returns
     -------
-    int
-        Number of rows.
+    TableFile
 
     Raises
     ------
     OutputError
         The folder is missing, read-only or full. Nothing half-written is left.
     """
-    rows = 0
-    with replaced(path) as temporary, open(temporary, "wb") as stream:
-        _write_header(stream, MAX_ROWS, dtype)  # room for any count; overwritten below
-        start = stream.tell()
+    found, digest = 0, hashlib.sha256()
+    with (
+        replaced(path) as temporary,
+        open(temporary, "wb") as stream,
+        ThreadPoolExecutor(1, "radarsim table") as background,
+    ):
+        header = _header(MAX_ROWS if rows is None else rows, dtype)  # room for any number
+        stream.write(header)
+        digest.update(header)
+        syncs, unsynced = list[Future[None]](), 0
         for part in parts:
             if part.dtype != dtype:
                 raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE, or that with images")
-            stream.write(np.ascontiguousarray(part).view(np.uint8).data)
-            rows += part.size
-        stream.seek(0)
-        _write_header(stream, rows, dtype)
-        if stream.tell() != start:
-            raise AssertionError("the header changed its length")
-    return rows
+            data = np.ascontiguousarray(part).view(np.uint8).data
+            stream.write(data)
+            digest.update(data)
+            found += part.size
+            unsynced += data.nbytes
+            if unsynced >= _SYNC_EVERY and (not syncs or syncs[-1].done()):
+                syncs.append(background.submit(os.fsync, stream.fileno()))
+                unsynced = 0
+        for sync in syncs:
+            sync.result()
+        if rows is None:
+            stream.seek(0)
+            stream.write(_header(found, dtype))
+        elif rows != found:
+            raise AssertionError(f"{found} rows; expected {rows}")
+    return TableFile(found, file_sha256(path) if rows is None else digest.hexdigest())
 
 
-def _write_header(stream: Any, rows: int, dtype: np.dtype[np.void]) -> None:
+def _header(rows: int, dtype: np.dtype[np.void]) -> bytes:
+    """The header of a table, of one length whatever the number of rows."""
     header = npy_format.header_data_from_array_1_0(np.empty(0, dtype=dtype))
-    # Digits are padded so that the header has one length whatever the count.
     header["shape"] = (rows,)
     text = repr(header)
     padding = len(str(MAX_ROWS)) - len(str(rows))
@@ -177,7 +218,7 @@ def _write_header(stream: Any, rows: int, dtype: np.dtype[np.void]) -> None:
     fixed = 10
     total = -(-(fixed + len(body) + 1) // 64) * 64
     body += b" " * (total - fixed - len(body) - 1) + b"\n"
-    stream.write(b"\x93NUMPY\x01\x00" + len(body).to_bytes(2, "little") + body)
+    return b"\x93NUMPY\x01\x00" + len(body).to_bytes(2, "little") + body
 
 
 def open_table(

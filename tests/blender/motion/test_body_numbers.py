@@ -39,7 +39,10 @@ def test_points_on_many_boxes_of_all_sizes() -> None:
         if candidates.size == 1:
             expected[row] = candidates[0]
         elif candidates.size:
-            apart = [bodies._distance_m(bodies[int(index)], points[row]) for index in candidates]
+            place, far_m = points[row][None], np.array([np.inf])
+            apart = [
+                bodies._distances_m(bodies[int(index)], place, far_m)[0] for index in candidates
+            ]
             if min(apart) <= allowed[row]:
                 expected[row] = candidates[np.argmin(apart)]
     found = bodies._find(points, allowed, np.arange(150))

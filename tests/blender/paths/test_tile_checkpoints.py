@@ -98,7 +98,7 @@ def test_no_tile_is_in_memory_alone_for_long(
     add(tiles, 2, seconds=60.0)
     assert files(tmp_path) == 2
     now_s = tile_checkpoints.time.monotonic()
-    monkeypatch.setattr(tile_checkpoints.time, "monotonic", lambda: now_s + 6.0)
+    monkeypatch.setattr(tile_checkpoints.time, "monotonic", lambda: now_s + 21.0)
     add(tiles, 3)
     assert files(tmp_path) == 4
 
@@ -112,3 +112,19 @@ def test_the_oldest_tiles_go_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert files(tmp_path) == 2
     assert tiles.find(keys[0]) is not None
     assert tiles.find(keys[1]) is None
+
+
+def test_a_tile_that_is_measured_takes_the_room_of_older_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit is that of both: the older one goes to disk before the new one is whole."""
+    size = sum(COUNTS) * PATH_DTYPE.itemsize
+    monkeypatch.setattr(tile_checkpoints, "_MOST_HELD", size + 3 * PATH_DTYPE.itemsize)
+    tiles = TileCheckpoints(tmp_path, "stamp")
+    key = add(tiles, 1)
+    with tiles.writer("new") as part:
+        part.add(np.zeros(3, dtype=PATH_DTYPE))
+        assert files(tmp_path) == 0
+        part.add(np.zeros(1, dtype=PATH_DTYPE))
+        assert tiles.find(key) is not None
+        assert len(part.rows) == 2

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import threading
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,15 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import FrameFileError, OutputError
-from radarsim_addon.signal.paths import PATH_DTYPE, PathRows, iter_rows, write_table
+from radarsim_addon.sidecar import file_sha256
+from radarsim_addon.signal.paths import (
+    PATH_DTYPE,
+    PathRows,
+    TableFile,
+    iter_rows,
+    table,
+    write_table,
+)
 from radarsim_addon.signal.paths.table import MAX_ROWS, open_table
 
 
@@ -35,7 +44,9 @@ def test_round_trip(tmp_path: Path, sizes: tuple[int, ...]) -> None:
     """Whatever the parts, numpy reads one array of all rows, and so do we."""
     path = tmp_path / "paths.npy"
     parts = [random_rows(size, seed) for seed, size in enumerate(sizes)]
-    assert write_table(path, iter(parts)) == sum(sizes)
+    written = write_table(path, iter(parts))
+    assert written == TableFile(sum(sizes), file_sha256(path))
+    assert write_table(path, iter(parts), rows=sum(sizes)) == written
     want = np.concatenate([np.empty(0, PATH_DTYPE), *parts])
     for found in (open_table(path), np.load(path, allow_pickle=False)):
         assert found.dtype == PATH_DTYPE
@@ -65,7 +76,7 @@ def test_parts_are_streamed(tmp_path: Path) -> None:
     path = tmp_path / "paths.npy"
     tracemalloc.start()
     try:
-        count = write_table(path, parts())
+        count = write_table(path, parts()).rows
         total = sum(float(chunk["power_w"].sum()) for chunk in iter_rows(open_table(path), 10_000))
         _, peak = tracemalloc.get_traced_memory()
     finally:
@@ -89,6 +100,40 @@ def test_a_failing_part_leaves_nothing(tmp_path: Path) -> None:
         write_table(path, parts())
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_disk_takes_large_tables_while_they_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Table and digest are those of one that is written at once; a full disk is a named error."""
+    path, part, meanwhile = tmp_path / "paths.npy", random_rows(50), list[int]()
+    at_once = write_table(path, [part] * 6, rows=300)
+    whole = path.read_bytes()
+
+    def sync(descriptor: int) -> None:
+        if threading.current_thread() is not threading.main_thread():
+            meanwhile.append(descriptor)
+            if fault:
+                raise fault
+
+    fault: OSError | None = None
+    monkeypatch.setattr(table, "_SYNC_EVERY", 100 * PATH_DTYPE.itemsize)
+    monkeypatch.setattr("os.fsync", sync)
+    assert write_table(path, [part] * 6, rows=300) == at_once
+    assert path.read_bytes() == whole
+    assert 1 <= len(meanwhile) <= 3
+    fault = OSError(28, "No space left on device")
+    with pytest.raises(OutputError, match="No space"):
+        write_table(path, [part] * 6, rows=300)
+    assert path.read_bytes() == whole
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_fewer_rows_than_told_leave_no_table(tmp_path: Path) -> None:
+    """Its header would claim rows that are not there."""
+    with pytest.raises(AssertionError, match="7 rows; expected 8"):
+        write_table(tmp_path / "paths.npy", [random_rows(7)], rows=8)
+    assert not list(tmp_path.iterdir())
 
 
 def test_rows_of_other_columns_are_refused(tmp_path: Path) -> None:
