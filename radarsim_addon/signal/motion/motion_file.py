@@ -27,7 +27,7 @@ from ...errors import FrameFileError, SchemaError
 from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
-from .plain_arrays import plain_arrays
+from .npz_files import plain_arrays
 from .still_bodies import read_still_bodies
 
 

@@ -20,7 +20,7 @@ from ...contract import MOTION_FILE, STILL_BODIES_FILE
 from ...errors import FrameFileError, SchemaError
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256
-from .plain_arrays import plain_arrays
+from .npz_files import plain_arrays
 
 Item = TypeVar("Item")
 
