@@ -173,12 +173,15 @@ class Bodies:
 
     def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
         """Return pairs of points and of parts around whose boxes are spheres with the point."""
-        half = (self.box[parts, 1] - self.box[parts, 0]) / 2
-        pose = self.pose[parts]
-        centre = np.einsum("nij,nj->ni", pose[:, :3, :3], self.box[parts].mean(axis=1))
-        centre += pose[:, :3, 3]
+        run = range(int(parts[0]), int(parts[0]) + parts.size)
+        in_a_row = np.array_equal(parts, run)  # no copies of what may be all
+        chosen = slice(run.start, run.stop) if in_a_row else parts
+        box, pose = self.box[chosen], self.pose[chosen]
+        centre = np.einsum("nij,nj->ni", pose[:, :3, :3], box.mean(axis=1)) + pose[:, :3, 3]
         # One tree for each power of two of the radius: boxes of similar size have few neighbours.
-        radius = np.linalg.norm(np.abs(pose[:, :3, :3]) @ half[:, :, None], axis=(1, 2)) + margin
+        half = (box[:, 1] - box[:, 0]) / 2
+        reach = np.einsum("nij,nj->ni", np.abs(pose[:, :3, :3]), half)
+        radius = np.linalg.norm(reach, axis=1) + margin
         size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
         rows, indices = [], []
         for here in (np.flatnonzero(size == one) for one in np.unique(size)):
@@ -281,9 +284,8 @@ def _pairs_within(points: Real, centres: Real, radius: Real) -> tuple[Indices, I
             from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
 
             reach = float(radius.max())
-            pairs = cKDTree(points).sparse_distance_matrix(
-                cKDTree(centres), reach, output_type="ndarray"
-            )
+            trees = (cKDTree(places, balanced_tree=False) for places in (points, centres))
+            pairs = next(trees).sparse_distance_matrix(next(trees), reach, output_type="ndarray")
             return pairs["i"], pairs["j"]
     found = []
     for start in range(0, len(centres), _FEW):
