@@ -10,14 +10,15 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import errno
+import functools
 import json
 import os
 import secrets
 import shutil
 import zlib
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from .errors import OutputError
 from .processes import identity, process_began
@@ -122,7 +123,13 @@ def write_json(path: Path, data: Any, sync: bool = True) -> None:
 def _fields(record: Any) -> dict[str, Any]:
     """Fields of a dataclass by name; TypeError for anything else."""
     # `dataclasses.asdict` copies all that is in it, which takes longer than writing it
-    return {field.name: getattr(record, field.name) for field in dataclasses.fields(record)}
+    return {name: getattr(record, name) for name in _names(cast(Hashable, type(record)))}
+
+
+@functools.cache
+def _names(kind: Hashable) -> tuple[str, ...]:
+    """Names of the fields of a dataclass; TypeError for any other type."""
+    return tuple(field.name for field in dataclasses.fields(cast(Any, kind)))
 
 
 def write_arrays(path: Path, arrays: dict[str, Any]) -> None:

@@ -21,6 +21,7 @@ Layout of a run's folder::
     frames/frame_0001/motion.json         how bodies move in the burst            (MotionRecord)
     frames/frame_0001/burst_001/          the same of a further render of the burst
     frames/frame_0001/deforming_surfaces.npz                        (signal.motion.motion_file)
+    frames/frame_0001/still_bodies.npz                              (signal.motion.still_bodies)
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ PATHS_FILE = "paths.json"
 TILES_DIR = "tiles"  # measured tiles of a frame that is not whole yet
 MOTION_FILE = "motion.json"
 DEFORMING_SURFACES_FILE = "deforming_surfaces.npz"
+STILL_BODIES_FILE = "still_bodies.npz"
 
 
 def frame_dir(frame: int) -> str:
@@ -80,7 +82,7 @@ Matrix = list[list[float]]
 
 def check_pose(matrix: Matrix) -> None:
     """Raise a ValueError unless a pose is 4 x 4."""
-    if [len(row) for row in matrix] != [4] * 4:
+    if list(map(len, matrix)) != [4, 4, 4, 4]:
         raise ValueError("its pose is no matrix of 4 x 4 numbers")
 
 

@@ -54,7 +54,8 @@ class MotionRecord:
     and emitter. displacement_error_bound_m is the largest bound of what moves.
     approximated_motion_fraction is the power of moving paths of three and more reflections, whose
     middle is unknown; unknown_motion_fraction that of paths with a vertex that is not known to
-    belong to any body, which is taken as stationary.
+    belong to any body, which is taken as stationary. Many stationary bodies are in a file of their
+    own, still_bodies_file, with their numbers; bodies then holds the others, in order.
     """
 
     frame: int
@@ -71,6 +72,8 @@ class MotionRecord:
     deforming_surfaces_file: str
     deforming_surfaces_sha256: str
     epoch_offset_s: float = 0.0  # when the table was rendered, after time_s; poses are of then
+    still_bodies_file: str = ""
+    still_bodies_sha256: str = ""
     findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/motion"

@@ -46,7 +46,8 @@ def process_cost(run: Path, *words: str) -> dict[str, float]:
 
 def main() -> None:
     """Run the command; it ends the process."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command sets it, before bpy
+    # As the command does before it loads numpy: threads that wait for work take processor time.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     import bpy
 
     start_s = time.process_time()

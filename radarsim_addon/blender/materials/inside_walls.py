@@ -161,7 +161,7 @@ def _near(
             if mesh is None or not len(mesh.polygons):
                 continue
             vertices, corners = read_triangles(mesh)
-        matrix = snapshot.matrices[other]
+        matrix = snapshot.matrix(other)
         points = (vertices @ matrix[:3, :3].T + matrix[:3, 3])[corners].mean(axis=1)
         yield other, points[:: -(-len(points) // _POINTS)]
 
@@ -170,7 +170,7 @@ class _Wall:
     """The mesh of an object or instance, about its own place: the tree is in float32."""
 
     def __init__(self, snapshot: Snapshot, row: int) -> None:
-        matrix = snapshot.matrices[row]
+        matrix = snapshot.matrix(row)
         with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]]) as mesh:
             vertices, corners = read_triangles(mesh)
         points = vertices @ matrix[:3, :3].T

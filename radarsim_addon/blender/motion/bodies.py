@@ -57,8 +57,8 @@ class Bodies:
     ----------
     number, pose, box
         By body: number of the object (n,), pose (n, 4, 4) and box (n, 2, 3) as `Poses` has them.
-    snapshot, shape
-        The snapshot that they are from, and the number of each one's shape (n,).
+    snapshot, row, shape
+        The snapshot that they are from, each one's row in it and the number of its shape (n,).
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ class Bodies:
         self._order = _body_order(poses, number)
         self.number = number[self._order]
         self.pose, self.box = poses.pose[self._order], poses.box[self._order]
-        self.shape = self.snapshot.layout.shape[poses.rows[self._order]]
+        self.row = poses.rows[self._order]
+        self.shape = self.snapshot.layout.shape[self.row]
         #: Body of each object that is a single one, by the object's number; 0: none, or several.
         self._lone_body = np.zeros(len(names) + 1, dtype=np.int32)
         once, first, count = np.unique(self.number, return_index=True, return_counts=True)
@@ -98,13 +99,16 @@ class Bodies:
     def __getitem__(self, index: int) -> Part:
         """Return body number `index` + 1."""
         number = int(self.number[index])
-        at = int(self._order[index])
+        row = int(self.row[index])
         instance = InstancePose(self.pose[index], self.box[index])
-        row = int(self._poses.rows[at])
-        return Part(number, self._names[number - 1], self._poses.key(at), instance, row)
+        return Part(number, self.name(number), self.snapshot.layout.key(row), instance, row)
 
     def __iter__(self) -> Iterator[Part]:
         return (self[index] for index in range(len(self)))
+
+    def name(self, number: int) -> str:
+        """Return the name of the object of a number."""
+        return self._names[number - 1]
 
     def of_number(self, number: int) -> Indices:
         """Return the indices of the bodies of an object."""
@@ -173,12 +177,15 @@ class Bodies:
 
     def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
         """Return pairs of points and of parts around whose boxes are spheres with the point."""
-        half = (self.box[parts, 1] - self.box[parts, 0]) / 2
-        pose = self.pose[parts]
-        centre = np.einsum("nij,nj->ni", pose[:, :3, :3], self.box[parts].mean(axis=1))
-        centre += pose[:, :3, 3]
+        run = range(int(parts[0]), int(parts[0]) + parts.size)
+        in_a_row = np.array_equal(parts, run)  # no copies of what may be all
+        chosen = slice(run.start, run.stop) if in_a_row else parts
+        box, pose = self.box[chosen], self.pose[chosen]
+        centre = np.einsum("nij,nj->ni", pose[:, :3, :3], box.mean(axis=1)) + pose[:, :3, 3]
         # One tree for each power of two of the radius: boxes of similar size have few neighbours.
-        radius = np.linalg.norm(np.abs(pose[:, :3, :3]) @ half[:, :, None], axis=(1, 2)) + margin
+        half = (box[:, 1] - box[:, 0]) / 2
+        reach = np.einsum("nij,nj->ni", np.abs(pose[:, :3, :3]), half)
+        radius = np.linalg.norm(reach, axis=1) + margin
         size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
         rows, indices = [], []
         for here in (np.flatnonzero(size == one) for one in np.unique(size)):
@@ -239,6 +246,32 @@ class Bodies:
         return self._surfaces[number]
 
 
+class Parts:
+    """Some of the bodies, (n,); a `Part` is made when it is asked for, as there may be thousands.
+
+    `index` is that of each one in `bodies`, `number` that of its object.
+    """
+
+    def __init__(self, bodies: Bodies, index: Indices) -> None:
+        self.bodies, self.index = bodies, index
+        self.number = bodies.number[index]
+
+    def __len__(self) -> int:
+        return int(self.index.size)
+
+    def __getitem__(self, at: int) -> Part:
+        """Return one of them, counted from 0."""
+        return self.bodies[int(self.index[at])]
+
+    def __iter__(self) -> Iterator[Part]:
+        return (self[at] for at in range(len(self)))
+
+    @property
+    def names(self) -> list[str]:
+        """Name of each one's object."""
+        return [self.bodies.name(number) for number in self.number.tolist()]
+
+
 #: Order of the bodies by their layout, for the numbers of their objects.
 _orders: WeakKeyDictionary[Layout, tuple[Indices, Indices]] = WeakKeyDictionary()
 
@@ -252,9 +285,9 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
         return known[1]
     kept = np.flatnonzero(number)
     repeated = np.bincount(number)[number[kept]] > 1
-    pairs = zip(kept.tolist(), repeated, strict=True)
-    text = [str(poses.key(index)) if many else "" for index, many in pairs]
-    order = kept[np.lexsort((np.array(text, dtype=str), number[kept]))]
+    text = np.full(kept.size, "", dtype=object)
+    text[repeated] = [str(key) for key in layout.keys(poses.rows[kept[repeated]])]
+    order = kept[np.lexsort((text.astype(str), number[kept]))]
     _orders[layout] = number, order
     return order
 
@@ -266,9 +299,8 @@ def _pairs_within(points: Real, centres: Real, radius: Real) -> tuple[Indices, I
             from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
 
             reach = float(radius.max())
-            pairs = cKDTree(points).sparse_distance_matrix(
-                cKDTree(centres), reach, output_type="ndarray"
-            )
+            trees = (cKDTree(places, balanced_tree=False) for places in (points, centres))
+            pairs = next(trees).sparse_distance_matrix(next(trees), reach, output_type="ndarray")
             return pairs["i"], pairs["j"]
     found = []
     for start in range(0, len(centres), _FEW):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ... import contract
+from ...array_types import Indices
 from ...findings import Finding, finding, merge
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, write_record
@@ -32,14 +33,15 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Rig, evaluated_poses, instance_name, may_move_at_whole_frames, pose_in_metres
+from ..scene import Rig, evaluated_poses, may_move_at_whole_frames, pose_in_metres
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
     is_linear_between_frames,
     moves_in_steps,
 )
-from .bodies import Bodies, Part
+from .bodies import Bodies, Parts
+from .body_records import write_bodies
 from .deforming import Deformations, DeformingSurface, may_deform, points_within, vertex_positions
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
@@ -99,10 +101,9 @@ class BurstMotion:
         self.findings: list[Finding] = []
         #: Images of the antennas that rows name; after `sample` with the file's numbers of bodies.
         self.images: Sequence[contract.ImageRecord] = ()
-        #: Power with approximated motion, without a known body, and in all.
+        #: Power: motion approximated, no body known, in all.
         self._approximated_w = self._unknown_w = self._power_w = 0.0
         self._seen: set[int] = set()
-        self._touched: list[Part] = []
         self._samples, self._bound_m = 0, 0.0
 
     # -- before the renders ------------------------------------------------------------------------
@@ -129,6 +130,7 @@ class BurstMotion:
         }
         self._deformations = Deformations(surfaces, self._units)
         self.bodies = Bodies(self._names, self.poses, self._units)
+        self._touched = Parts(self.bodies, np.empty(0, dtype=np.intp))
         return depsgraph
 
     def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
@@ -198,19 +200,17 @@ class BurstMotion:
     def sample(self) -> FrameMotion:
         """Sample and fit the collected bodies; the scene is at the frame's time afterwards."""
         plan = self._plan
-        self._touched = [self.bodies[n - 1] for n in sorted(self._seen - {0})]
+        touched = np.array(sorted(self._seen - {0}), dtype=np.intp)
+        self._touched = Parts(self.bodies, touched - 1)
         self._file_number = np.zeros(len(self.bodies) + 1, dtype=np.int32)
-        for number, body in enumerate(sorted(self._seen - {0}), start=1):
-            self._file_number[body] = number
+        self._file_number[touched] = 1 + np.arange(touched.size)
         self.images = [
             dataclasses.replace(one, bodies=self._file_number[one.bodies].tolist())
             for one in self.images
         ]
         if self._frozen:
             return self._stationary()
-        sampler = Sampler(
-            self._show, self._rig, self._touched, self.bodies, self._deformations, plan
-        )
+        sampler = Sampler(self._show, self._rig, self._touched, self._deformations, plan)
         start_s = time.monotonic()
         checks = [plan.clear_at(plan.frame + fraction * plan.frames) for fraction in _CHECKS]
         for moment in (*checks, plan.rendered):
@@ -219,7 +219,8 @@ class BurstMotion:
         count = min(_FIRST_SAMPLES, plan.max_samples)
         smooth, smooth_surfaces = self._smooth_rows(), self._smooth_surfaces()
         if self._by_scripts:
-            rows, surfaces, said = stepped_at_frames(sampler, list(self._moving_items()))
+            kinds, of_row = self._moving_items()
+            rows, surfaces, said = stepped_at_frames(sampler, lambda row: kinds[of_row[row]])
             self.findings += said
             if self._smooth:
                 smooth |= rows
@@ -259,30 +260,39 @@ class BurstMotion:
         self._samples = len(grid)
         self.findings += fits.findings()
         in_steps = cache(lambda item: moves_in_steps(item, *plan.burst))
-        steps = [items[0].name for items in self._moving_items() if any(map(in_steps, items))]
+        moving = self._moving_items()[0]
+        steps = [items[0].name for items in moving if any(map(in_steps, items))]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
         tracks = self._tracks(fits) if self._deformations.body else None
         self._bound_m = fits.displacement_error_bound_m
         return self._frame_motion(fits.motions, tracks)
 
-    def _moving_items(self) -> Iterator[list[Any]]:
-        """Yield the objects that move each row of poses: antennas, then the collected bodies."""
-        yield from ([self._rig.camera], [self._rig.emitter])
-        layout = self.bodies.snapshot.layout
-        for part in self._touched:
-            index = int(layout.instancer[part.row])
+    def _moving_items(self) -> tuple[list[list[Any]], Indices]:
+        """Return which objects move rows of poses, once each, and which of these move each row.
+
+        Rows are the antennas, then the collected bodies; thousands of instances share objects.
+        """
+        layout, numbers = self.bodies.snapshot.layout, self._touched.number
+        instancer = layout.instancer[self.bodies.row[self._touched.index]]
+        pairs = numbers * (len(layout.instancers) + 1) + instancer + 1
+        _, first, of_part = np.unique(pairs, return_index=True, return_inverse=True)
+        order = np.argsort(first)  # as they come
+        found = [[self._rig.camera], [self._rig.emitter]]
+        for at in first[order].tolist():
+            index = int(instancer[at])
             instancers = [layout.instancers[index]] if index >= 0 else []
-            yield [self.bodies.originals[part.number], *instancers]
+            found.append([self.bodies.originals[int(numbers[at])], *instancers])
+        return found, np.concatenate([[0, 1], 2 + np.argsort(order)[of_part]])
 
     def _smooth_rows(self) -> set[int]:
         """Return the rows of poses to be a cubic through whole frames."""
         if not self._smooth:
             return set()
-        # thousands of instances share their objects
         linear = cache(lambda item: is_linear_between_frames(self._measured_scene, item))
-        rows = enumerate(self._moving_items())
-        return {row for row, items in rows if any(map(linear, items))}
+        kinds, of_row = self._moving_items()
+        found = np.array([any(map(linear, items)) for items in kinds])
+        return set(np.flatnonzero(found[of_row]).tolist())
 
     def _smooth_surfaces(self) -> dict[str, tuple[float, float] | None]:
         """Return the deforming surfaces to be a cubic through whole frames, and which these are."""
@@ -334,7 +344,7 @@ class BurstMotion:
             pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units)
             for item in (self._rig.camera, self._rig.emitter)
         )
-        poses = [*antennas, *(part.instance.pose for part in self._touched)]
+        poses = [*antennas, *self.bodies.pose[self._touched.index]]
         self._samples, self._bound_m = 1, 0.0
         return self._frame_motion([BodyMotion(pose, epoch_offset_s=at_s) for pose in poses])
 
@@ -344,23 +354,12 @@ class BurstMotion:
         if scene.tracks is not None:
             path = write_tracks(folder, scene.tracks)
             tracks_file, digest = path.name, file_sha256(path)
-        antennas = [
-            body_record(item.name, "", motion, False)
-            for item, motion in (
-                (self._rig.camera, scene.receiver),
-                (self._rig.emitter, scene.emitter),
-            )
-        ]
-        bodies = [
-            body_record(
-                part.name,
-                instance_name(part.key),
-                motion,
-                part.name in self._deformations.surfaces,
-                part.instance.box,
-            )
-            for part, motion in zip(self._touched, scene.bodies, strict=True)
-        ]
+        pairs = (self._rig.camera, scene.receiver), (self._rig.emitter, scene.emitter)
+        antennas = [body_record(item.name, "", motion, False) for item, motion in pairs]
+        surfaces = self._deformations.surfaces
+        bodies, still_file, still_digest = write_bodies(
+            folder, self._touched, scene.bodies, surfaces
+        )
         total = self._power_w or 1.0
         wavelengths = self._bound_m / self._plan.wavelength_m
         if self._approximated_w > 1e-3 * total:
@@ -390,6 +389,8 @@ class BurstMotion:
             deforming_surfaces_file=tracks_file,
             deforming_surfaces_sha256=digest,
             epoch_offset_s=self._plan.rendered[0],
+            still_bodies_file=still_file,
+            still_bodies_sha256=still_digest,
             findings=merge(self.findings),
             versions=versions,
         )

@@ -21,7 +21,6 @@ from ...signal.motion import (
     fit_vertices,
     smooth_poses,
 )
-from .bodies import Part
 from .samples import Sampler, SamplingPlan
 
 #: Error bound of a displacement that needs no more samples [wavelengths]: 2.5e-4 rad two-way.
@@ -63,8 +62,12 @@ class Fits:
         #: The same of deforming surfaces.
         self._smooth_surfaces = smooth_surfaces
         self._target_m = _TARGET_WAVELENGTHS * plan.wavelength_m
-        self._reach_m = cache(lambda index: _reach(sampler.parts[index - 2]) if index > 1 else 0.0)
-        self.motions: list[BodyMotion] = []
+        self._reach_m = cache(
+            lambda index: sampler.parts[index - 2].instance.reach_m if index > 1 else 0.0
+        )
+        #: Motion of the rows that change or are smooth; all others are stationary.
+        self._motions: dict[int, BodyMotion] = {}
+        self._fitted = False
         self._missed: dict[int, float] = {}
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
 
@@ -73,42 +76,51 @@ class Fits:
         """Largest error bound of all moving bodies [m]."""
         moving = [
             motion.displacement_error_bound_m
-            for index, motion in enumerate(self.motions)
+            for index, motion in self._motions.items()
             if motion.moving or self._is_noisy(index, motion)
         ]
         return max([*moving, *(bound for _, _, bound in self._vertices.values())], default=0.0)
+
+    @property
+    def motions(self) -> list[BodyMotion]:
+        """Motion of each row of poses."""
+        at_s = self._plan.rendered[0]
+        return [
+            self._motions.get(index) or BodyMotion(pose, epoch_offset_s=at_s)
+            for index, pose in enumerate(self._sampler.poses(at_s))
+        ]
 
     def fit(self, times_s: list[float]) -> None:
         """Fit all bodies again that are not yet accurate enough."""
         sampler, plan = self._sampler, self._plan
         times = np.array(times_s)
-        poses = np.stack([sampler.poses[at_s] for at_s in times_s])
+        rows = np.union1d(sampler.changing, sorted(self._smooth)).astype(np.intp)
+        poses = np.stack([sampler.poses(at_s, rows) for at_s in times_s])
         in_burst = (times >= 0) & (times <= plan.duration_s)
-        rendered = sampler.poses[plan.rendered[0]]
+        rendered = sampler.poses(plan.rendered[0], rows)
         # of all samples: what passes the world's origin is rounded more before and after
-        self._farthest_m = np.nanmax(np.abs(poses[:, :, :3, 3]), axis=(0, 2), initial=0.0)
-        checked = np.stack([sampler.poses[at_s] for at_s in self._checks_s])
+        farthest_m = np.nanmax(np.abs(poses[:, :, :3, 3]), axis=(0, 2), initial=0.0)
+        self._farthest_m = dict(zip(rows.tolist(), farthest_m, strict=True))
+        checked = np.stack([sampler.poses(at_s, rows) for at_s in self._checks_s])
         still = (poses == rendered).all(axis=(0, 2, 3)) & (checked == rendered).all(axis=(0, 2, 3))
-        motions = []
-        for index in range(poses.shape[1]):
-            if self.motions and self._is_accurate(index):
-                motions.append(self.motions[index])
+        for at, index in enumerate(rows.tolist()):
+            if self._fitted and self._is_accurate(index):
                 continue
             if index in self._smooth:
-                motions.append(self._smooth_motion(index))
+                self._motions[index] = self._smooth_motion(index)
                 continue
             self._missed.pop(index, None)
-            if still[index]:
-                motions.append(BodyMotion(rendered[index], epoch_offset_s=plan.rendered[0]))
+            if still[at]:
+                self._motions.pop(index, None)
                 continue
-            present = np.isfinite(poses[:, index, 0, 0])
-            motion = self._fit_body(index, times[present], poses[present, index])
+            present = np.isfinite(poses[:, at, 0, 0])
+            motion = self._fit_body(index, times[present], poses[present, at])
             follows = index not in self._missed and not self._is_noisy(index, motion)
             if not follows and in_burst.sum() >= _LEAST_ALONE and not in_burst.all():
                 # What happens before or after the burst can be harder to follow.
                 missed = self._missed.pop(index, None)
                 present &= in_burst
-                alone = self._fit_body(index, times[present], poses[present, index])
+                alone = self._fit_body(index, times[present], poses[present, at])
                 if alone.noise_m < 0.7 * motion.noise_m and not (
                     missed is None and index in self._missed
                 ):
@@ -117,8 +129,8 @@ class Fits:
                     self._missed.pop(index, None)
                 else:
                     self._missed[index] = missed
-            motions.append(motion)
-        self.motions = motions
+            self._motions[index] = motion
+        self._fitted = True
         for name in sampler.surfaces:
             if name in sampler.changed:
                 continue
@@ -184,11 +196,12 @@ class Fits:
 
     def _places(self, index: int) -> dict[float, Real]:
         """Return the place of a body by time, (1, 3) each [m]."""
-        return {at_s: poses[index, None, :3, 3] for at_s, poses in self._sampler.poses.items()}
+        sampler = self._sampler
+        return {at_s: sampler.pose(at_s, index)[None, :3, 3] for at_s in sampler.times_s}
 
     def _turns(self, index: int) -> bool:
         """Return whether the axes of a body change from one whole frame to the next."""
-        whole = [self._sampler.poses[at_s][index] for at_s, _ in self._plan.whole_frames()]
+        whole = [self._sampler.pose(at_s, index) for at_s, _ in self._plan.whole_frames()]
         return not all(np.allclose(one[:3, :3], whole[0][:3, :3], atol=1e-5) for one in whole)
 
     def _fit_body(self, index: int, times_s: Real, poses: Real) -> BodyMotion:
@@ -200,7 +213,7 @@ class Fits:
             self._reach_m(index),
             unit_m=plan.metres_per_unit,
             corners_s=plan.corners_s,
-            pose=self._sampler.poses[plan.rendered[0]][index],
+            pose=self._sampler.pose(plan.rendered[0], index),
             epoch_s=plan.rendered[0],
         )
         return self._checked(index, motion, self._reach_m(index))
@@ -209,7 +222,7 @@ class Fits:
         """Return a cubic through the poses at whole frames."""
         plan = self._plan
         moments = [at_s for at_s, _ in plan.whole_frames()]
-        poses = np.stack([self._sampler.poses[at_s][index] for at_s in moments])
+        poses = np.stack([self._sampler.pose(at_s, index) for at_s in moments])
         present = np.isfinite(poses[:, 0, 0])
         whole_s = np.array(moments)[present]
         first = max(int(np.searchsorted(whole_s, 0.0, side="right")) - 1, 0)
@@ -223,7 +236,7 @@ class Fits:
             self._reach_m(index),
             unit_m=plan.metres_per_unit,
             corners_s=whole_s.tolist(),
-            pose=self._sampler.poses[plan.rendered[0]][index],
+            pose=self._sampler.pose(plan.rendered[0], index),
             epoch_s=plan.rendered[0],
         )
         # The rounding of the poses remains.
@@ -249,8 +262,8 @@ class Fits:
         return motion.noise_m > 0 and motion.noise_m > self._rounding_m(index)
 
     def _is_accurate(self, index: int) -> bool:
-        motion = self.motions[index]
-        if index in self._smooth:
+        motion = self._motions.get(index)
+        if motion is None or index in self._smooth:
             return True
         if index in self._missed or self._is_noisy(index, motion):
             return False
@@ -263,7 +276,7 @@ class Fits:
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
         """Return the fit, with its error at the checks in its bound."""
         times = np.array(self._checks_s)
-        poses = np.stack([self._sampler.poses[at_s][index] for at_s in self._checks_s])
+        poses = np.stack([self._sampler.pose(at_s, index) for at_s in self._checks_s])
         present = np.isfinite(poses[:, 0, 0])
         if not present.any():
             return motion
@@ -291,7 +304,7 @@ class Fits:
     @property
     def accurate(self) -> bool:
         """Whether no fit needs more samples."""
-        return all(self._is_accurate(index) for index in range(len(self.motions))) and all(
+        return all(map(self._is_accurate, self._motions)) and all(
             name in self._smooth_surfaces or bound <= self._vertex_target_m(name)
             for name, (_, _, bound) in self._vertices.items()
         )
@@ -302,7 +315,7 @@ class Fits:
         return not self._missed and all(
             index in self._smooth
             or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
-            for index, motion in enumerate(self.motions)
+            for index, motion in self._motions.items()
             if motion.moving
         )
 
@@ -312,17 +325,19 @@ class Fits:
         target_mps = _TARGET_RATE * self._plan.wavelength_m
         return any(
             one.rate_bias_mps > target_mps and one.rate_stderr_mps < _NEAR_TARGET * target_mps
-            for one in self.motions
+            for one in self._motions.values()
         )
 
     @property
     def noisy(self) -> bool:
         """Whether a fit leaves more than the rounding of poses, perhaps motion."""
-        return any(self._is_noisy(index, motion) for index, motion in enumerate(self.motions))
+        return any(self._is_noisy(index, motion) for index, motion in self._motions.items())
 
     def series(self) -> dict[int, VertexSeries]:
         """Return the vertex series by number of the body."""
-        found = {}
+        found: dict[int, VertexSeries] = {}
+        if not self._sampler.surfaces:
+            return found
         for number, part in enumerate(self._sampler.parts, start=1):
             surface = self._sampler.surfaces.get(part.name)
             if surface is None:
@@ -340,7 +355,7 @@ class Fits:
         """Return what did not fit."""
         found = []
         parts = self._sampler.parts
-        smooth = [i for i in sorted(self._smooth) if self.motions[i].moving]
+        smooth = [i for i in sorted(self._smooth) if self._motions[i].moving]
         surfaces = sorted(self._smooth_surfaces.keys() & self._vertices.keys())
         if smooth or surfaces:
             moved = dict.fromkeys("antennas" if i < 2 else parts[i - 2].name for i in smooth)
@@ -367,7 +382,7 @@ class Fits:
                 finding(
                     "motion-unresolved",
                     *bad,
-                    samples=len(self._sampler.poses),
+                    samples=len(self._sampler.times_s),
                     miss_m=max(self._missed.values()),
                 )
             )
@@ -383,9 +398,3 @@ def _rounding_step(values: Real | Single | float, metres_per_unit: float) -> flo
     """Return the step of float32 at the largest of some coordinates [m]."""
     largest_units = float(np.abs(values).max(initial=0.0)) / metres_per_unit
     return float(np.spacing(np.float32(max(largest_units, 1e-30)))) * metres_per_unit
-
-
-def _reach(part: Part) -> float:
-    """Return the distance of the farthest corner of a body's box from its origin [m]."""
-    corners = np.array(list(itertools.product(*part.instance.box.T)))
-    return float(np.linalg.norm(corners @ part.instance.pose[:3, :3].T, axis=-1).max())

@@ -14,8 +14,8 @@ import numpy as np
 from ...array_types import Indices, Real
 from ..plan import Instant, instant_at
 from ..scene import Rig, check_poses, check_vertices
-from ..state import Layout, Shape, take_snapshot
-from .bodies import Bodies, Part
+from ..state import Layout, Shape, Snapshot, take_snapshot
+from .bodies import Parts
 from .deforming import Deformations
 
 #: Frames from a key within which no sample is taken. Within 1e-4 frames, Blender gives the key's
@@ -175,35 +175,37 @@ class SamplingPlan:
 class Sampler:
     """Poses of antennas and bodies, and vertices, at sample times.
 
-    `poses` by time, (2 + parts, 4, 4) [m]: receiver, transmitter, parts; NaN for an instance that
-    does not exist then, whose row is in `lost`. `vertices` by surface and time [m]; None where the
-    mesh has another number of vertices, and the surface in `changed`.
+    Poses have 2 + parts rows: receiver, transmitter, parts; NaN for an instance that does not exist
+    then, whose row is in `lost`. Few of many instances move: but for the first sample, only the
+    rows that differ from it are kept. `vertices` by surface and time [m]; None where the mesh has
+    another number of vertices, and the surface in `changed`.
     """
 
     def __init__(
         self,
         show: Callable[[Instant], Any],
         rig: Rig,
-        parts: list[Part],
-        bodies: Bodies,
+        parts: Parts,
         deformations: Deformations,
         plan: SamplingPlan,
     ) -> None:
         self._show, self._units = show, plan.metres_per_unit
         self._antennas = (rig.camera, rig.emitter)
+        bodies = parts.bodies
         self.parts = parts
         self._originals = bodies.originals
-        self._names = [rig.camera.name, rig.emitter.name, *(part.name for part in parts)]
         self._layout = bodies.snapshot.layout
-        self._rows = np.array([part.row for part in parts], dtype=np.intp)
-        used = {part.name for part in self.parts}
+        self._rows = bodies.row[parts.index]
+        used = {bodies.name(number) for number in np.unique(parts.number).tolist()}
         self.surfaces = {
             name: surface
             for name, surface in deformations.surfaces.items()
             if name in used and surface.needed
         }
         self.plan = plan
-        self.poses: dict[float, Real] = {}
+        #: Snapshot and poses (n, 4, 4) [m] of the first sample; the rows that differ, by time.
+        self._first: tuple[Snapshot, Real] | None = None
+        self._others: dict[float, tuple[Indices, Real]] = {}
         self.vertices: dict[str, dict[float, Any]] = {name: {} for name in self.surfaces}
         self.lost: set[int] = set()
         self.changed: set[str] = set()
@@ -215,8 +217,9 @@ class Sampler:
             mine = [shape.original.name_full in wanted for shape in shapes]
             there = np.flatnonzero(np.array(mine)[layout.shape] & (layout.instancer >= 0))
             names = (shapes[index].original.name_full for index in layout.shape[there])
-            keys = (layout.key(row) for row in there.tolist())
-            row_of = dict(zip(zip(names, keys, strict=True), there.tolist(), strict=True))
+            row_of = dict(
+                zip(zip(names, layout.keys(there), strict=True), there.tolist(), strict=True)
+            )
             itself = layout.row_of
             rows = [
                 row_of.get((part.name, part.key), -1)
@@ -227,37 +230,84 @@ class Sampler:
             self._layout, self._rows = layout, np.array(rows, dtype=np.intp)
         return self._rows
 
-    def _matrices(self, depsgraph: Any, frame: float) -> Real:
-        """Return world matrices of antennas and parts, NaN for instances that do not exist."""
+    @property
+    def times_s(self) -> list[float]:
+        """Times of all samples [s]."""
+        return list(self._others)
+
+    @property
+    def changing(self) -> Indices:
+        """Rows whose pose is not the same in all samples, ascending."""
+        return np.unique(np.concatenate([rows for rows, _ in self._others.values()]))
+
+    def poses(self, at_s: float, rows: Indices | None = None) -> Real:
+        """Return the poses of some rows, or of all, in the sample of a time, (n, 4, 4) [m]."""
+        assert self._first is not None
+        other, values = self._others[at_s]
+        rows = np.arange(len(self._first[1])) if rows is None else rows
+        found = self._first[1][rows]
+        if other.size:
+            at = np.minimum(np.searchsorted(other, rows), other.size - 1)
+            own = other[at] == rows
+            found[own] = values[at[own]]
+        return found
+
+    def pose(self, at_s: float, row: int) -> Real:
+        """Return the pose of one row in the sample of a time, (4, 4) [m]."""
+        found: Real = self.poses(at_s, np.array([row]))[0]
+        return found
+
+    def _may_differ(self, snapshot: Snapshot) -> Indices:
+        """Return the rows whose pose may be another one than in the first sample, ascending."""
+        if self._first is None or self._first[0].walked is not snapshot.walked:
+            return np.arange(len(self.parts) + 2)
+        # Of all others, both snapshots have the pose of one walk.
+        again = np.union1d(self._first[0].moved, snapshot.moved)
+        parts = np.flatnonzero(np.isin(self._rows, again) | (self._rows < 0))
+        return np.concatenate([[0, 1], 2 + parts])
+
+    def _matrices(self, depsgraph: Any, frame: float) -> tuple[Snapshot, Indices, Real]:
+        """Return the snapshot, rows that may differ from the first sample's, and world matrices of
+        antennas and parts in them, NaN for instances that do not exist.
+        """
         snapshot = take_snapshot(depsgraph)
-        rows = self._rows_in(snapshot.layout, snapshot.shapes)
-        matrices = np.full((len(self.parts) + 2, 4, 4), np.nan)
-        matrices[2:][rows >= 0] = snapshot.matrices[rows[rows >= 0]]
+        in_layout = self._rows_in(snapshot.layout, snapshot.shapes)
+        chosen = self._may_differ(snapshot)
+        rows = in_layout[chosen[2:] - 2]
         there = rows >= 0
-        for row in np.flatnonzero(~there).tolist():
-            if not self.parts[row].key:  # hidden
-                item = self._originals[self.parts[row].number]
-                matrices[2 + row] = item.evaluated_get(depsgraph).matrix_world
-                there[row] = True
-        for row, item in enumerate(self._antennas):
-            matrices[row] = item.evaluated_get(depsgraph).matrix_world
+        matrices = np.full((chosen.size, 4, 4), np.nan)
+        matrices[2:][there] = snapshot.matrices_of(rows[there])
+        for at in np.flatnonzero(~there).tolist():
+            part = self.parts[int(chosen[2 + at]) - 2]
+            if not part.key:  # hidden
+                item = self._originals[part.number]
+                matrices[2 + at] = item.evaluated_get(depsgraph).matrix_world
+                there[at] = True
+        for at, item in enumerate(self._antennas):
+            matrices[at] = item.evaluated_get(depsgraph).matrix_world
         # NaN marks an instance that does not exist, so it must not come from Blender.
         found = np.concatenate([[0, 1], 2 + np.flatnonzero(there)])
-        check_poses([self._names[row] for row in found], matrices[found], frame)
-        return matrices
+        check_poses(lambda at: self._name(int(chosen[found[at]])), matrices[found], frame)
+        return snapshot, chosen, matrices
+
+    def _name(self, row: int) -> str:
+        return self._antennas[row].name if row < 2 else self.parts[row - 2].name
 
     def take(self, at_s: float, instant: Instant) -> None:
         """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
-        if at_s in self.poses:
+        if at_s in self._others:
             return
         depsgraph = self._show(instant)
         frame = instant.frame + instant.subframe
-        poses = self._matrices(depsgraph, frame)
+        snapshot, rows, poses = self._matrices(depsgraph, frame)
         poses[:, :3, 3] *= self._units
+        if self._first is None:
+            self._first = snapshot, poses
+        differs = (poses != self._first[1][rows]).any(axis=(1, 2))
+        self._others[at_s] = rows[differs], poses[differs]
         inside = 0 <= at_s <= self.plan.duration_s
         if inside:
-            self.lost.update(np.flatnonzero(np.isnan(poses[:, 0, 0])).tolist())
-        self.poses[at_s] = poses
+            self.lost.update(rows[np.isnan(poses[:, 0, 0])].tolist())
         for name, surface in self.surfaces.items():
             vertices = surface.sample(depsgraph)
             if vertices is None:

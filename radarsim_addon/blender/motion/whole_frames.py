@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,11 @@ from .samples import Sampler
 
 
 def stepped_at_frames(
-    sampler: Sampler, moving_items: Sequence[Sequence[Any]]
+    sampler: Sampler, moving_items: Callable[[int], Sequence[Any]]
 ) -> tuple[set[int], set[str], list[Finding]]:
     """Return rows of poses and names of surfaces that hold for each frame and then jump, as said.
 
-    Not those with Constant keys, which are meant to. `moving_items` are the objects that move each
+    Not those with Constant keys, which are meant to. `moving_items` returns the objects that move a
     row. Samples whole frames, and the middles between them.
     """
     whole = sampler.plan.whole_frames()
@@ -36,10 +36,12 @@ def stepped_at_frames(
         moved = (at_whole[1:] != at_whole[:-1]).any(axis=(0, 2, 3))
         return np.asarray(moved & (at_whole[:-1] == amid).all(axis=(0, 2, 3)))
 
+    changing = sampler.changing
+    poses = {at_s: sampler.poses(at_s, changing) for at_s in (*whole_s, *middles_s)}
     rows = {
         row
-        for row in np.flatnonzero(jumps(sampler.poses)).tolist()
-        if not any(moves_in_steps(item, *burst) for item in moving_items[row])
+        for row in changing[jumps(poses)].tolist()
+        if not any(moves_in_steps(item, *burst) for item in moving_items(row))
     }
     names = set()
     for name, surface in sampler.surfaces.items():

@@ -55,7 +55,7 @@ class DelayedWays:
             total += len(corners) * len(rows)
             if total > _MOST_TRIANGLES or not len(corners):
                 continue
-            for matrix in snapshot.matrices[rows]:
+            for matrix in snapshot.matrices_of(rows):
                 # about the transmitter: the tree is in float32
                 here_m = (own @ matrix[:3, :3].T + matrix[:3, 3]) * metres_per_unit
                 vertices.append(here_m - transmitter_m)

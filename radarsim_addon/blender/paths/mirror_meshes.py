@@ -51,10 +51,8 @@ def mirroring_objects(obstacles: Obstacles) -> list[str]:
     bodies = obstacles.bodies
     mirrors = cache(lambda one: mirror_of(one) is not None or is_mirror_like(one))
     named: dict[int, bool] = {}
-    for index in range(len(bodies.shape)):
+    for index in np.sort(np.unique(bodies.shape, return_index=True)[1]).tolist():
         number = int(bodies.shape[index])
-        if number in named:
-            continue
         shape = bodies.snapshot.shapes[number]
         smooth = np.array([mirrors(one) for one in shape.materials], dtype=bool)
         named[number] = bool(smooth.any()) and mirror_choice(shape.original) != "never"

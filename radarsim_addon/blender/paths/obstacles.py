@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -106,11 +106,16 @@ class Obstacles:
         lets_through = cache(_lets_through)
         opens = [any(map(lets_through, shape.materials)) for shape in shapes]
         self._open = np.array(opens, dtype=bool)[bodies.shape]
+
+    @cached_property
+    def _around_m(self) -> tuple[Real, Real]:
+        """Lowest and highest corners of boxes along the world's axes around the bodies, (n, 3)."""
+        bodies = self.bodies
         low, high = bodies.box[:, 0], bodies.box[:, 1]
         reach = np.abs(bodies.pose[:, :3, :3]) @ ((high - low) / 2)[:, :, None]
         middle = np.einsum("nij,nj->ni", bodies.pose[:, :3, :3], (high + low) / 2)
         middle += bodies.pose[:, :3, 3]
-        self._low_m, self._high_m = middle - reach[:, :, 0], middle + reach[:, :, 0]
+        return middle - reach[:, :, 0], middle + reach[:, :, 0]
 
     def mesh(self, body: int) -> BodyMesh | None:
         """Return the mesh of a body by its index; None without one."""
@@ -137,11 +142,12 @@ class Obstacles:
         low_m, high_m = np.minimum(start_m, end_m), np.maximum(start_m, end_m)
         if not len(start_m):
             return opaque, passed
-        near = np.all(self._low_m <= high_m.max(axis=0), axis=1)
-        near &= np.all(self._high_m >= low_m.min(axis=0), axis=1)
+        lowest_m, highest_m = self._around_m
+        near = np.all(lowest_m <= high_m.max(axis=0), axis=1)
+        near &= np.all(highest_m >= low_m.min(axis=0), axis=1)
         for body in np.flatnonzero(near).tolist():
-            left = ~opaque & np.all(low_m <= self._high_m[body], axis=1)
-            left &= np.all(high_m >= self._low_m[body], axis=1)
+            left = ~opaque & np.all(low_m <= highest_m[body], axis=1)
+            left &= np.all(high_m >= lowest_m[body], axis=1)
             mesh = self.mesh(body) if left.any() else None
             if mesh is None:
                 continue

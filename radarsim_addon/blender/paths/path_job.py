@@ -19,6 +19,7 @@ from ...errors import RadarSimError, SchemaError
 from ...findings import Finding, finding
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, read_record
+from ...signal.motion import read_still_bodies
 from ..materials import Interiors, found_inside, marked_mirrors
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
@@ -205,6 +206,7 @@ class PathJob(MeasurementJob):
         try:
             record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
             motion = read_record(folder / contract.MOTION_FILE, MotionRecord)
+            read_still_bodies(folder, motion)  # an error if they are not there
             return (
                 file_sha256(folder / record.table_file) == record.table_sha256
                 and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256

@@ -76,7 +76,8 @@ class StillFrames:
         source, target = (
             self._folder / contract.burst_dir(one, render) for one in (record.frame, frame)
         )
-        shutil.copyfile(source / record.table_file, target / record.table_file)
+        for name in filter(None, (record.table_file, motion.still_bodies_file)):
+            shutil.copyfile(source / name, target / name)
         motion_file = target / record.motion_file
         write_record(motion_file, dataclasses.replace(motion, frame=frame, time_s=time_s))
         record = dataclasses.replace(

@@ -57,7 +57,7 @@ def regions_by_ring(
         if triangles is None:
             return None
         for row in large[snapshot.layout.shape[large] == shape]:
-            matrix = snapshot.matrices[row]
+            matrix = snapshot.matrix(row)
             world = (triangles @ matrix[:3, :3].T + matrix[:3, 3]) * units
             if not shells.take_triangles((world - place) @ axes):
                 return None

@@ -172,6 +172,7 @@ def _own_files(folder: Path) -> list[Path]:
         contract.PATHS_FILE,
         contract.MOTION_FILE,
         contract.DEFORMING_SURFACES_FILE,
+        contract.STILL_BODIES_FILE,
         "burst_*/*",
         f"burst_*/{contract.TILES_DIR}/*",
         contract.GROUND_TRUTH_FILE,

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ...array_types import Real
+from ...array_types import Indices, Real
 from ..state import Shape, Snapshot, read_numbers
 from .ground_truth import Boxes
 
@@ -61,10 +61,9 @@ class ClosingSpeeds:
         if not here.size or not interval_s > 0:
             return
         if np.array_equal(antennas[0], antennas[1]):  # then only what moves has a rate
-            moving = (first.corners[here] != last.corners[there]).any(axis=(1, 2))
-            here, there = here[moving], there[moving]
+            here, there = _moving(first, here, last, there)
         ranges_m = [
-            _ranges_m(snapshot.corners[rows], tuple(places), self._units)
+            _ranges_m(snapshot.corners_of(rows), tuple(places), self._units)
             for snapshot, rows, places in ((first, here, antennas[0]), (last, there, antennas[1]))
         ]
         means_mps = np.abs(ranges_m[1] - ranges_m[0]).max(axis=1) / interval_s
@@ -72,13 +71,24 @@ class ClosingSpeeds:
             shape = first.shapes[first.layout.shape[row]]
             rate_mps = float(mean_mps)
             if shape is last.shapes[last.layout.shape[later]]:
-                poses = np.stack([first.matrices[row], last.matrices[later]])
+                poses = np.stack([first.matrix(row), last.matrix(later)])
                 points = outermost_points(first, shape)
                 rate_mps = self._units * largest_rate(
                     points, poses, antennas, interval_s, self._span_s
                 )
             label = first.label(row)
             self.by_object[label] = max(rate_mps, self.by_object.get(label, 0.0))
+
+
+def _moving(
+    first: Snapshot, here: Indices, last: Snapshot, there: Indices
+) -> tuple[Indices, Indices]:
+    """Return the rows, here and there, of the boxes that move from one snapshot to the other."""
+    if first.walked is last.walked:  # the others are as that walk found them
+        again = np.isin(here, np.union1d(first.moved, last.moved))
+        here, there = here[again], there[again]
+    moving = (first.corners_of(here) != last.corners_of(there)).any(axis=(1, 2))
+    return here[moving], there[moving]
 
 
 def largest_rate(
@@ -319,7 +329,7 @@ def keyed_speeds(
         shape = snapshot.shapes[layout.shape[row]]
         if still and not _is_keyed(shape.original):
             continue
-        now = snapshot.matrices[row]
+        now = snapshot.matrix(row)
         poses = poses_of(shape.original, now) if _is_keyed(shape.original) else np.stack([now, now])
         if poses is not None:
             points = outermost_points(snapshot, shape)

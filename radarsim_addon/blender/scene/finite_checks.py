@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 from weakref import WeakSet
 
@@ -48,13 +48,13 @@ def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None
         )
 
 
-def check_poses(names: Sequence[str], matrices: Real, frame: float) -> None:
+def check_poses(name: Callable[[int], str], matrices: Real, frame: float) -> None:
     """Check the matrices of many objects at once.
 
     Parameters
     ----------
-    names
-        Names of the objects, for the message.
+    name
+        Returns the name of one of the objects, for the message.
     matrices
         World matrices, shape (objects, 4, 4), Blender units.
     frame
@@ -66,7 +66,7 @@ def check_poses(names: Sequence[str], matrices: Real, frame: float) -> None:
         A matrix is not finite or too large.
     """
     for row in np.unique(np.nonzero(_out_of_bounds(matrices))[0]).tolist():
-        check_pose(names[row], matrices[row], frame)
+        check_pose(name(row), matrices[row], frame)
 
 
 def check_vertices(name: str, vertices: NDArray[Any], frame: float) -> None:
@@ -101,8 +101,8 @@ def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
 
     All vertices are read, once per mesh, because Blender's bounding boxes ignore NaN.
     """
-    for row in rows[_out_of_bounds(snapshot.matrices[rows]).any(axis=(1, 2))].tolist():
-        check_pose(snapshot.label(row), snapshot.matrices[row])
+    for row in rows[_out_of_bounds(snapshot.largest[rows])].tolist():
+        check_pose(snapshot.label(row), snapshot.matrix(row))
     shapes, first = np.unique(snapshot.layout.shape[rows], return_index=True)
     waiting: list[tuple[Shape, int, NDArray[Any]]] = []
     size = 0

@@ -6,7 +6,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from ..nodes import is_radar_material
 from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
 from ..state import Shape, Snapshot, take_snapshot
+from .boxes import Boxes, extent_of_boxes
 from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distances
@@ -80,33 +80,6 @@ def scene_extent(
     return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
 
 
-@dataclass(frozen=True)
-class Boxes:
-    """Bounding boxes of surfaces: rows of a snapshot, and corners in the world, (n, 8, 3)."""
-
-    snapshot: Snapshot
-    rows: Indices
-
-    @property
-    def corners(self) -> Real:
-        """Corners in world space [Blender units]."""
-        return self.snapshot.corners[self.rows]
-
-    def pairs(self, later: Boxes) -> tuple[Indices, Indices]:
-        """Return the rows of what is in both, here and there."""
-        if self.snapshot.layout is later.snapshot.layout:
-            both = np.intersect1d(self.rows, later.rows, assume_unique=True)
-            return both, both
-        there = {(later.snapshot.label(r), later.snapshot.layout.key(r)): r for r in later.rows}
-        found = [
-            (row, there[key])
-            for row in self.rows
-            if (key := (self.snapshot.label(row), self.snapshot.layout.key(row))) in there
-        ]
-        first, second = np.array(found, dtype=np.intp).reshape(-1, 2).T
-        return first, second
-
-
 def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
     """Return the bounding boxes of the surfaces that can echo, at the depsgraph's time.
 
@@ -139,27 +112,6 @@ def _echoes(shape: Shape, is_radar: Callable[[Any], bool]) -> bool:
 def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
     """Return the places of receiver and transmitter, (3,) each [Blender units]."""
     return _origin(rig.camera, depsgraph), _origin(rig.emitter, depsgraph)
-
-
-def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: float) -> Extent:
-    """Return `scene_extent` from boxes, and the places of receiver and transmitter."""
-    receiver, transmitter = antennas
-    baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
-    if not boxes.rows.size:
-        return Extent(baseline_m=baseline_m)
-    corners = boxes.corners.reshape(-1, 3)
-
-    def farthest_m(origin: Real) -> float:
-        squared = np.einsum("ij,ij->i", corners - origin, corners - origin)
-        far = corners[squared >= squared.max() * (1 - 1e-12)]
-        return float(np.linalg.norm(far - origin, axis=1).max()) * metres_per_unit
-
-    return Extent(
-        from_emitter_m=farthest_m(transmitter),
-        from_receiver_m=farthest_m(receiver),
-        baseline_m=baseline_m,
-        diameter_m=float(np.linalg.norm(np.ptp(corners, axis=0))) * metres_per_unit,
-    )
 
 
 def _origin(item: Any, depsgraph: Any) -> Real:
@@ -213,11 +165,9 @@ def object_records(
 def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
     """Row and distance of the nearest instance of each label, if it has faces."""
     snapshot = found.snapshot
-    corners = found.corners - receiver
-    centre = corners.mean(axis=1)
-    radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
     # No point of a box is nearer than this, so most instances need no exact distance.
-    least = (np.linalg.norm(centre, axis=1) - radius) * (1 - 1e-12)
+    centre, radius = found.spheres(receiver)
+    least = np.linalg.norm(centre - receiver, axis=1) - radius
     order = np.argsort(least, kind="stable")
     label = _label_numbers(found)[order]
     order = order[np.argsort(label, kind="stable")]
@@ -276,7 +226,7 @@ def _object_record(
 
 
 def _origin_range(snapshot: Snapshot, row: int, receiver: Real) -> float:
-    return float(np.linalg.norm(snapshot.matrices[row, :3, 3] - receiver))
+    return float(np.linalg.norm(snapshot.matrix(row)[:3, 3] - receiver))
 
 
 def _collections_of_objects() -> dict[str, list[str]]:
@@ -294,7 +244,7 @@ def _collections_of_objects() -> dict[str, list[str]]:
 def _triangles_about(snapshot: Snapshot, row: int, point: Real) -> Real:
     """Return corners of the triangles of a surface relative to a point, (m, 3, 3)."""
     vertices, triangles = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
-    matrix = snapshot.matrices[row]
+    matrix = snapshot.matrix(row)
     world = vertices.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - point)
     return np.asarray(world[triangles])
 
@@ -355,7 +305,7 @@ def geometry_digest(depsgraph: Any, rig: Rig) -> str:
     digest.update(repr([item.name_full for item in layout.instancers]).encode())
     for numbers in (order, layout.instancer[rows]):
         digest.update(numbers.astype(np.int64).tobytes())
-    digest.update(layout.numbers[rows].tobytes() + snapshot.matrices[rows].tobytes())
+    digest.update(layout.numbers[rows].tobytes() + snapshot.matrices_of(rows).tobytes())
     return "scene:" + digest.hexdigest()
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +12,9 @@ import numpy as np
 
 from ...array_types import Indices, Real
 from ..state import Key, Snapshot, take_snapshot
+
+#: Blender fills unused numbers of instances with this.
+_UNUSED = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,12 @@ class InstancePose:
 
     pose: Real
     box: Real
+
+    @property
+    def reach_m(self) -> float:
+        """Distance of the farthest corner of the box from the origin of its axes [m]."""
+        corners = np.array(list(itertools.product(*self.box.T)))
+        return float(np.linalg.norm(corners @ self.pose[:3, :3].T, axis=-1).max())
 
 
 @dataclass(frozen=True)
@@ -100,8 +110,7 @@ def instance_name(key: Key) -> str:
     str
         The instancer and Blender's numbers, joined by slashes; empty for the object itself.
     """
-    # Blender fills unused numbers with 2^31 - 1.
-    return "/".join(str(part) for part in key if part != 2**31 - 1)
+    return "/".join([str(part) for part in key if part != _UNUSED])
 
 
 def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
@@ -125,7 +134,7 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
     rows = np.flatnonzero(snapshot.of_shapes(has_surface))
     names = [shape.original.name_full for shape in shapes]
     boxes = np.array([[s.box.min(axis=0), s.box.max(axis=0)] for s in shapes]).reshape(-1, 2, 3)
-    pose = snapshot.matrices[rows]
+    pose = snapshot.matrices_of(rows)
     pose[:, :3, 3] *= metres_per_unit
     owner = snapshot.layout.shape[rows]
     rendered = {s.original.name_full: s.original for s in shapes if not s.original.hide_render}

@@ -78,9 +78,9 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
         return []
     solid = [shape.kind == "MESH" and snapshot.face_count(shape) > 0 for shape in shapes]
     count = int(snapshot.of_shapes(solid)[rows].sum())
-    near = _near_an_interior(snapshot.corners[rows], entered)
+    near = _near_an_interior(snapshot.corners_of(rows), entered)
     rows, entered = rows[near], entered[near]
-    corners = snapshot.corners[rows]
+    corners = snapshot.corners_of(rows)
     reach = float(np.abs(corners).max())
     pairs = _overlapping(corners.min(axis=1), corners.max(axis=1), _COINCIDENT * reach)
     alone = np.ones(len(rows), dtype=bool)
@@ -102,7 +102,7 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
                 with snapshot.mesh(shapes[number]) as mesh:
                     read[number] = None if mesh is None else _shape(mesh, inside)
             shape = read[number]
-            faces = None if shape is None else _faces(shape, snapshot.matrices[row], name, inside)
+            faces = None if shape is None else _faces(shape, snapshot.matrix(row), name, inside)
             if faces is None:
                 continue
             found.append(faces)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
 from .evaluated import Key, evaluated_mesh, read_numbers, read_triangles
+from .walked import Walked, box_corners, box_spheres
 
 #: Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
 Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
@@ -24,6 +25,8 @@ Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
 _KEPT = 512
 #: Numbers by which Blender tells the instances of an instancer apart.
 _NUMBERS = 8
+#: Snapshots keep what has moved apart from the rest up to one in so many rows.
+_FEW = 8
 #: Settings of an object that decide on instances.
 _DECIDING = (
     "instance_type",
@@ -113,10 +116,20 @@ class Layout:
         index = int(self.instancer[row])
         return () if index < 0 else (self.instancers[index].name_full, *self.numbers[row].tolist())
 
+    def keys(self, rows: Indices) -> list[Key]:
+        """Return the key of each of these rows."""
+        used = np.unique(self.instancer[rows]).tolist()
+        names = {index: self.instancers[index].name_full for index in used if index >= 0}
+        pairs = zip(self.instancer[rows].tolist(), self.numbers[rows].tolist(), strict=True)
+        return [() if index < 0 else (names[index], *numbers) for index, numbers in pairs]
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Snapshot:
     """Objects and instances at one moment, in Blender units.
+
+    Few of many objects move from one moment to the next, so that most are as the last walk found
+    them. Where rows will do, ask for these: `matrices` and `corners` are copies of all.
 
     Attributes
     ----------
@@ -126,21 +139,75 @@ class Snapshot:
         Shared by successive snapshots with the same objects and instances.
     shapes
         See `Shape`.
-    matrices
-        World matrices, shape (n, 4, 4).
+    walked
+        What the last walk found.
+    moved, moved_matrices
+        Rows that were read again since, ascending, (k,), and their world matrices, (k, 4, 4).
     """
 
     depsgraph: Any
     layout: Layout
     shapes: list[Shape]
-    matrices: Real
+    walked: Walked
+    moved: Indices
+    moved_matrices: Real
+
+    @cached_property
+    def matrices(self) -> Real:
+        """World matrices, shape (n, 4, 4)."""
+        return self._of_all(self.walked.matrices, self.moved_matrices)
 
     @cached_property
     def corners(self) -> Real:
         """Corners of the bounding boxes in world space, shape (n, 8, 3)."""
-        boxes = np.array([shape.box for shape in self.shapes]).reshape(-1, 8, 3)
-        turned = boxes[self.layout.shape] @ self.matrices[:, :3, :3].transpose(0, 2, 1)
-        return np.asarray(turned + self.matrices[:, None, :3, 3])
+        return self._of_all(self.walked.corners, self._moved_corners)
+
+    @cached_property
+    def spheres(self) -> Real:
+        """Spheres around all boxes: centres in world space, and radii, shape (n, 4)."""
+        return self._of_all(self.walked.spheres, box_spheres(self._moved_corners))
+
+    @cached_property
+    def largest(self) -> Real:
+        """Largest size of a number in each matrix, shape (n,); NaN where one is NaN."""
+        moved = np.abs(self.moved_matrices).max(axis=(1, 2), initial=0.0)
+        return self._of_all(self.walked.largest, moved)
+
+    def matrix(self, row: int) -> Real:
+        """Return the world matrix of a row, (4, 4)."""
+        at = int(np.searchsorted(self.moved, row))
+        again = at < self.moved.size and self.moved[at] == row
+        found: Real = self.moved_matrices[at] if again else self.walked.matrices[row]
+        return found
+
+    def matrices_of(self, rows: Indices) -> Real:
+        """Return the world matrices of some rows, (m, 4, 4)."""
+        return self._of_rows(rows, self.walked.matrices, self.moved_matrices)
+
+    def corners_of(self, rows: Indices) -> Real:
+        """Return the corners of the bounding boxes of some rows in world space, (m, 8, 3)."""
+        return self._of_rows(rows, self.walked.corners, self._moved_corners)
+
+    @cached_property
+    def _moved_corners(self) -> Real:
+        """Corners of the boxes of the rows that were read again, (k, 8, 3)."""
+        boxes = [self.shapes[index].box for index in self.layout.shape[self.moved].tolist()]
+        return box_corners(np.array(boxes).reshape(-1, 8, 3), self.moved_matrices)
+
+    def _of_all(self, walked: Real, moved: Real) -> Real:
+        if not self.moved.size:
+            return walked
+        found = walked.copy()
+        found[self.moved] = moved
+        return found
+
+    def _of_rows(self, rows: Indices, walked: Real, moved: Real) -> Real:
+        found = walked[rows]
+        if self.moved.size:
+            at = np.minimum(np.searchsorted(self.moved, rows), self.moved.size - 1)
+            again = self.moved[at] == rows
+            found[again] = moved[at[again]]
+        return found
 
     def of_shapes(self, values: list[Any], dtype: Any = bool) -> NDArray[Any]:
         """Return for each object and instance the value that its shape has."""
@@ -257,7 +324,16 @@ def walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Sna
         layout = last.layout
     # Blender has the columns of a matrix one after another.
     matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
-    return Snapshot(depsgraph, layout, found, np.ascontiguousarray(matrices))
+    return _walked(depsgraph, layout, found, np.ascontiguousarray(matrices))
+
+
+def _walked(depsgraph: Any, layout: Layout, shapes: list[Shape], matrices: Real) -> Snapshot:
+    """Return a snapshot in which all is as a walk found it."""
+    boxes = np.array([shape.box for shape in shapes]).reshape(-1, 8, 3)
+    walked = Walked(layout.shape, boxes, matrices)
+    return Snapshot(
+        depsgraph, layout, shapes, walked, np.empty(0, dtype=np.intp), np.empty((0, 4, 4))
+    )
 
 
 def _objects(depsgraph: Any) -> list[Any]:
@@ -297,17 +373,23 @@ def _read(items: Any, name: str, dtype: type[np.generic], width: int, count: int
 
 def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
     """Return a snapshot with some objects read again, which neither make nor have instances."""
-    layout, shapes, matrices = last.layout, last.shapes, last.matrices
-    if changed:
-        matrices = matrices.copy()
+    if not changed:
+        return dataclasses.replace(last)
+    layout, shapes = last.layout, last.shapes
     if any(changed.values()):
         shapes = shapes.copy()
+    now = dict(zip(last.moved.tolist(), last.moved_matrices, strict=True))
     for original, other in changed.items():
         row = layout.row_of[original]
         evaluated = original.evaluated_get(last.depsgraph)
-        matrices[row] = evaluated.matrix_world
+        now[row] = np.array(evaluated.matrix_world, dtype=np.float64)
         if other:
             data = evaluated.data
             address = 0 if data is None else data.as_pointer()
             shapes[layout.shape[row]] = _shape(evaluated, original, address, True, row)
-    return Snapshot(last.depsgraph, layout, shapes, matrices)
+    moved = np.array(sorted(now), dtype=np.intp)
+    again = np.stack([now[row] for row in moved.tolist()])
+    found = Snapshot(last.depsgraph, layout, shapes, last.walked, moved, again)
+    if moved.size > len(last.walked.matrices) / _FEW:
+        return _walked(last.depsgraph, layout, shapes, found.matrices)
+    return found

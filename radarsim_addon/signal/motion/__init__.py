@@ -12,6 +12,7 @@ from .images import PathImages
 from .kinematics import KinematicMotion, leg_change
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
 from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
+from .still_bodies import StillBodies, read_still_bodies, write_still_bodies
 
 __all__ = [
     "AntennaMotion",
@@ -23,6 +24,7 @@ __all__ = [
     "PathImages",
     "PathMotion",
     "Rows",
+    "StillBodies",
     "Tracks",
     "VertexSeries",
     "axes_of",
@@ -34,6 +36,8 @@ __all__ = [
     "leg_change",
     "places_m",
     "read_motion",
+    "read_still_bodies",
     "smooth_poses",
+    "write_still_bodies",
     "write_tracks",
 ]

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion of a radar frame on disk: ``motion.json`` and, for deforming surfaces, an .npz file.
 
+See :mod:`.still_bodies` for the file of many bodies that are stationary.
+
 ``deforming_surfaces.npz`` holds plain arrays. Points on deforming surfaces are numbered from
 1: ``track_body`` (n,) numbers the body, ``track_vertices`` (n, 3) and ``track_weights`` (n, 3) name
 three vertices of its mesh and their barycentric weights. For each such body b,
@@ -10,14 +12,12 @@ of the vertices' positions in the body's own axes [m].
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib import format as npy_format
 from numpy.polynomial import chebyshev
 
 from ...array_types import Int32, Real
@@ -27,9 +27,8 @@ from ...errors import FrameFileError, SchemaError
 from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
-
-#: Largest size that the headers of a file of surface points may claim [bytes].
-_MAX_TRACK_BYTES = 1 << 34
+from .npz_files import plain_arrays
+from .still_bodies import read_still_bodies
 
 
 @dataclass(frozen=True)
@@ -271,7 +270,7 @@ def write_tracks(folder: Path, tracks: Tracks) -> Path:
 def _read_tracks(path: Path, bodies: int) -> Tracks:
     """Read and check a file of surface points; `FrameFileError` if it is missing or damaged."""
     try:
-        arrays = _plain_arrays(path)
+        arrays = plain_arrays(path)
         for name, array in arrays.items():
             expected = "iu" if name in ("track_body", "track_vertices") else "f"
             if array.dtype.kind not in expected:
@@ -295,23 +294,6 @@ def _read_tracks(path: Path, bodies: int) -> Tracks:
             "paths.json in its folder, and render the run again."
         ) from error
     return tracks
-
-
-def _plain_arrays(path: Path) -> dict[str, Any]:
-    """Return the arrays of an .npz with headers that claim an allowed size."""
-    claimed = 0
-    with zipfile.ZipFile(path) as archive:
-        for name in archive.namelist():
-            with archive.open(name) as stream:
-                npy_format.read_magic(stream)
-                shape, _, dtype = npy_format.read_array_header_1_0(stream)
-            if dtype.hasobject:
-                raise ValueError(f"{name} holds objects")
-            claimed += int(np.prod(shape, dtype=object)) * dtype.itemsize
-    if claimed > _MAX_TRACK_BYTES:
-        raise ValueError(f"{claimed} bytes; expected at most {_MAX_TRACK_BYTES}")
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
 
 
 #: Weights of a point on a triangle are from 0 to 1, and a little beyond by rounding.
@@ -371,6 +353,8 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
             f"{path} has {len(record.antennas)} antennas over {record.duration_s!r} s; expected "
             "receiver and transmitter, over a time from 0. Render the frame again."
         )
+    still = read_still_bodies(folder, record)
+    count = len(record.bodies) + (0 if still is None else len(still))
     tracks = None
     if record.deforming_surfaces_file:
         if record.deforming_surfaces_file != DEFORMING_SURFACES_FILE:
@@ -379,19 +363,33 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
                 f"expected {DEFORMING_SURFACES_FILE!r}. Render the frame again."
             )
         place = folder / DEFORMING_SURFACES_FILE
-        tracks = _read_tracks(place, len(record.bodies))
+        tracks = _read_tracks(place, count)
         if file_sha256(place) != record.deforming_surfaces_sha256:
             raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
     at_s = record.epoch_offset_s
     receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
+    places = [f"{path}: {body.object}" for body in record.bodies]
+    pairs = list(zip(record.bodies, places, strict=True))
+    bodies = [_body(body, where, at_s) for body, where in pairs]
+    boxes = [_box(body, where) for body, where in pairs]
+    keys = [_key(body.object, body.instance) for body in record.bodies]
+    if still is not None:
+        stationary = [BodyMotion(pose, epoch_offset_s=at_s) for pose in still.pose]
+        names = map(_key, still.object, still.instance)
+        bodies, boxes = still.among(bodies, stationary), still.among(boxes, [None] * len(still))
+        keys = still.among(keys, list(names))
     return FrameMotion(
         span_s=record.duration_s,
         receiver=receiver,
         emitter=emitter,
         orthographic=record.receiver_kind == "orthographic",
-        bodies=[_body(body, f"{path}: {body.object}", at_s) for body in record.bodies],
+        bodies=bodies,
         tracks=tracks,
         epoch_offset_s=at_s,
-        boxes=[_box(body, f"{path}: {body.object}") for body in record.bodies],
-        body_keys=[f"{body.object}\0{body.instance}" for body in record.bodies],
+        boxes=boxes,
+        body_keys=keys,
     )
+
+
+def _key(name: str, instance: str) -> str:
+    return f"{name}\0{instance}"

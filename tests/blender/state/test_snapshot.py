@@ -47,8 +47,16 @@ def checked() -> Snapshot:
         assert shape.materials == tuple(s.material and s.material.original for s in slots)
         corners = one.box @ one.matrix[:3, :3].T + one.matrix[:3, 3]
         np.testing.assert_allclose(found.corners[row], corners, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(found.matrix(row), one.matrix)
+        away = np.linalg.norm(corners - found.spheres[row, :3], axis=1)
+        assert away.max() == pytest.approx(found.spheres[row, 3], abs=1e-12)
+        assert found.largest[row] == np.abs(one.matrix).max()
         rows += 1
     assert rows == len(found.matrices)
+    some = np.random.default_rng(rows).permutation(rows)[: rows // 2]
+    np.testing.assert_array_equal(found.matrices_of(some), found.matrices[some])
+    np.testing.assert_array_equal(found.corners_of(some), found.corners[some])
+    assert found.layout.keys(some) == [found.layout.key(row) for row in some.tolist()]
     return found
 
 
@@ -156,6 +164,8 @@ def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch)
         found = checked()
         assert found is not first
         assert found.layout is first.layout
+        assert found.walked is first.walked, "what stands still is not copied"
+        assert 0 < found.moved.size < 10
     assert walks == []
 
 
