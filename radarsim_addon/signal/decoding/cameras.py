@@ -7,8 +7,9 @@ top row. Each pixel's ray leaves through the centre of the pixel.
 
 from __future__ import annotations
 
+import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from ...contract import ReceiverRecord
 from ...errors import SchemaError
 
 KINDS = ("perspective", "orthographic", "equirectangular")
+
+#: Images up to so many pixels, and how many of them, whose rays are kept: 5 MB. A radar that stands
+#: still has the same rays in all frames.
+_KEPT_PX, _KEPT_IMAGES = 1 << 14, 8
 
 
 @dataclass(frozen=True)
@@ -92,8 +97,35 @@ def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
     Returns
     -------
     PixelRays
-        Of all pixels, (height, width).
+        Of all pixels, (height, width); those of small images may not be changed.
     """
+    if width_px * height_px > _KEPT_PX:
+        return _rays(receiver, width_px, height_px)
+    edges = receiver.left, receiver.right, receiver.bottom, receiver.top
+    numbers = np.array([*np.ravel(receiver.matrix_world), *edges], dtype=np.float64)
+    return _kept_rays(_Image(receiver.kind, numbers.tobytes(), width_px, height_px, receiver))
+
+
+@dataclass(frozen=True)
+class _Image:
+    """An image, told from others by the bits of all that its rays are made of."""
+
+    kind: str
+    numbers: bytes
+    width_px: int
+    height_px: int
+    receiver: ReceiverRecord = field(compare=False)
+
+
+@functools.lru_cache(maxsize=_KEPT_IMAGES)
+def _kept_rays(image: _Image) -> PixelRays:
+    rays = _rays(image.receiver, image.width_px, image.height_px)
+    for values in (rays.origin_m, rays.direction, rays.near_cosine, rays.solid_angle_sr):
+        values.flags.writeable = False
+    return rays
+
+
+def _rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
     u, v = pixel_centres(receiver, width_px, height_px)
     uu, vv = np.broadcast_arrays(u[None, :], v[:, None])
     pose = np.asarray(receiver.matrix_world, dtype=np.float64)

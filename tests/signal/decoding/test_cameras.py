@@ -10,7 +10,7 @@ import pytest
 
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import SchemaError
-from radarsim_addon.signal.decoding import pixel_rays
+from radarsim_addon.signal.decoding import cameras, pixel_rays
 from radarsim_addon.signal.decoding.cameras import solid_angles_sr
 
 
@@ -138,3 +138,27 @@ def test_unknown_kind_is_named() -> None:
         pixel_rays(camera("fisheye"), 4, 4)
     with pytest.raises(SchemaError, match="fisheye"):
         solid_angles_sr(camera("fisheye"), 4, 4)
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic", "equirectangular"])
+def test_kept_rays_are_those_of_their_receiver(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each number of a receiver changes them; whoever changed kept ones would change all frames."""
+    edges, pose = (-0.5, 0.6, -0.4, 0.3), turned()
+    moved = pose + np.array([[0, 0, 0, 1e-9], [0] * 4, [0] * 4, [0] * 4])
+    asked = [
+        (camera(kind, edges, pose), 6, 4),
+        (camera(kind, (-0.5, 0.6, -0.4, np.nextafter(0.3, 1.0)), pose), 6, 4),
+        (camera(kind, edges, moved), 6, 4),
+        (camera(kind, edges, pose), 4, 6),
+    ]
+    names = ("origin_m", "direction", "near_cosine", "solid_angle_sr")
+    first = [pixel_rays(*one) for one in asked]
+    again = [pixel_rays(*one) for one in asked]
+    monkeypatch.setattr(cameras, "_KEPT_PX", 0)
+    for one, rays, same in zip(asked, first, again, strict=True):
+        fresh = pixel_rays(*one)
+        for name in names:
+            assert getattr(same, name) is getattr(rays, name)
+            assert getattr(rays, name).tobytes() == getattr(fresh, name).tobytes()
+            with pytest.raises(ValueError, match="read-only"):
+                getattr(rays, name)[...] = 0.0
