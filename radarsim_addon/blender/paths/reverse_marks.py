@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 
-from ...array_types import Real
+from ...array_types import Mask, Real
 from ...signal.paths import PathFlag, PathRows
 from ...vectors import are_finite, dots, norms
 from ..materials import is_mirror_like
@@ -27,8 +27,14 @@ class ReverseMarks:
     """
 
     def __init__(self, hits: HitPoints, bodies: Bodies) -> None:
-        self._hits = hits
-        sharp = cache(is_mirror_like)
+        self._hits, self._bodies = hits, bodies
+
+    @cached_property
+    def _by_body(self) -> tuple[Mask, Mask]:
+        """By the body's number, from 1; 0 is unknown: whether it may mirror, and whether its
+        normals are not those of its faces. Only paths of several reflections ask.
+        """
+        sharp, bodies = cache(is_mirror_like), self._bodies
         shapes = bodies.snapshot.shapes
         mirrors = np.array([any(map(sharp, shape.materials)) for shape in shapes], dtype=bool)
         rounded = np.zeros(len(shapes), dtype=bool)
@@ -36,10 +42,7 @@ class ReverseMarks:
             with bodies.snapshot.mesh(shapes[number]) as mesh:
                 rounded[number] = is_smooth_shaded(mesh)
         unknown = mirrors.any()
-        #: By the body's number, from 1; 0 is unknown: whether it may mirror, and whether its
-        #: normals are not those of its faces.
-        self._mirrors = np.append(unknown, mirrors[bodies.shape])
-        self._rounded = np.append(unknown, rounded[bodies.shape])
+        return np.append(unknown, mirrors[bodies.shape]), np.append(unknown, rounded[bodies.shape])
 
     def mark(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
         """Set the flag of labelled, refined rows with the normals that refining met.
@@ -50,10 +53,11 @@ class ReverseMarks:
         if not several.size:
             return
         mine = rows[several]
+        may_mirror, rounded = self._by_body
         ranged = mine["flags"] & PathFlag.NO_RANGE == 0
-        mirrors = self._mirrors[mine["first_body"]]
+        mirrors = may_mirror[mine["first_body"]]
         marked = ranged & ~mirrors
-        known = ranged & mirrors & (mine["order"] == 2) & ~self._rounded[mine["first_body"]]
+        known = ranged & mirrors & (mine["order"] == 2) & ~rounded[mine["first_body"]]
         chosen = np.flatnonzero(known & are_finite(mine["first_scatterer_m"]))
         if chosen.size:
             mine, number = mine[chosen], several[chosen]

@@ -133,7 +133,8 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
     has_surface = [shape.kind not in {"CAMERA", "LIGHT", "EMPTY"} for shape in shapes]
     rows = np.flatnonzero(snapshot.of_shapes(has_surface))
     names = [shape.original.name_full for shape in shapes]
-    boxes = np.array([[s.box.min(axis=0), s.box.max(axis=0)] for s in shapes]).reshape(-1, 2, 3)
+    corners = np.array([shape.box for shape in shapes]).reshape(-1, 8, 3)
+    boxes = np.stack([corners.min(axis=1), corners.max(axis=1)], axis=1)
     pose = snapshot.matrices_of(rows)
     pose[:, :3, 3] *= metres_per_unit
     owner = snapshot.layout.shape[rows]

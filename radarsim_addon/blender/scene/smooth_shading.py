@@ -41,10 +41,11 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
     walls = [
         one.item
         for one in assigned
-        if any(np.any(one.item.get(name, 0.0)) for name in known)
+        if any(name in one.item and np.any(one.item[name]) for name in known)
         and any(map(is_entered, one.materials))
     ]
-    others = {one.item.data for one in assigned if one.item not in set(walls)}
+    of_walls = set(walls)
+    others = {one.item.data for one in assigned if one.item not in of_walls}
     for item in walls:
         if item.library is not None and item.data in others:  # whose normals stay
             continue

@@ -36,8 +36,12 @@ class ViewCamera:
         data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
         self.item = item = bpy.data.objects.new(_NAME, data)
         self._recorder.on_restore(_NAME, lambda: bpy.data.objects.remove(item))
-        scene.collection.objects.link(item)
-        self._recorder.set(scene, "camera", item)
+        try:
+            scene.collection.objects.link(item)
+            self._recorder.set(scene, "camera", item)
+        except BaseException:
+            self.restore()
+            raise
 
     def number_objects(self) -> None:
         """Number the surfaces of a file that Blender has not evaluated yet.
