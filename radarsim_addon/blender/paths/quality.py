@@ -32,7 +32,10 @@ _FAINTEST = 1e-12
 
 
 class QualitySums:
-    """Sums over views and rows; sums of tiles add up to those of the frame."""
+    """Sums over views and rows; sums of tiles add up to those of the frame.
+
+    `add_rows` runs in a thread besides the other methods, and so changes sums of its own alone.
+    """
 
     def __init__(self) -> None:
         self.total_w = self.truncated_reflections_w = self.truncated_transparency_w = 0.0

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import dataclasses
 import threading
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,9 +19,10 @@ pytest.importorskip("bpy")
 from radarsim_addon.blender.paths.background import Background
 from radarsim_addon.blender.paths.error_budget import CellGrid, ErrorBudget
 from radarsim_addon.blender.paths.measured_tiles import MeasuredTiles, NewTile
+from radarsim_addon.blender.paths.quality import QualitySums
 from radarsim_addon.blender.paths.tile_checkpoints import TileCheckpoints
 from radarsim_addon.blender.paths.tiles import Tile
-from radarsim_addon.blender.views import ViewWindow
+from radarsim_addon.blender.views import TracedReplicate, View, ViewWindow
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
 
@@ -129,3 +132,32 @@ def test_rows_that_cannot_be_written_are_an_error(
     tiles.drop(new, KeyboardInterrupt())
     assert not budget.powers
     assert parts.find("key") is None
+
+
+class _Watched(QualitySums):
+    """Sums that note which of them are set."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        super().__setattr__(name, value)
+        vars(self).setdefault("noted", set()).add(name)
+
+    def changed_by(self, call: Callable[[], None]) -> set[str]:
+        """Which sums a call changes."""
+        self.noted: set[str] = set()
+        members = {k: set(v) for k, v in vars(self).items() if isinstance(v, set)}
+        call()
+        grown = {k for k, v in members.items() if k != "noted" and vars(self)[k] != v}
+        return (self.noted - {"noted"}) | grown
+
+
+def test_views_and_rows_change_different_sums() -> None:
+    """They are added in two threads, and a sum that both change could lose a part."""
+    sums = _Watched()
+    nothing = np.zeros((1, 2))
+    seen = View(nothing, nothing, nothing, object_index=np.array([[1, 2]], dtype=np.int32))
+    traced = TracedReplicate(open_view=seen, total=2.0, strongest=1.0, coloured=True)
+    of_views = sums.changed_by(lambda: sums.add_view(traced, 0.5))
+    of_rows = sums.changed_by(lambda: sums.add_rows(rows_of(3), RECEIVER))
+    assert {"total_w", "coloured", "seen"} <= of_views
+    assert {"_row_w", "echoing", "bodies"} <= of_rows
+    assert not of_views & of_rows
