@@ -57,11 +57,15 @@ class Chroot:
     def window(self, script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         """Run a Python script in a Blender window on a virtual screen."""
         width, height = SCREEN
-        return self.run(
+        done = self.run(
             "xvfb-run", "-a", "-s", f"-screen 0 {width}x{height}x24",
             "blender", "-p", "0", "0", str(width), str(height),
             "--python-exit-code", "1", "--python", script, "--", *arguments,
         )  # fmt: skip
+        crash = self.outside / "tmp/blender.crash.txt"
+        if crash.exists():  # Blender writes it where it crashes
+            done.stderr += crash.read_text(errors="replace")
+        return done
 
 
 @pytest.fixture(scope="session")

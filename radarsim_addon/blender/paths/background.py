@@ -15,16 +15,21 @@ _WAITING = 1
 class Background:
     """Makes calls one after the other; they must not use Blender.
 
-    The error of a call is raised by a later `do` or `wait`. Calls after it are not made.
+    The error of a call is raised by a later `do` or `wait`. Calls after it are not made. Without
+    `threaded`, `do` makes each call itself.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, threaded: bool) -> None:
+        self._threaded = threaded
         self._pool: ThreadPoolExecutor | None = None
         self._calls: deque[Future[None]] = deque()
         self._failed = False
 
     def do(self, call: Callable[..., None], *arguments: Any) -> None:
         """Make a call soon."""
+        if not self._threaded:
+            call(*arguments)
+            return
         while len(self._calls) > _WAITING:
             self._calls.popleft().result()
         if self._pool is None:

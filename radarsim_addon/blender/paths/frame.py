@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 
+import bpy
 import numpy as np
 
 from ... import contract
@@ -99,9 +100,9 @@ class FrameWork:
             ranges=self._options.error_scope != "objects",
         )
         self._budget = ErrorBudget(grid.first_object, self._options.error_scope)
-        self._tiles = MeasuredTiles(
-            self._parts, grid, self._budget, receiver, self._options.replicates
-        )
+        # The window draws by Python, too, and would wait for a thread that computes.
+        threaded, count = bpy.app.background, self._options.replicates
+        self._tiles = MeasuredTiles(self._parts, grid, self._budget, receiver, count, threaded)
         self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0

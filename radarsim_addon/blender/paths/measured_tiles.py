@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tiles of a frame that were measured: their sums, the powers of their cells, and their rows.
 
-Sums and powers are computed, and rows written, in a thread of their own while Cycles renders.
+Without a window, sums and powers are computed, and rows written, in a thread of their own while
+Cycles renders.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class MeasuredTiles:
     """Measured tiles by number.
 
     `parts` keeps their rows, each of `count` replicates, `budget` takes the powers of the cells of
-    `grid`. After :meth:`wait`, all that was added is in `tiles` and in `budget`.
+    `grid`, in a thread of their own if `threaded`. After :meth:`wait`, all that was added is in
+    `tiles` and in `budget`.
     """
 
     def __init__(
@@ -57,10 +59,11 @@ class MeasuredTiles:
         budget: ErrorBudget,
         receiver: ReceiverRecord,
         count: int,
+        threaded: bool,
     ) -> None:
         self._parts, self._grid, self._budget = parts, grid, budget
         self._receiver, self._count = receiver, count
-        self._background = Background()
+        self._background = Background(threaded)
         self.tiles: dict[int, MeasuredTile] = {}
 
     def add_rows(self, new: NewTile, views: Sequence[PathRows]) -> None:

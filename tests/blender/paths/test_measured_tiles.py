@@ -38,15 +38,17 @@ def rows_of(count: int) -> PathRows:
     return rows
 
 
-def measured_tiles(folder: Path) -> tuple[MeasuredTiles, TileCheckpoints, ErrorBudget]:
+def measured_tiles(
+    folder: Path, threaded: bool
+) -> tuple[MeasuredTiles, TileCheckpoints, ErrorBudget]:
     parts, grid = TileCheckpoints(folder, "stamp"), CellGrid(1.0, 20)
     budget = ErrorBudget(grid.first_object)
-    return MeasuredTiles(parts, grid, budget, RECEIVER, 2), parts, budget
+    return MeasuredTiles(parts, grid, budget, RECEIVER, 2, threaded), parts, budget
 
 
 def test_calls_are_made_in_order_and_few_wait() -> None:
     """A third call waits until the first one has ended."""
-    background, made, go = Background(), list[int](), threading.Event()
+    background, made, go = Background(threaded=True), list[int](), threading.Event()
 
     def call(number: int) -> None:
         assert go.wait(10)
@@ -67,7 +69,7 @@ def test_calls_are_made_in_order_and_few_wait() -> None:
 
 def test_after_an_error_no_call_is_made() -> None:
     """It is raised by `wait`; the calls after it would add to something incomplete."""
-    background, made = Background(), list[int]()
+    background, made = Background(threaded=True), list[int]()
 
     def fail() -> None:
         raise OutputError("the disk is full")
@@ -80,9 +82,10 @@ def test_after_an_error_no_call_is_made() -> None:
     assert not made
 
 
-def test_what_was_added_is_there_after_waiting(tmp_path: Path) -> None:
+@pytest.mark.parametrize("threaded", [True, False])
+def test_what_was_added_is_there_after_waiting(tmp_path: Path, threaded: bool) -> None:
     """Rows in the order of the tiles, their power, and the error budget; nothing on disk yet."""
-    tiles, _, budget = measured_tiles(tmp_path)
+    tiles, _, budget = measured_tiles(tmp_path, threaded)
     for number, count in ((0, 5), (1, 3)):
         new = NewTile(number, TILE, f"key {number}")
         for _ in range(2):
@@ -96,9 +99,10 @@ def test_what_was_added_is_there_after_waiting(tmp_path: Path) -> None:
     assert tiles.quality()._row_w == pytest.approx(4.0)
 
 
-def test_a_tile_that_was_stopped_leaves_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("threaded", [True, False])
+def test_a_tile_that_was_stopped_leaves_nothing(tmp_path: Path, threaded: bool) -> None:
     """The one before it is kept, as a session that goes on finds it."""
-    tiles, parts, _ = measured_tiles(tmp_path)
+    tiles, parts, _ = measured_tiles(tmp_path, threaded)
     whole, stopped = (NewTile(number, TILE, f"key {number}") for number in (0, 1))
     for _ in range(2):
         tiles.add_rows(whole, [rows_of(5)])
@@ -110,7 +114,7 @@ def test_a_tile_that_was_stopped_leaves_nothing(tmp_path: Path) -> None:
     assert later.find("key 1") is None
     record = later.find("key 0")
     assert record is not None
-    again, _, budget = measured_tiles(tmp_path)
+    again, _, budget = measured_tiles(tmp_path, threaded)
     again.take_again(0, dataclasses.replace(TILE), "key 0", record)
     again.wait()
     again.end()
@@ -118,16 +122,17 @@ def test_a_tile_that_was_stopped_leaves_nothing(tmp_path: Path) -> None:
     assert again.quality()._row_w == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("threaded", [True, False])
 def test_rows_that_cannot_be_written_are_an_error(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threaded: bool
 ) -> None:
     """With the disk full the frame ends with a named error, and no tile that lacks rows is left."""
     monkeypatch.setattr("radarsim_addon.blender.paths.tile_checkpoints._MOST_HELD", 0)
-    tiles, parts, budget = measured_tiles(tmp_path / "missing" / "frame")
+    tiles, parts, budget = measured_tiles(tmp_path / "missing" / "frame", threaded)
     new = NewTile(0, TILE, "key")
-    tiles.add_rows(new, [rows_of(5)])
-    tiles.keep(new, 7, 0.5)
     with pytest.raises(OutputError):
+        tiles.add_rows(new, [rows_of(5)])
+        tiles.keep(new, 7, 0.5)
         tiles.wait()
     tiles.drop(new, KeyboardInterrupt())
     assert not budget.powers
