@@ -53,8 +53,8 @@ def add_early_camera(scene: Any, radar: Any) -> ViewCamera | None:
     Returns
     -------
     ViewCamera or None
-        None where the receiver is the scene's camera by no other choice, or something in the scene
-        depends on the camera that renders; also where there is no radar that can measure.
+        None where the receiver is chosen only because it is the scene's active camera, or where
+        something in the scene depends on the active camera; also without a radar that can measure.
     """
     with contextlib.suppress(RadarSimError):
         antennas = antennas_of(scene, radar)

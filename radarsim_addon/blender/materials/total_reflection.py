@@ -35,7 +35,7 @@ _LEAST_FRACTION, _DANGER = 0.005, 0.05
 _CORNER = math.cos(math.radians(40.0))
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
-#: Normal of what is no layer.
+#: Normal where there is no layer.
 _NO_LAYER = np.full(3, np.nan)
 
 

@@ -112,7 +112,7 @@ class SettingsRestorer:
         before = list(_settings_of(owner))
 
         def undo() -> None:
-            # Each struct is looked up anew: some settings free the structs of others and make new
+            # Each struct is looked up again: some settings free the structs of others and make new
             # ones, and a kept reference would then be to freed memory.
             for _ in range(_PASSES):
                 for path, name, value in before:

@@ -147,8 +147,8 @@ def are_local_maxima(power: Real, rows: Indices, cols: Indices) -> Mask:
     own, last = power[rows, cols], power.shape[1] - 1
     found = np.ones(rows.size, dtype=bool)
     for down, across in itertools.product((-1, 0, 1), repeat=2):
-        beside = (rows + down) % power.shape[0], np.clip(cols + across, 0, last)
-        found &= own >= power[beside]
+        neighbour = (rows + down) % power.shape[0], np.clip(cols + across, 0, last)
+        found &= own >= power[neighbour]
     return found
 
 

@@ -167,7 +167,7 @@ class MovingPathAccumulator(PulseSums):
         moving, error, cpu_s = self._matrix(), ErrorSum(), 0.0
         for block in self._lanes.run(jobs, len(plan.blocks)):
             moving[block.pulses] += block.values
-            error.beside(block.error)
+            error.merge(block.error)
             cpu_s += block.cpu_s
         self.error.add(error)
         transforms = len(plan.blocks) * (1 if terms is None else terms.shape[1])

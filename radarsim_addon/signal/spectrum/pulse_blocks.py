@@ -71,7 +71,7 @@ class TransformPool:
             error, heard, folded = ErrorSum(), 0, 0
             for pulse, found in enumerate(transform.pulses(lengths, weights, order)):
                 values[pulse] = found.values
-                error.beside(found.error)
+                error.merge(found.error)
                 heard += found.kept
                 folded += found.folded
         finally:

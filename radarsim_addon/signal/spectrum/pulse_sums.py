@@ -186,7 +186,7 @@ class PulseSums:
             error = ErrorSum()
             for result in self._lanes.run(map(job, blocks), 1 if few else len(blocks)):
                 moving[result.pulses] += result.values
-                error.beside(result.error)
+                error.merge(result.error)
                 cpu_s, transforms = cpu_s + result.cpu_s, transforms + result.values.shape[0]
                 if order is None:
                     self.heard += result.heard

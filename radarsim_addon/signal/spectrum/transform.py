@@ -78,7 +78,7 @@ class ErrorSum:
             self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
         )
 
-    def beside(self, other: ErrorSum) -> None:
+    def merge(self, other: ErrorSum) -> None:
         """Add the error of results of other pulses."""
         self.random = math.hypot(self.random, other.random)
         self.bound = math.hypot(self.bound, other.bound)

@@ -101,7 +101,7 @@ def test_what_was_added_is_there_after_waiting(tmp_path: Path, threaded: bool) -
 
 @pytest.mark.parametrize("threaded", [True, False])
 def test_a_tile_that_was_stopped_leaves_nothing(tmp_path: Path, threaded: bool) -> None:
-    """The one before it is kept, as a session that goes on finds it."""
+    """The one before it is kept, as a resumed run finds it."""
     tiles, parts, _ = measured_tiles(tmp_path, threaded)
     whole, stopped = (NewTile(number, TILE, f"key {number}") for number in (0, 1))
     for _ in range(2):

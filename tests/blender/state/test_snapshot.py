@@ -164,7 +164,7 @@ def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch)
         found = checked()
         assert found is not first
         assert found.layout is first.layout
-        assert found.walked is first.walked, "what stands still is not copied"
+        assert found.walked is first.walked, "poses of stationary objects are not copied"
         assert 0 < found.moved.size < 10
     assert walks == []
 
