@@ -29,10 +29,10 @@ _KEPT_BYTES, _OWN_PAGES_BYTES = 1 << 28, 1 << 25
 
 
 def keep_freed_memory() -> None:
-    """Let the C library keep what arrays of up to 32 MiB free, up to 256 MiB, for the next ones.
+    """Let the C library keep memory of freed arrays (up to 32 MiB each, 256 MiB in all) for reuse.
 
-    Otherwise each such array has pages of its own, which the system clears every time: a fifth of
-    the processor time of a frame. Other C libraries than glibc are left as they are.
+    Otherwise each such array has pages of its own, which the system clears every time.
+    Other C libraries than glibc are left as they are.
     """
     with contextlib.suppress(OSError, AttributeError, TypeError):
         mallopt = ctypes.CDLL(None).mallopt
@@ -42,7 +42,7 @@ def keep_freed_memory() -> None:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Import modules in the body without looking for garbage, then or later: they all stay."""
+    """Collect no garbage during imports; later collections leave out what was imported."""
     gc.disable()
     try:
         yield

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tiles of a frame that were measured: their sums, the powers of their cells, and their rows.
 
-Without a window, sums and powers are computed, and rows written, in a thread of their own while
-Cycles renders.
+Without Blender's window, a separate thread computes sums and powers and writes rows while Cycles
+renders.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .tiles import Tile
 
 @dataclass(frozen=True)
 class MeasuredTile:
-    """A tile that was measured, its key, by which its rows are found, their number and sums."""
+    """A measured tile, the key of its stored rows, the number of rows, and their sums."""
 
     tile: Tile
     key: str
@@ -47,9 +47,9 @@ class NewTile:
 class MeasuredTiles:
     """Measured tiles by number.
 
-    `parts` keeps their rows, each of `count` replicates, `budget` takes the powers of the cells of
-    `grid`, in a thread of their own if `threaded`. After :meth:`wait`, all that was added is in
-    `tiles` and in `budget`.
+    `parts` stores the rows; each tile has `count` replicates. `budget` gets the powers of the cells
+    of `grid`. If `threaded`, a separate thread does this. After :meth:`wait`, all that was added is
+    in `tiles` and in `budget`.
     """
 
     def __init__(

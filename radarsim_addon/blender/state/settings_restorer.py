@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 _ABSENT = object()
-#: The way from a struct to one in it: names of attributes, and places in collections.
+#: Path from a struct to one in it: names of attributes, and indices in collections.
 _Path = tuple[str | int, ...]
 #: Times that settings which limit one another are set: media type, format, depth, codec.
 _PASSES = 4
@@ -159,7 +159,7 @@ class SettingsRestorer:
 
 
 def _settings_of(owner: Any, path: _Path = ()) -> Iterator[tuple[_Path, str, Any]]:
-    """Ways to structs, names and values of what can be set in a struct and those in it."""
+    """Yield path, name and value of every setting of a struct and of the structs in it."""
     for item in owner.bl_rna.properties:
         value = getattr(owner, item.identifier)
         here = (*path, item.identifier)
@@ -178,7 +178,7 @@ def _settings_of(owner: Any, path: _Path = ()) -> Iterator[tuple[_Path, str, Any
 
 
 def _struct_at(owner: Any, path: _Path) -> Any:
-    """The struct that a way leads to, or None if there is none now."""
+    """The struct at a path, or None if there is none now."""
     for step in path:
         owner = getattr(owner, step) if isinstance(step, str) else owner[step]
         if owner is None:
@@ -187,7 +187,7 @@ def _struct_at(owner: Any, path: _Path) -> Any:
 
 
 def _read(struct: Any, name: str) -> Any:
-    """The value of a setting; of the points of a curve, places, handles and selection."""
+    """The value of a setting; for points of a curve, location, handle and selection of each."""
     value = getattr(struct, name)
     if name != "points":
         return _plain(value)
@@ -195,7 +195,7 @@ def _read(struct: Any, name: str) -> Any:
 
 
 def _write(struct: Any, name: str, value: Any) -> None:
-    """Set a setting; for the points of a curve, as many as there were."""
+    """Set a setting; the points of a curve get their former number first."""
     if name != "points":
         setattr(struct, name, value)
         return

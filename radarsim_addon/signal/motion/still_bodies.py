@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``still_bodies.npz``: bodies of a radar frame that are stationary, where there are many.
+"""``still_bodies.npz``: bodies of a radar frame that are stationary, written if there are many.
 
 Plain arrays, one row a body: ``number`` (n,), its number in the frame from 1, ascending; ``pose``
 (n, 4, 4), translation in metres; ``object`` and ``instance`` (n,), names in UTF-8.
@@ -91,7 +91,7 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
     folder
         Folder of the frame.
     record
-        Its motion, without them.
+        Motion of the frame, without its stationary bodies.
 
     Returns
     -------
