@@ -28,9 +28,10 @@ from radarsim_addon.atomic_files import write_json, write_text  # noqa: E402
 
 #: The street canyon's cost and error, frames of a moving car, scenes of many objects, the demo;
 #: then error against time in the paper's scene, cost against the number of paths, echo synthesis,
-#: motion by both methods, rows over a clutter surface.
+#: motion by both methods, rows over a clutter surface, runs by several processes.
 PARTS = (
     "canyon", "frames", "scenes", "demo", "paper", "scaling", "synthesis", "motion", "clutter",
+    "workers",
 )  # fmt: skip
 
 
@@ -79,7 +80,8 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
     from scripts.benchmarks.scaling import run_scaling
     from scripts.benchmarks.sionna_canyon import run_sionna
     from scripts.benchmarks.synthesis import run_synthesis
-    from scripts.benchmarks.workload_costs import run_demo, run_frames, run_scenes
+    from scripts.benchmarks.worker_costs import run_workers
+    from scripts.benchmarks.workload_costs import built, run_demo, run_frames, run_scenes
 
     machine = {
         "cpus": os.cpu_count() or 1,
@@ -119,6 +121,9 @@ def measure(parts: Sequence[str], large: bool, quick: bool) -> dict[str, Any]:
         if "clutter" in parts:
             say("rows over a clutter surface")
             result["clutter"] = run_clutter(folder, quick)
+        if "workers" in parts:
+            say("runs by several processes")
+            result["workers"] = run_workers(built("car", folder), folder, quick)
         if "paper" in parts:
             say("error against time")
             result["accuracy"] = run_accuracy(blend, folder, quick)

@@ -9,6 +9,7 @@ from .bounds import bound_lines, read_history
 from .canyon import canyon_lines
 from .motion import motion_table
 from .target import target_lines
+from .worker_costs import worker_lines
 
 
 def table(result: dict[str, Any]) -> str:
@@ -28,6 +29,7 @@ def table(result: dict[str, Any]) -> str:
         ("scaling", (_scaling,)),
         ("synthesis", (_synthesis,)),
         ("motion", (_motion,)),
+        ("workers", (worker_lines,)),
     ):
         if name in result:
             for part in parts:

@@ -14,7 +14,7 @@ from .stages import render_cost
 #: Width, height, replicates, reflections: 15 000 to a million paths, in tiles of the default size.
 SIZES = ((160, 90, 1, 1), (320, 180, 1, 1), (640, 360, 1, 1), (1280, 720, 1, 1), (640, 360, 4, 1))
 #: Ten million.
-LARGE = ((1280, 720, 11, 2),)
+LARGE = ((1280, 720, 11, 1), (1280, 720, 11, 2))
 
 
 def run_scaling(blend: Path, folder: Path, large: bool, quick: bool) -> list[dict[str, Any]]:

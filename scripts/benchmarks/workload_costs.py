@@ -21,7 +21,8 @@ _REPEATS = 3
 _ENOUGH_S = 60.0
 
 
-def _built(name: str, folder: Path) -> Path:
+def built(name: str, folder: Path) -> Path:
+    """Save a scene of `workloads` into a folder; return the file."""
     blend = folder / f"{name}.blend"
     command_cost(["-m", "scripts.benchmarks.workloads", name, blend], _ROOT)
     return blend
@@ -41,7 +42,7 @@ def _median(once: Callable[[], dict[str, float]], quick: bool) -> dict[str, Any]
 
 def run_frames(folder: Path, quick: bool = False) -> dict[str, Any]:
     """Frames of a moving car, processor seconds a frame without Blender's start."""
-    blend, run = _built("car", folder), folder / "run"
+    blend, run = built("car", folder), folder / "run"
     count = 10 if quick else 100
 
     def once() -> dict[str, float]:
@@ -95,7 +96,7 @@ def run_scenes(folder: Path, quick: bool = False) -> dict[str, Any]:
     each = {"city": town, "objects": prepared, "instances": field, "traffic": moving}
     for name, once in (each | {"mirror": mirror}).items():
         if not (quick and name in ("instances", "traffic")):
-            _built(name, folder)
+            built(name, folder)
             found[name] = _median(once, quick)
     return found
 

@@ -23,7 +23,12 @@ RESULT: dict[str, Any] = {
     "machine": MACHINE,
     "canyon": [{**ROW, **OTHERS}],
     "scenes": {"city": {"render_s": 3.5, "render_s_error": 0.25}},
-    "scaling": [{"paths": 1e7, "wall_s": 50.0, "peak_mib": 500.0}, {"paths": 1e5}],
+    "scaling": [
+        {"paths": 1e7, "order": 1, "wall_s": 30.0, "peak_mib": 400.0},
+        {"paths": 1e7, "order": 2, "wall_s": 50.0, "peak_mib": 500.0},
+        {"paths": 1e5, "order": 1},
+    ],
+    "workers": {"two_workers": 1.5, "two_workers_error": 0.1, "dask_s": 0.01, "dask_s_error": 0.0},
 }
 
 
@@ -31,6 +36,7 @@ def test_figures_and_their_errors() -> None:
     found = bounds.figures(RESULT)
     assert found["canyon_1_render"] == (5.0, 1.0)
     assert found["city_render"] == (3.5, 0.25)
+    assert found["ten_million_1_wall"] == (30.0, None)
     assert found["ten_million_wall"] == (50.0, None)
     assert "demo_wall" not in found
     assert len({row.key for row in bounds.ROWS}) == len(bounds.ROWS)
@@ -43,6 +49,8 @@ def test_the_table_says_what_is_over_its_bound() -> None:
     assert "5 +- 1 s" in canyon and "2.75" in canyon and "0.3*" in canyon
     assert "over the bound" in canyon
     assert "over the bound" not in lines["city of 2367 objects, 1e6 rays, order 1: render"]
+    assert "below the bound" in lines["60 frames: 2 workers over 1, times faster"]
+    assert "the bound" not in lines["what Dask adds to a frame: wall"]
     measured = {**RESULT, "sionna": {"1": {"render_s": 0.25, "mib": 700.0, "error_db": 0.05}}}
     assert any("0.25 " in line and "*" not in line for line in bounds.bound_lines(measured, []))
     assert bounds.bound_lines({"machine": MACHINE}, []) == []
