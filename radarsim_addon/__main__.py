@@ -16,6 +16,7 @@ from typing import Any
 from .errors import MissingDependencyError, RadarSimError
 from .findings import exit_code
 from .option_arguments import Share, share_of
+from .terminal_text import error_line
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -85,7 +86,7 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
     try:
         about = run_frames(["render", *words], share, sys.stdout, command=command)
     except RadarSimError as error:
-        print(f"radarsim: {type(error).__name__}: {error}", file=sys.stderr)
+        print(error_line(error), file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt as stop:
         print("radarsim: Interrupted; the same command resumes the run.", file=sys.stderr)

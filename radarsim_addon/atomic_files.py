@@ -148,16 +148,30 @@ def make_folder(path: Path, within: Path | None = None) -> Path:
     """
     if within is not None:
         refuse_links(path, within)
-    if path.is_symlink() and not path.exists():
-        raise dangling(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            f"Cannot make the folder {path}: {error.strerror or error}. "
-            "Choose an output folder that is writable and has room."
-        ) from error
+        raise cannot_make(path, error) from error
     return path
+
+
+def cannot_make(folder: Path, error: OSError) -> OutputError:
+    """Return the error that names a folder and why it cannot be made."""
+    if os.path.islink(folder) and not os.path.exists(folder):
+        return dangling(folder)
+    why, remedy = error.strerror or str(error), "Choose a folder that you may write to."
+    if isinstance(error, FileExistsError):
+        why, remedy = "there is a file of this name", "Choose another name or remove the file."
+    elif isinstance(error, FileNotFoundError) and not os.path.exists(folder.parent):
+        why = f"{folder.parent} does not exist"
+        remedy = "Create it, or choose a folder whose parent exists."
+    elif isinstance(error, FileNotFoundError):  # Linux says so of /proc
+        why = f"{folder.parent} exists, and no folder can be made in it"
+    elif error.errno == errno.ENAMETOOLONG:
+        remedy = "Choose a shorter name."
+    elif error.errno in (errno.ENOSPC, errno.EDQUOT):
+        remedy = "Make room there, or choose an output folder on another disk."
+    return OutputError(f"Cannot make the folder {folder}: {why}. {remedy}")
 
 
 def refuse_links(path: Path, within: Path) -> None:

@@ -41,6 +41,7 @@ class CommandParser(argparse.ArgumentParser):
             for action in parser._actions
             if action.help != argparse.SUPPRESS
             for flag in action.option_strings
+            if flag != word  # of another command
         }
         return difflib.get_close_matches(word, flags, n=2, cutoff=0.7)
 

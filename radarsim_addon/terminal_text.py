@@ -21,3 +21,8 @@ def printable(text: str) -> str:
         else character
         for character in text
     )
+
+
+def error_line(error: Exception) -> str:
+    """Return the line that a command prints for a named error, without its end."""
+    return f"radarsim: {type(error).__name__}: {printable(str(error))}"

@@ -40,7 +40,11 @@ def read_json(path: Path, most_bytes: int, remedy: str, error: type[Exception]) 
         raise error(
             f"{path} holds more than {most_bytes} bytes, which no such file does. {remedy}"
         ) from wrong
-    except (OSError, ValueError, RecursionError, MemoryError) as wrong:
+    except OSError as wrong:
+        raise error(
+            f"{path} cannot be read: {wrong.strerror or wrong}. Check its name and permissions."
+        ) from wrong
+    except (ValueError, RecursionError, MemoryError) as wrong:
         raise error(f"{path} cannot be read as JSON ({wrong}). {remedy}") from wrong
     if not isinstance(data, dict):
         raise error(f"{path} holds a {type(data).__name__}; expected a JSON object. {remedy}")

@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from radarsim_addon import atomic_files
-from radarsim_addon.atomic_files import AtomicFile, replaced, write_arrays, write_json, write_text
+from radarsim_addon.atomic_files import (
+    AtomicFile,
+    cannot_make,
+    make_folder,
+    replaced,
+    write_arrays,
+    write_json,
+    write_text,
+)
 from radarsim_addon.errors import OutputError
 
 
@@ -74,6 +82,31 @@ def test_links_are_refused_and_followed_nowhere(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="symbolic link"):
         write_json(link, {})
     assert target.read_text() == "mine" and link.is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("file", r"file: there is a file of this name\. Choose another name"),
+        ("file/x", r"file/x: Not a directory\. Choose a folder that you may write to\."),
+        ("a" * 300, r"a: File name too long\. Choose a shorter name\."),
+    ][: 3 if os.name == "posix" else 1],
+)
+def test_folders_that_cannot_be_made(tmp_path: Path, name: str, message: str) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=message):
+        make_folder(tmp_path / name)
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="Linux says 'not found' there")
+def test_a_parent_that_exists_is_not_said_to_be_missing() -> None:
+    with pytest.raises(OutputError, match=r"/proc exists, and no folder can be made in it\."):
+        make_folder(Path("/proc/radarsim"))
+    error = cannot_make(Path("/no/such/folder"), FileNotFoundError(2, "No such file"))
+    assert str(error) == (
+        "Cannot make the folder /no/such/folder: /no/such does not exist. "
+        "Create it, or choose a folder whose parent exists."
+    )
 
 
 def test_a_link_in_place_of_the_temporary_file_is_refused(

@@ -184,17 +184,20 @@ def test_options_that_cannot_be_read(words: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
+        (["work", "--loss-db", "3"], "unrecognized arguments: --loss-db 3. radar --help lists all.\n"),
         (["work", "--noise-figur=5"], ". Did you mean --noise-figure? radar --help lists all.\n"),
         (["work", "--xyzzy"], "radar: error: unrecognized arguments: --xyzzy. radar --help"),
         (["work", "--noise-figure", "5dB"], "'5dB' is no number. Give the number alone, without"),
-        (["wrok"], "choose from 'work'"),
+        (["wrok"], "choose from 'rest', 'work'"),
     ],
 )
 def test_errors_of_commands_are_one_line(
     words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     parser = CommandParser(prog="radar")
-    command = parser.add_subparsers(required=True).add_parser("work", allow_abbrev=False)
+    commands = parser.add_subparsers(required=True)
+    commands.add_parser("rest").add_argument("--loss-db")
+    command = commands.add_parser("work", allow_abbrev=False)
     command.add_argument("--noise-figure", type=finite_number)
     command.add_argument("--noise-figures", help=argparse.SUPPRESS)
     with pytest.raises(SystemExit, match="2"):

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +14,9 @@ from radarsim_addon import contract
 from radarsim_addon.errors import RadarSimError
 from radarsim_addon.physics.checks import read_csv
 from radarsim_addon.sidecar import read_record
+from radarsim_addon.signal import open_run
 from radarsim_addon.signal.radar import load_radar, read_system
-from radarsim_addon.textfile import TextTooLongError, read_text
+from radarsim_addon.textfile import TextTooLongError, read_text, refusal_to_open
 
 ENDLESS = Path("/dev/zero")
 
@@ -40,3 +43,38 @@ def test_byte_order_marks_go_and_umlauts_stay(tmp_path: Path) -> None:
 def test_an_endless_file_is_refused_by_name(read: Callable[[Path], object]) -> None:
     with pytest.raises(RadarSimError, match=r"/dev/zero.* more than \d+ bytes"):
         read(ENDLESS)
+
+
+def test_a_file_that_cannot_be_read_is_told_from_one_that_is_missing(tmp_path: Path) -> None:
+    whole = tmp_path / "whole"
+    whole.touch()
+    assert refusal_to_open(whole) == ""
+    assert refusal_to_open(tmp_path / "none") == "does not exist"
+    assert refusal_to_open(tmp_path) == "is a folder"
+    if ENDLESS.exists():
+        assert refusal_to_open(ENDLESS) == "is no ordinary file"
+    if os.name == "posix":
+        assert refusal_to_open(tmp_path / ("a" * 300)) == "cannot be read: File name too long"
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", lambda: 1)() != 0, reason="only root changes the user")
+def test_permissions_are_named() -> None:
+    """Also where the folder around the file is closed, for which Path.exists raises."""
+    with tempfile.TemporaryDirectory() as name:  # tmp_path lies in a folder of one user
+        Path(name).chmod(0o755)
+        inside = Path(name) / "closed" / "a.txt"
+        inside.parent.mkdir(0o700)
+        inside.touch()
+        refused_as_another_user(inside)
+
+
+def refused_as_another_user(inside: Path) -> None:
+    os.seteuid(65534)
+    try:
+        assert refusal_to_open(inside) == "cannot be read: Permission denied"
+        with pytest.raises(RadarSimError, match=r"cannot be read: Permission denied\. Check its"):
+            open_run(inside.parent)
+        with pytest.raises(RadarSimError, match="closed/run cannot be read: Permission denied"):
+            open_run(inside.parent / "run")
+    finally:
+        os.seteuid(0)

@@ -26,6 +26,7 @@ from ...signal.radar import (
     compute_coverage,
     make_system,
 )
+from ...terminal_text import error_line
 from ..materials import ground_mirror
 from ..plan import (
     COVERAGE_SETTINGS,
@@ -143,7 +144,7 @@ def run_and_leave(arguments: argparse.Namespace) -> None:
             _draw(arguments, stream)
         code = 0
     except RadarSimError as error:
-        print(f"radarsim: {type(error).__name__}: {error}", file=sys.stderr, flush=True)
+        print(error_line(error), file=sys.stderr, flush=True)
         code = error.exit_code
     except Exception:
         traceback.print_exc()  # a defect; Blender would print it and quit with 0

@@ -16,6 +16,7 @@ from ...findings import Finding, exit_code, finding_lines
 from ...option_arguments import share_of
 from ...progress import ProgressLine
 from ...signal.runs import frame_findings, open_run
+from ...terminal_text import error_line
 from ..run import MeasurementJob
 from .console import quiet_blender
 from .session import leave_blender, limit_threads, open_job
@@ -58,9 +59,9 @@ def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
     try:
         return measure(arguments, stop)
     except RadarSimError as error:
-        return _fail(f"{type(error).__name__}: {error}", error.exit_code)
+        return _fail(error_line(error), error.exit_code)
     except KeyboardInterrupt:
-        return _fail("Interrupted; the same command resumes the run.", stop.code)
+        return _fail("radarsim: Interrupted; the same command resumes the run.", stop.code)
 
 
 def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
@@ -143,7 +144,7 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool 
     return exit_code(findings, frames)
 
 
-def _fail(message: str, code: int) -> int:
-    """Print a message on standard error and hand the exit code on."""
-    print(f"radarsim: {message}", file=sys.stderr, flush=True)
+def _fail(line: str, code: int) -> int:
+    """Print a line on standard error and hand the exit code on."""
+    print(line, file=sys.stderr, flush=True)
     return code

@@ -14,6 +14,7 @@ import bpy
 
 from ...errors import RadarSimError
 from ...option_arguments import CommandParser
+from ...terminal_text import error_line
 from ..run.devices import (
     KINDS,
     Device,
@@ -73,7 +74,7 @@ def main(words: list[str]) -> int:
             choose_device(scene, device)
             device = chosen_device(scene)
     except RadarSimError as error:
-        print(f"radarsim: {type(error).__name__}: {error}", file=sys.stderr)
+        print(error_line(error), file=sys.stderr)
         return error.exit_code
     verdict = check(device)
     keep(cache_file(device), verdict)

@@ -14,8 +14,10 @@ from typing import Any
 
 import bpy
 
+from ...contract import RUN_FILE
 from ...errors import ConfigError, RadarSimError, SceneError
 from ...processes import keep_freed_memory, own_folder, remove_abandoned_folders
+from ...textfile import refusal_to_open
 from ..materials import set_mirrors
 from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
@@ -103,14 +105,21 @@ def limit_threads() -> None:
 
 def _open_file(path: Path) -> None:
     """Open a .blend file with its scripts disabled."""
-    if not path.is_file():
-        raise ConfigError(f"{path} does not exist. Give the .blend file to render.")
+    remedy = "Give the .blend file to render."
+    if os.path.isdir(path):
+        if os.path.isfile(path / RUN_FILE):
+            remedy += f" This folder holds a run: radarsim process {path} processes it."
+        raise ConfigError(f"{path} is a folder, not a .blend file. {remedy}")
+    refusal = refusal_to_open(path)
+    if refusal:
+        raise ConfigError(f"{path} {refusal}. {remedy}")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path.absolute()), load_ui=False, use_scripts=False)
     except RuntimeError as error:
+        said = " ".join(str(error).removeprefix("Error: ").split()).rstrip(".")
         raise SceneError(
-            f"{path} cannot be opened: {str(error).strip()} "
-            "Give a .blend file that this version of Blender reads."
+            f"{path} cannot be opened: {said}. Give a .blend file that this version of Blender "
+            "reads."
         ) from error
 
 

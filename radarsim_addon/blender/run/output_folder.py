@@ -10,8 +10,8 @@ from pathlib import Path
 from ... import contract
 from ...atomic_files import (
     TEMPORARY_PATTERN,
+    cannot_make,
     cannot_write,
-    dangling,
     make_folder,
     remove_abandoned,
     remove_file,
@@ -26,22 +26,8 @@ def prepare_folder(folder: Path) -> None:
     """Make the output folder if its parent exists, and try whether it can be written to."""
     try:
         folder.mkdir(exist_ok=True)
-    except FileNotFoundError:
-        raise OutputError(
-            f"The output folder {folder} cannot be made: {folder.parent} does not exist. "
-            "Create it, or choose a folder whose parent exists."
-        ) from None
-    except FileExistsError:
-        if folder.is_symlink():
-            raise dangling(folder) from None
-        raise OutputError(
-            f"The output folder {folder} is a file. Choose another name or remove the file."
-        ) from None
     except OSError as error:
-        raise OutputError(
-            f"The output folder {folder} cannot be made: {error.strerror or error}. "
-            "Choose a folder that you may write to."
-        ) from error
+        raise cannot_make(folder, error) from error
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"\0" * 4096)

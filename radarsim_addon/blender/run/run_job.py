@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -155,7 +156,7 @@ class MeasurementJob:
     def prepare(self) -> None:
         """Check everything, plan, and put the scene into its measuring state."""
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
-        fresh = not self.folder.exists()
+        fresh = not os.path.exists(self.folder)  # Path.exists raises for names it cannot look at
         output_folder.prepare_folder(self.folder)
         try:
             self._prepare()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 from ...atomic_files import make_folder
@@ -43,7 +44,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
     """
     path = Path(source)
     record: LinkBudget | None
-    if path.is_dir():
+    if os.path.isdir(path):
         run = open_run(path)
         record, wavelength_m = run.record.link_budget, run.radar.waveform.wavelength_m
         place, name = path / PRODUCTS_DIR, ANTENNA_PICTURE

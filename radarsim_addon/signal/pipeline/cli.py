@@ -16,7 +16,7 @@ from ... import __version__
 from ...errors import RadarSimError
 from ...findings import Finding, exit_code, finding_lines
 from ...option_arguments import CommandParser, share_of
-from ...terminal_text import printable
+from ...terminal_text import error_line
 from ..results import FrameResult
 from .antennas_command import add_antennas_parser, print_antennas
 from .console import frame_lines, kept_lines
@@ -91,7 +91,7 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
             process_by_workers(chosen, words) if share_of(chosen).by_workers else _process(chosen)
         )
     except RadarSimError as error:
-        print(f"radarsim: {type(error).__name__}: {printable(str(error))}", file=sys.stderr)
+        print(error_line(error), file=sys.stderr)
         return error.exit_code
     except MemoryError as error:
         print(

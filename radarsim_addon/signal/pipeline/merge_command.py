@@ -42,7 +42,7 @@ def merge_parts(out: str | Path, parts: Sequence[str | Path]) -> int:
     """
     folder, runs = Path(out), [open_run(part) for part in parts]
     record = _merged_record(runs)
-    if folder.is_dir() and any(folder.iterdir()):
+    if os.path.isdir(folder) and any(folder.iterdir()):
         raise OutputError(f"{folder} is not empty. Give a new folder for the whole run.")
     sources: dict[int, RadarFrame] = {}
     for run in runs:

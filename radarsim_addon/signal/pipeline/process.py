@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -219,7 +220,7 @@ def open_products(
     if options.animation_format == "mp4" and options.animate is not False:
         movie_encoder()  # an error now, not after the frames
     folder = products_folder(run, out)
-    fresh = not folder.exists()
+    fresh = not os.path.exists(folder)  # Path.exists raises for names it cannot look at
     make_folder(folder, within=run.path if out is None else None)
     remove_abandoned(folder)
     try:

@@ -7,9 +7,9 @@ Nothing is kept, so the memory does not grow with the number of frames or rings.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import json
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,8 +33,10 @@ from ...contract import (
     render_stem,
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
+from ...findings import frames_text
 from ...old_names import GROUND_TRUTH_FILE_0_1
 from ...sidecar import file_sha256, read_record
+from ...textfile import refusal_to_open
 from ...typed_json import from_json
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
@@ -283,7 +285,7 @@ class Run:
         if number not in self.record.frames:
             raise FrameFileError(
                 f"{self.path} has no frame {number}; it has "
-                f"{_ranges_text(self.record.frames)}. Give one of these."
+                f"{frames_text(self.record.frames, self.record.frames)}. Give one of these."
             )
         return RadarFrame(self, number)
 
@@ -336,9 +338,12 @@ def open_run(path: str | Path) -> Run:
         Its numbers do not fit together (ring step zero, pulse longer than the pulse interval...).
     """
     path = Path(path)
-    if not path.is_dir():
+    if not os.path.isdir(path):
+        refusal = refusal_to_open(path) or "is not a folder"
+        blend = path.suffix == ".blend" and refusal == "is not a folder"
+        remedy = f" radarsim render {path} --out DIR measures one." if blend else ""
         raise FrameFileError(
-            f"{path} is not a folder. Give the folder of a run: the one that holds {RUN_FILE}."
+            f"{path} {refusal}. Give the folder of a run: the one that holds {RUN_FILE}.{remedy}"
         )
     record = read_record(path / RUN_FILE, RunRecord)
     where = path / RUN_FILE
@@ -389,12 +394,3 @@ def _radar(record: RunRecord, where: Path) -> Radar:
         return Radar(waveform, burst_from_dict(dict(record.burst)))
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
-
-
-def _ranges_text(numbers: list[int]) -> str:
-    """Frame numbers as text that stays short: "1-10, 15"."""
-    parts = []
-    for _, pairs in itertools.groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
-        found = [number for _, number in pairs]
-        parts.append(f"{found[0]}-{found[-1]}" if len(found) > 1 else f"{found[0]}")
-    return "frame " + ", ".join(parts if len(parts) < 12 else [*parts[:12], "..."])

@@ -244,6 +244,36 @@ def test_missing_folder(here: Command, blend: Path, tmp_path: Path) -> None:
     assert "OutputError" in done.stderr and "does not exist. Create it" in done.stderr
 
 
+def test_paths_that_are_no_blend_file(here: Command, tmp_path: Path) -> None:
+    """Each line is one sentence after the other, on one line, without a traceback."""
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "run.json").touch()
+    broken = tmp_path / "bro\nken.blend"
+    broken.touch()
+    for path, code, message in (
+        (tmp_path, 2, f"ConfigError: {tmp_path} is a folder, not a .blend file. Give the .blend"),
+        (run, 2, f"This folder holds a run: radarsim process {run} processes it."),
+        (broken, 1, r"bro\nken.blend cannot be opened: "),
+        (broken, 1, ". Give a .blend file that this version of Blender reads."),
+        (tmp_path / ("a" * 300), 2, ": File name too long. Give the .blend file to render."),
+    ):
+        done = here(path, "--out", tmp_path / "out")
+        assert (done.returncode, done.stderr.count("\n")) == (code, 1), done.stderr
+        assert message in done.stderr and 'blend" Give' not in done.stderr
+
+
+def test_folders_that_cannot_be_made(here: Command, blend: Path, tmp_path: Path) -> None:
+    for folder, message in (
+        (tmp_path / ("a" * 300), "File name too long. Choose a shorter name."),
+        (blend, "there is a file of this name."),
+        (blend / "run", "Not a directory."),
+    ):
+        done = here(blend, "--out", folder)
+        assert (done.returncode, done.stderr.count("\n")) == (1, 1), done.stderr
+        assert "OutputError: Cannot make the folder" in done.stderr and message in done.stderr
+
+
 def test_scripts_in_the_file_are_not_run(tmp_path: Path) -> None:
     rs.new_scene()
     flag = tmp_path / "ran"

@@ -199,7 +199,7 @@ def test_folder_is_made_in_an_existing_parent_only(plate: Any, tmp_path: Path) -
 
 def test_a_file_in_the_way(plate: Any, tmp_path: Path) -> None:
     (tmp_path / "run").write_text("", encoding="utf-8")
-    with pytest.raises(OutputError, match="is a file"):
+    with pytest.raises(OutputError, match="there is a file of this name"):
         rs.run(tmp_path / "run", limit=0)
     (tmp_path / "run2").mkdir()
     (tmp_path / "run2" / "frames").write_text("", encoding="utf-8")
@@ -237,7 +237,7 @@ def test_read_only_folder_for_users(plate: Any) -> None:
     with ordinary_user(), tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         folder.chmod(0o500)
-        with pytest.raises(OutputError, match="run cannot be made: Permission denied"):
+        with pytest.raises(OutputError, match=r"Cannot make the folder .*run: Permission denied"):
             rs.run(folder / "run")
         with pytest.raises(OutputError, match=r"Cannot write .*: Permission denied"):
             rs.run(folder)

@@ -68,15 +68,27 @@ def test_missing_renders_are_listed(folder: Path) -> None:
 
 
 def test_unknown_frame_names_those_there(folder: Path) -> None:
-    with pytest.raises(FrameFileError, match="no frame 4; it has frame 1-3, 7"):
+    with pytest.raises(FrameFileError, match="no frame 4; it has frames 1-3, 7"):
         open_run(folder).frame(4)
 
 
 def test_not_a_run(tmp_path: Path) -> None:
-    with pytest.raises(FrameFileError, match="not a folder"):
+    with pytest.raises(FrameFileError, match="none does not exist"):
         open_run(tmp_path / "none")
     with pytest.raises(FrameFileError, match=r"run\.json is missing"):
         open_run(tmp_path)
+
+
+def test_a_scene_in_place_of_a_run(tmp_path: Path) -> None:
+    blend = tmp_path / "scene.blend"
+    blend.touch()
+    with pytest.raises(FrameFileError, match=r"is not a folder.* radarsim render .*scene\.blend"):
+        open_run(blend)
+    blend.unlink()
+    with pytest.raises(FrameFileError, match=r"does not exist\. .*run\.json\.$"):
+        open_run(blend)
+    with pytest.raises(FrameFileError, match=r"cannot be read: File name too long|does not exist"):
+        open_run(tmp_path / ("a" * 300))
 
 
 def test_missing_sidecar(folder: Path) -> None:
