@@ -184,7 +184,10 @@ def test_options_that_cannot_be_read(words: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["work", "--loss-db", "3"], "unrecognized arguments: --loss-db 3. radar --help lists all.\n"),
+        (
+            ["work", "--loss-db", "3"],
+            "unrecognized arguments: --loss-db 3. radar --help lists all.\n",
+        ),
         (["work", "--noise-figur=5"], ". Did you mean --noise-figure? radar --help lists all.\n"),
         (["work", "--xyzzy"], "radar: error: unrecognized arguments: --xyzzy. radar --help"),
         (["work", "--noise-figure", "5dB"], "'5dB' is no number. Give the number alone, without"),

@@ -58,6 +58,24 @@ def test_street(measured: Callable[..., tuple[Any, Any]]) -> None:
         in_map = result.rd_map.velocity_mps[np.argmax(result.rd_map.power[0][:, near].max(axis=1))]
         if name != "Parked Car":  # the houses have its range, too
             assert abs(in_map - rates.mean()) < cell_mps + np.ptp(rates)
+        listed = [
+            peak
+            for peak in result.moving_targets
+            if abs(peak.range_m - echoes[name].range_m) < 1.0
+            and abs(peak.velocity_mps - rates.mean()) < cell_mps + np.ptp(rates)
+        ]
+        assert bool(listed) == any(velocity_mps), name  # the parked car is none
+        edges = [edge.peak_range_m for edge in result.edges]
+        assert min(abs(np.subtract(edges, echoes[name].range_m))) < 1.0, name
+    # others belong to walkers: the ground and the houses are no moving targets
+    assert all(
+        any(
+            abs(peak.range_m - echo.range_m) < 1.0
+            for echo in echoes.values()
+            if not echo.name.startswith(("House", "Road", "Parked"))
+        )
+        for peak in result.moving_targets
+    )
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")

@@ -102,7 +102,7 @@ def detect_targets(
     dynamics_db
         Levels further below the strongest cell are errors of the synthesis, no echoes [dB].
     wide
-        The same map over more ranges (:func:`.detection.moving_targets.received_recording`), to
+        The same map over more ranges (:func:`.detection.received_recording`), to
         interpolate in: without it a peak within a cell of the range limits is off by up to half a
         cell and 1.1 dB.
     noise_power

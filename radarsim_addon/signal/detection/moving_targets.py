@@ -15,6 +15,10 @@ over all ranges with echoes in the samples:
    several echoes is no point: a few points do not have the sidelobes of its scatterers, so up to
    the whole envelope is taken for them. A residual up to eight times as large (amplitude) is a
    target only if a moving path is in its range cell and Doppler row, where the paths are known.
+
+Where the radar moves, stationary objects have a Doppler, too, and 0 Hz is one like others. Then
+nothing is removed at 0 Hz, and peaks are targets only where paths with a moving scatterer have more
+power than all others, sidelobes included (:meth:`.DopplerFolds.exceed_clutter`).
 """
 
 from __future__ import annotations
@@ -29,12 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Complex
-from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes
 from ..maps import (
     PointResponse,
     RangeDopplerMap,
-    RangeProfiles,
     Recording,
     cut_range_m,
     dynamics_db,
@@ -51,6 +53,7 @@ from .peaks import (
     peak_to_background_db,
     refine_peak,
 )
+from .received_map import received_recording
 from .response_shapes import doppler_line, envelope, ridge_shape, vertex
 
 #: Fewer pulses do not separate moving from stationary targets.
@@ -111,41 +114,6 @@ class _Fit:
     fraction: float
 
 
-def _heard_window_m(echoes: Echoes) -> tuple[float, float]:
-    """Return the ranges with echoes in the samples, complete or in part [m].
-
-    All of them for sampled frequencies; for pulses a pulse's length more than the range limits.
-    """
-    waveform = echoes.radar.waveform
-    if waveform.family == "line":
-        return 0.0, waveform.unambiguous_range_m
-    start_m, stop_m = echoes.range_limits_m
-    reach_m = SPEED_OF_LIGHT_MPS * waveform.duration_s / 2
-    return max(start_m - reach_m, 0.0), stop_m + reach_m
-
-
-def received_recording(
-    echoes: Echoes, rd_map: RangeDopplerMap, mti: int, compressed: RangeProfiles | None = None
-) -> Recording:
-    """Return the map over all ranges with echoes in the samples.
-
-    Parameters
-    ----------
-    echoes, rd_map
-        Samples and range-Doppler map.
-    mti
-        Pulses of the canceller of the map, 0 for none.
-    compressed
-        Profiles that the map was made of, before the canceller; None: compute them.
-
-    Returns
-    -------
-    Recording
-        The extended map with the samples.
-    """
-    return Recording.over(echoes, _heard_window_m(echoes), rd_map, mti, compressed)
-
-
 def find_moving_targets(
     echoes: Echoes,
     rd_map: RangeDopplerMap,
@@ -180,7 +148,8 @@ def find_moving_targets(
     recording
         Result of `received_recording`; None: compute it.
     folds
-        Range rates of the paths; None: an echo may have folded up to twice.
+        Range rates of the paths; None: an echo may have folded up to twice, and the radar is
+        stationary.
 
     Returns
     -------
@@ -201,7 +170,7 @@ def find_moving_targets(
         peak = search.refined(target)
         speed = abs(peak.doppler_hz) * rd_map.values.shape[1] / rd_map.radar.burst.prf_hz
         inside = start_m - slack_m <= peak.range_m <= stop_m + slack_m
-        if inside and speed >= slowest_cells:
+        if inside and (search.radar_moves or speed >= slowest_cells):
             col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
             above_db = peak_to_background_db(rd_map.plane_power, target.row, col)
             found.append(dataclasses.replace(peak, peak_to_background_db=above_db))
@@ -223,6 +192,7 @@ class _Search:
         rd_map = recording.rd_map
         self._folds = folds
         self._pathless = None if folds is None else ~folds.covers(rd_map)
+        self.radar_moves = folds is not None and folds.radar_moves
         self._recording, self._floor, self._error = recording, floor, error
         self._pulses = rd_map.values.shape[1]
         self._zero = self._pulses // 2
@@ -233,7 +203,11 @@ class _Search:
         self._still = doppler_line(weight, 0.0)
         self._ridge = ridge_shape(rd_map.doppler_taper, self._pulses, _RIDGE_CELLS)
         rows = np.abs(np.arange(self._pulses) - self._zero)
-        self._wanted = rows >= max(2, math.floor(slowest_cells))
+        self._wanted = (rows >= max(2, math.floor(slowest_cells)))[:, None]
+        if folds is not None and folds.radar_moves:
+            # 0 Hz is a Doppler like others: there may be a car that drives as fast as the radar
+            self._still, self._ridge = np.zeros_like(self._still), np.zeros_like(self._ridge)
+            self._wanted = folds.exceed_clutter(recording)
         self._noisy_columns = noisy_columns
         self._cuts = recording.echoes.radar.waveform.family == "pulse"
         self._take_still()
@@ -267,7 +241,7 @@ class _Search:
         """Return the cell of the strongest unexplained peak, and the target it belongs to."""
         power = self._residual.real**2 + self._residual.imag**2
         loud = power > np.maximum(self._floor, self._explained**2)
-        loud &= self._wanted[:, None]
+        loud &= self._wanted
         loud &= ~refused
         rows, cols = np.nonzero(loud if self._explained.any() else loud & local_maxima(power))
         least = (_RIDGE_MARGIN * self._ridge[rows]) ** 2

@@ -19,6 +19,10 @@ from .peaks import LeadingEdge, leading_edges
 PROFILE_DYNAMICS_DB = 130.0
 #: An edge up to this far above a stronger peak's response to one path is its sidelobe [dB].
 _SIDELOBE_DB = 6.0
+#: Smallest distance of two peaks [range resolutions]: a main lobe of Hamming between its nulls.
+_SEPARATION = 4.0
+#: Peaks that are looked at, the most prominent ones, and leading edges that a summary lists.
+_MAX_PEAKS, MAX_EDGES = 50, 5
 
 
 def _paired_reach_m(radar: Radar) -> float:
@@ -65,21 +69,20 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
     Returns
     -------
     list of LeadingEdge
-        At most five, by falling prominence.
+        By falling prominence; the summary lists `MAX_EDGES` of them.
 
     Notes
     -----
     A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
-    down with any taper (the Fresnel ripple of its spectrum). Sidelobes are excluded for waveforms
-    that sample frequencies, and for phase codes. Levels more than `PROFILE_DYNAMICS_DB` below the
+    down with any taper (the Fresnel ripple of its spectrum). Levels more than `PROFILE_DYNAMICS_DB` below the
     strongest are rounding.
     """
     reach_m = _paired_reach_m(profile.radar)
     least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)
     profile = dataclasses.replace(profile, power=np.maximum(profile.power, least))
-    found = leading_edges(profile, 12, by="prominence")
-    if profile.radar.waveform.family == "line" or profile.radar.waveform.kind == "barker":
-        found = _without_sidelobes(profile, found)
+    separation_m = _SEPARATION * profile.radar.waveform.range_resolution_m
+    found = leading_edges(profile, _MAX_PEAKS, by="prominence", separation_m=separation_m)
+    found = _without_sidelobes(profile, found)
     return [
         edge
         for edge in found
@@ -88,4 +91,4 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
             and edge.level_db < other.level_db - 28
             for other in found
         )
-    ][:5]
+    ]

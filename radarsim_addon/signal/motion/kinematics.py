@@ -75,6 +75,11 @@ class KinematicMotion:
         """See `PathMotion`."""
         if self.scene.receiver.moving or self.scene.emitter.moving:
             return self.known
+        return self.scatterers_move
+
+    @functools.cached_property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
         first, last = self.moving_vertices.T
         moving = first | last
         if self.images is not None:

@@ -31,6 +31,11 @@ class PathMotion(Protocol):
         """Whether the first and the last vertex move, (n, 2)."""
         ...
 
+    @property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """(n,): True where a vertex or a mirror of the path moves, not only an antenna."""
+        ...
+
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """Return the total lengths of some rows, (rows, times) [m]. Callers limit rows x times."""
         ...
@@ -73,6 +78,11 @@ class LinearMotion:
         """All False: of the vertices' motion only the range rate is known."""
         return np.zeros((self.length_m.size, 2), dtype=bool)
 
+    @property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """Paths that move: of a range rate alone it is not known whose motion it is."""
+        return self.moving
+
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """See `PathMotion`."""
         return self.length_m[rows, None] + 2 * self.range_rate_mps[rows, None] * times_s
@@ -107,6 +117,11 @@ class JoinedMotion:
     def moving_vertices(self) -> NDArray[np.bool_]:
         """See `PathMotion`."""
         return np.concatenate([part.moving_vertices for part in self.parts])
+
+    @property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        return np.concatenate([part.scatterers_move for part in self.parts])
 
     def _places(
         self, rows: Rows
@@ -155,6 +170,11 @@ class SelectedMotion:
     def moving_vertices(self) -> NDArray[np.bool_]:
         """See `PathMotion`."""
         return self.whole.moving_vertices[self.rows]
+
+    @property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        return self.whole.scatterers_move[self.rows]
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """See `PathMotion`."""

@@ -64,6 +64,11 @@ class ChannelMotion:
         """See `PathMotion`."""
         return self.reference.moving_vertices
 
+    @property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        return self.reference.scatterers_move
+
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """See `PathMotion`."""
         lengths = np.array(self.reference.lengths_m(times_s, rows))

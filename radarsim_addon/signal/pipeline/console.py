@@ -85,6 +85,8 @@ def frame_lines(result: FrameResult) -> list[str]:
         f"  leading edge  {digits.range_text(edge.range_m)}   level {edge.level_db:z8.2f} {unit}"
         for edge in result.edges
     ]
+    if result.edges_left_out:
+        lines.append(f"  {result.edges_left_out} leading edges of lower prominence are not listed")
     lines += [
         f"  moving target {digits.range_text(peak.range_m)}   level {peak.level_db:z8.2f} {unit}   "
         f"{digits.motion_text(peak)}   {peak.peak_to_background_db:.1f} dB above its surroundings"

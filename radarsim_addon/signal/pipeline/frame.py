@@ -11,6 +11,7 @@ from ...array_types import Mask
 from ...findings import NO_ECHO_CODES, Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
+    MAX_EDGES,
     SLOWEST_CELLS,
     BudgetReport,
     Detections,
@@ -155,7 +156,7 @@ def frame_steps(
     recording = received_recording(
         received.echoes.channel(0), first_map, options.mti, compressed.channel(0)
     )
-    speckle = echo_sum.speckle
+    speckle, edges = echo_sum.speckle, find_edges(profile_sum.result(within=True))
     result = FrameResult(
         source=frame_input,
         options=options.record(),
@@ -165,7 +166,7 @@ def frame_steps(
         profile=profile,
         rd_map=rd_map,
         mti=options.mti,
-        edges=find_edges(profile_sum.result(within=True)),
+        edges=edges[:MAX_EDGES],
         moving_targets=_moving_targets(frame_input, options, received, first_map, recording, folds),
         budget=report,
         findings=_findings(
@@ -175,6 +176,7 @@ def frame_steps(
         speckle=speckle.report(),
         detections=_detections(options, received, first_map, recording, folds),
         spectrogram=_spectrogram(frame_input, options, compressed),
+        edges_left_out=max(len(edges) - MAX_EDGES, 0),
     )
     yield f"frame {number}: echoes, map"
     return result

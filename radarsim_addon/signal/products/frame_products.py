@@ -80,6 +80,7 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "synthesis": None if report is None else _synthesis_record(report),
             "statistics": dataclasses.asdict(result.statistics),
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
+            "leading_edges_left_out": result.edges_left_out,
             "moving_targets": [dataclasses.asdict(peak) for peak in result.moving_targets],
             "receiver": _receiver_record(result.received),
             "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),

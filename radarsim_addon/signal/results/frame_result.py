@@ -48,9 +48,10 @@ class FrameResult:
     mti
         Pulses of the canceller before the map; 0: none.
     edges
-        Leading edges in the profile.
+        Leading edges in the profile, the most prominent ones first.
     moving_targets
-        Peaks of the map that move, the strongest first.
+        Peaks of the map that moving objects make, the strongest first. Rings do not know what
+        moves: there, peaks off 0 Hz.
     budget
         Received power, noise, and the objects that echo.
     findings
@@ -63,6 +64,8 @@ class FrameResult:
         Targets that CFAR found; None without CFAR.
     spectrogram
         Spectrogram of the first channel; None where none was asked for.
+    edges_left_out
+        Number of leading edges of lower prominence that `edges` does not list.
     files
         Files that hold the result, once they are written.
     fingerprint
@@ -85,6 +88,7 @@ class FrameResult:
     speckle: SpeckleReport | None = None
     detections: Detections | None = None
     spectrogram: Spectrogram | None = None
+    edges_left_out: int = 0
     files: tuple[Path, ...] = ()
     fingerprint: str = ""
 

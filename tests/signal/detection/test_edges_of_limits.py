@@ -42,3 +42,15 @@ def test_a_weak_echo_within_them_keeps_its_edge(waveform: AnyWaveform) -> None:
     both = profiles(waveform, [70.0], [1.0]).result().power
     both = both + profiles(waveform, [130.0], [1e-3]).result().power
     assert np.abs(found.result().power - both).max() < 1e-12
+
+
+@pytest.mark.parametrize("waveform", [LFM, FMCW, STEPPED], ids=lambda w: w.kind)
+@pytest.mark.parametrize("level_db", [0.0, -8.0])
+def test_peaks_four_resolutions_apart_are_found(waveform: AnyWaveform, level_db: float) -> None:
+    """The weaker one in front of the other, and behind it."""
+    apart_m = 4.5 * waveform.range_resolution_m
+    for sign in (-1.0, 1.0):
+        places = [130.0, 130.0 + sign * apart_m]
+        found = find_edges(profiles(waveform, places, [1.0, 10 ** (level_db / 10)]).result())
+        peaks = sorted(edge.peak_range_m for edge in found)
+        assert peaks == pytest.approx(sorted(places), abs=waveform.sample_spacing_m / 2)

@@ -26,6 +26,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.pictures import figure
 from radarsim_addon.signal.pipeline import main
+from radarsim_addon.signal.pipeline.console import frame_lines
 from tests.signal.synthetic import Setup, empty, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
@@ -173,6 +174,18 @@ def test_incomplete_frames_can_be_skipped(tmp_path: Path) -> None:
     assert [r.frame for r in results(folder, frames=[3])] == [3]
     with pytest.raises(FrameFileError, match="no frame 9"):
         results(folder, frames=[9])
+
+
+def test_leading_edges_that_are_not_listed_are_counted(tmp_path: Path) -> None:
+    setup = Setup(rings=8)
+    echoes = [(1 + n, 1, 300.0 + 150.0 * n, 0, 1.0 + n) for n in range(7)]
+    folder = write_run(tmp_path / "run", setup, points(setup, echoes))
+    (result,) = results(folder)
+    assert (len(result.edges), result.edges_left_out) == (5, 2)
+    path = next(path for path in result.files if path.name.endswith("_summary.json"))
+    assert json.loads(path.read_text())["leading_edges_left_out"] == 2
+    lines = [line for line in frame_lines(result) if "leading edge" in line]
+    assert len(lines) == 6 and lines[-1] == "  2 leading edges of lower prominence are not listed"
 
 
 def test_output_folder_that_cannot_be(folder: Path) -> None:
