@@ -46,6 +46,15 @@ PROCESSING = {
         "roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, Holdout and "
         "Shadow Catcher off. Check that no object is scaled to 0.",
     ),
+    "ground-truth-missing": Kind(
+        "caution",
+        "The folder of the frame has no ground_truth.json, which Blender wrote with the paths.",
+        "The file holds the RMS heights, clutter models, fluctuations and collections of the "
+        "objects. Without it, every surface has the speckle of a rough one, and sea, land and "
+        "fluctuating objects echo like stationary surfaces.",
+        "Put the file back, or render the frame again. If no object has one of these properties, "
+        "the echoes are the same.",
+    ),
     "weather-attenuates": Kind(
         "info",
         "The air takes {attenuation_db_per_km:.3g} dB of each kilometre of path, one way.",

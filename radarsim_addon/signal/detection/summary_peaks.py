@@ -74,8 +74,8 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
     Notes
     -----
     A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
-    down with any taper (the Fresnel ripple of its spectrum). Levels more than `PROFILE_DYNAMICS_DB` below the
-    strongest are rounding.
+    down with any taper (the Fresnel ripple of its spectrum). Levels more than `PROFILE_DYNAMICS_DB`
+    below the strongest are rounding.
     """
     reach_m = _paired_reach_m(profile.radar)
     least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)

@@ -83,10 +83,9 @@ def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
     run = open_run(chosen.folder)
     options = process_options(chosen).for_run(run)
     with open_products(run, options, chosen.out, chosen.allow_incomplete) as products:
-        products.draw_antennas()
         about = {"frames": chosen.frames or run.record.frames}
         run_frames(words, share_of(chosen), sys.stdout, show, about=about)
-        path = products.animate([maps[n] for n in chosen_frames(chosen) if n in maps])
+        path = products.draw_common([maps[n] for n in chosen_frames(chosen) if n in maps])
     if path is not None:
         print(f"animation: {path}")
     return exit_code(findings, chosen_frames(chosen) or run.record.frames)

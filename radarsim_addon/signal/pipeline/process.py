@@ -110,7 +110,7 @@ def process_run(
         velocity_mps, range_m, power [channel, Doppler, range]); ``_summary.json``; where asked for
         ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
         ``_rings.png``, ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``. With a
-        system ``antennas.png``, once; with several frames ``range_doppler.gif`` in the end.
+        system ``antennas.png``, and with several frames ``range_doppler.gif``, in the end.
 
     Raises
     ------
@@ -144,13 +144,6 @@ class Products:
         plots = self.options.plots
         return figures.has_matplotlib() if plots is None else plots
 
-    def draw_antennas(self) -> None:
-        """Draw what all frames share."""
-        budget = self.options.link_budget
-        if self.draws and budget is not None:
-            system = make_system(budget, self.options.radar.waveform.wavelength_m)
-            save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
-
     def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
         """Open, process and write a frame; yield what was done, the result in the end."""
         options, folder, number = self.options, self.folder, frame.number
@@ -158,14 +151,19 @@ class Products:
         result = yield from frame_steps(options.open(frame), options)
         # A summary tells that the others are whole and its own.
         remove_file(summary)
-        files = write_result(result, folder, options.writers)
-        yield f"frame {number}: products"
-        if self.draws:
-            files += write_result(result, folder, ["png"])
-        yield f"frame {number}: pictures"
-        remove_stale(folder, number, [*files, summary])
-        result = replace(result, files=tuple(files), fingerprint=fingerprint)
-        files += write_result(result, folder, ["json"])
+        try:
+            files = write_result(result, folder, options.writers)
+            yield f"frame {number}: products"
+            if self.draws:
+                files += write_result(result, folder, ["png"])
+            yield f"frame {number}: pictures"
+            remove_stale(folder, number, [*files, summary])
+            result = replace(result, files=tuple(files), fingerprint=fingerprint)
+            files += write_result(result, folder, ["json"])
+        except RadarSimError:  # a full disk: what there is of the frame is of no use
+            with contextlib.suppress(OutputError):
+                remove_stale(folder, number, [])
+            raise
         yield replace(result, files=tuple(files))
 
     def kept(self, frame: RadarFrame) -> KeptFrame | None:
@@ -189,14 +187,19 @@ class Products:
         skipped = finding("frame-incomplete", missing=len(gaps)).in_frame(frame.number)
         return skipped if gaps else None
 
-    def animate(self, maps: Sequence[MapFile]) -> Path | None:
-        """Draw the maps of all frames with common colours, if asked for; return the file."""
+    def draw_common(self, maps: Sequence[MapFile]) -> Path | None:
+        """Draw what all frames share, when they are done: the antennas and, if asked for, the maps
+        with common colours. Return the file of the maps.
+        """
         if not maps:
             raise FrameFileError(
                 f"{self.run.path} has no complete frame to process. Render the run again: it "
                 "resumes where it stopped."
             )
         options, path = self.options, self.folder / _ANIMATION_NAME
+        if self.draws and options.link_budget is not None:
+            system = make_system(options.link_budget, options.radar.waveform.wavelength_m)
+            save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
         wanted = options.animate or (options.animate is None and self.draws and len(maps) > 1)
         for kind in get_args(AnimationFormat):
             if not wanted or kind != options.animation_format:
@@ -245,7 +248,6 @@ def open_products(
 def _process_frames(
     products: Products, chosen: Sequence[RadarFrame]
 ) -> Generator[Progress | FrameResult, None, None]:
-    products.draw_antennas()
     steps = products.run.record.rings + _STEPS_AFTER_RINGS
     total, finished = steps * len(chosen), 0
     maps: list[MapFile] = []
@@ -268,6 +270,6 @@ def _process_frames(
             else:
                 finished += 1
                 yield Progress(finished, total, event)
-    path = products.animate(maps)
+    path = products.draw_common(maps)
     if path is not None:
         yield Progress(total, total, f"animation: {path}", file=path)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...array_types import Indices, Real
 from ...contract import FluctuationRecord, GroundTruthRecord, ObjectRecord
-from ...findings import Finding
+from ...findings import Finding, finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import JoinedMotion, KinematicMotion, LinearMotion
@@ -50,6 +50,8 @@ class FrameSpeckle:
         self._speckle: SurfaceSpeckle | None = None
         waveform, scene = frame_input.radar.waveform, frame_input.ground_truth
         self.findings = kirchhoff_findings(scene, waveform.wavelength_m)
+        if scene is None and frame_input.tables:
+            self.findings.append(finding("ground-truth-missing"))
         if seed is None or not frame_input.tables:
             return
         table = frame_input.table

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from radarsim_addon import contract
 from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
 from radarsim_addon.findings import finding
 from radarsim_addon.signal import (
@@ -24,9 +25,10 @@ from radarsim_addon.signal import (
     process_run,
     read_exr,
 )
-from radarsim_addon.signal.pictures import figure
+from radarsim_addon.signal.pictures import figure, frame_pictures
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.pipeline.console import frame_lines
+from tests.signal import path_runs
 from tests.signal.synthetic import Setup, empty, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
@@ -338,3 +340,58 @@ def test_a_folder_that_vanishes_is_named(tmp_path: Path, gone: str, error: type[
     shutil.rmtree(lost)
     with pytest.raises(error, match=f"{lost.name} has vanished during the processing"):
         list(events)
+
+
+# -- what is missing, and what fails ---------------------------------------------------------------
+
+
+def plate_run(folder: Path, scene: contract.GroundTruthRecord | None) -> Path:
+    """A plate before a radar with antennas, of which a picture is drawn."""
+    receiver = path_runs.camera(path_runs.pose((0, 0, 0)))
+    emitter = contract.TransmitterRecord(path_runs.pose((0, 0, 0)), 1.0)
+    plates = [path_runs.plate("Plate", (0, 50, 0), 4.0)]
+    rows = path_runs.trace(plates, receiver, emitter, 32)
+    return path_runs.write_run(
+        folder, rows, ["Plate"], receiver, emitter, range_limits_m=80.0, scene=scene,
+        system=contract.LinkBudget(1.0),
+    )  # fmt: skip
+
+
+def test_a_missing_ground_truth_is_found_because_it_changes_echoes(tmp_path: Path) -> None:
+    item = contract.ObjectRecord("Plate", 50.0, 50.0, None, rms_height_m=0.0)
+    folder = plate_run(tmp_path / "run", contract.GroundTruthRecord(1, 0.0, [item]))
+    code = "ground-truth-missing"
+    (whole,) = results(folder, ProcessOptions(plots=False, speckle_seed=1))
+    assert code not in {item.code for item in whole.findings}
+    (folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE).unlink()
+    (left,) = results(folder, ProcessOptions(plots=False, speckle_seed=1))
+    (found,) = (item for item in left.findings if item.code == code)
+    assert (found.severity, found.frames) == ("caution", (1,))
+    assert not np.allclose(left.echoes.samples, whole.echoes.samples)  # a smooth plate before
+    rings = write_run(tmp_path / "rings", Setup(), points(Setup(), [(1, 1, 300.0, 0, 1.0)]))
+    assert not any(item.code == code for result in results(rings) for item in result.findings)
+
+
+def test_what_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damaged table, or a disk that is full when the pictures are written."""
+    folder, out = plate_run(tmp_path / "run", None), tmp_path / "out"
+    drawn = ProcessOptions(plots=True)
+    out.mkdir()
+    with monkeypatch.context() as full:
+
+        def fail(*_: object) -> None:
+            raise OutputError("Cannot write the picture: No space left on device.")
+
+        full.setattr(frame_pictures, "save_picture", fail)
+        with pytest.raises(OutputError, match="No space left"):
+            results(folder, drawn, out=out)
+    assert list(out.iterdir()) == []
+    results(folder, drawn, out=out)
+    assert {"antennas.png", "frame_0001_map.npz"} < {path.name for path in out.iterdir()}
+    shutil.rmtree(out)
+    out.mkdir()
+    table = folder / contract.frame_dir(1) / contract.PATHS_TABLE
+    table.write_bytes(table.read_bytes()[:-8])
+    with pytest.raises(FrameFileError):
+        results(folder, drawn, out=out)
+    assert list(out.iterdir()) == []
