@@ -24,6 +24,10 @@ from .npz_files import plain_arrays
 
 Item = TypeVar("Item")
 
+#: The same for every way in which the file is not as it was written: a render that is done again
+#: takes the frames that are whole as they are.
+_REMEDY = "Render the run again: it renders this frame and keeps the others."
+
 _KINDS = {"number": "iu", "pose": "f", "object": "S", "instance": "S"}
 
 
@@ -109,11 +113,11 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
     if record.still_bodies_file != STILL_BODIES_FILE:
         raise SchemaError(
             f"{folder / MOTION_FILE} names the file {record.still_bodies_file!r} of stationary "
-            f"bodies; expected {STILL_BODIES_FILE!r}. Render the frame again."
+            f"bodies; expected {STILL_BODIES_FILE!r}. {_REMEDY}"
         )
     found = _read(path, len(record.bodies))
     if file_sha256(path) != record.still_bodies_sha256:
-        raise SchemaError(f"{path} was changed since it was written. Render the frame again.")
+        raise SchemaError(f"{path} was changed, or belongs to another frame. {_REMEDY}")
     return found
 
 
@@ -121,6 +125,8 @@ def _read(path: Path, others: int) -> StillBodies:
     try:
         arrays = plain_arrays(path)
         for name, kind in _KINDS.items():
+            if name not in arrays:
+                raise ValueError(f"{name} is missing")
             if arrays[name].dtype.kind not in kind:
                 raise ValueError(f"{name} holds values of type {arrays[name].dtype}")
         names = ([name.decode() for name in arrays[key].tolist()] for key in ("object", "instance"))
@@ -129,12 +135,11 @@ def _read(path: Path, others: int) -> StillBodies:
         )
         _check(found, others)
     except FileNotFoundError as error:
-        raise FrameFileError(f"{path} is missing. Render the frame again.") from error
+        raise FrameFileError(f"{path} is missing. {_REMEDY}") from error
     # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
-            f"{path} cannot be read as stationary bodies ({error}). Remove it and the paths.json "
-            "in its folder, and render the run again."
+            f"{path} cannot be read as stationary bodies ({error}). {_REMEDY}"
         ) from error
     return found
 
@@ -146,6 +151,6 @@ def _check(found: StillBodies, others: int) -> None:
     if len(found.object) != count or len(found.instance) != count:
         raise ValueError(f"{len(found.object)} objects and {len(found.instance)} instances")
     if count and (number[0] < 1 or number[-1] > count + others or (np.diff(number) <= 0).any()):
-        raise ValueError(f"numbers that do not ascend from 1 to {count + others}")
+        raise ValueError(f"numbers must ascend and lie between 1 and {count + others}")
     if not np.isfinite(found.pose).all():
         raise ValueError("poses that are not finite")
