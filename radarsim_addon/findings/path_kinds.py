@@ -20,7 +20,8 @@ PATHS = {
         "{fraction:percent} of the received power comes from paths via two scatterers, the second "
         "of which is outside the field of view.",
         "The wave also takes the reverse path, which begins at the second scatterer. The table "
-        "does not contain it, so the power of such a pair is up to 3 dB too low.",
+        "does not contain it, so the summed power of a path and its "
+        "reverse is up to 3 dB too low.",
         "Widen the field of view, or use a panoramic camera.",
     ),
     "transparency-truncated": Kind(
@@ -195,10 +196,10 @@ MIRRORS = {
         "caution",
         "A wave can reflect at a curved mirror ({subjects}) and then at a second mirror, or at "
         "another part of the same one.",
-        "Paths that go from a scatterer via two mirrors in a row to the transmitter are missing if "
-        "at least one of the mirrors is curved. Included are paths in the order receiver, "
-        "mirror, mirror, scatterer, transmitter.",
-        "If such paths matter, model a mirror of few faces with planar faces (Shade Flat): "
+        "A wave that goes from the transmitter via two mirrors in a row to a scatterer has no path "
+        "in the table if at least one of the mirrors is curved. The table contains waves that go "
+        "from a scatterer via two mirrors in a row to the receiver.",
+        "If such paths matter, replace the curved mirror by a few planar faces (Shade Flat): "
         "radarsim computes paths via pairs of planar mirrors. Or set Mirror Images of mirrors "
         "that do not matter to Never.",
     ),

@@ -102,7 +102,7 @@ class SettingsRestorer:
         self.on_restore("frame", lambda: scene.frame_set(whole, subframe=now - whole))
 
     def keep_all(self, owner: Any) -> None:
-        """Have `restore` bring back every setting of a struct whose settings change one another.
+        """Let `restore` return all settings of a struct in which one setting can change others.
 
         Parameters
         ----------
