@@ -8,7 +8,7 @@ The receiver is at the origin and looks along +Y; lengths are metres.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from ..rig_settings import RADAR_PROPERTY, register, settings
 from ..scene import setup_rig
 from ..state import evaluated_depsgraph
 from ..views import PathClass, RenderRequest, View, ViewWindow
-from ..views.requests import Region
+from ..views.requests import Region, VertexMark
 from .jobs import make_job
 
 _SIDE_PX = 24
@@ -74,9 +74,7 @@ def _corner(folder: Path) -> Iterator[Fact]:
     """A wall and a floor of metal, and a plate that shades a part of the wall."""
     metal = make_material("Metal", _METAL.real, _METAL.imag, specularity=0.0)
     _wall(metal)
-    x, y = 30.0, 30.0
-    _mesh("Floor", [(-x, -y, _FLOOR_M), (x, -y, _FLOOR_M), (x, y, _FLOOR_M), (-x, y, _FLOOR_M)],
-          metal)  # fmt: skip
+    _floor(metal)
     _mesh("Shade", list(_SHADE), metal)
     with _Looking(folder, 2) as look:
         first_m, on_wall, cosine = _first_surfaces(look.rays)
@@ -107,11 +105,12 @@ def _corner(folder: Path) -> Iterator[Fact]:
         yield Fact("second reflections", float(not 0.2 < np.mean(echoes) < 1.0), 0.0)
         vertex = look.render(PathClass(2, 2), vertex=True)
         last_m = look.last_vertex_m(vertex, two)
-        off = np.minimum(np.abs(last_m[..., 1] - _WALL_M), np.abs(last_m[..., 2] - _FLOOR_M))
-        yield Fact("last vertex", _worst(off[echoes]), 1e-2)
+        yield Fact("last vertex", _worst(_on_corner(last_m)[echoes]), 1e-2)
         way_m = distance + np.linalg.norm(last_m - first_m, axis=-1)
         way_m += np.linalg.norm(last_m - _TRANSMITTER_M, axis=-1)
         yield from look.encoding("two reflections", two, way_m, echoes, 1e-2)
+        # Nothing is transparent: rays that end after one reflection meet the same last surfaces.
+        yield from look.marked("", PathClass(2, 2), PathClass(1, 1), _on_corner)
         part = Region(3, 17, 5, 19)
         cropped = look.render(PathClass(1, 1), region=part)
         inside = np.s_[part.top : part.bottom, part.left : part.right]
@@ -124,11 +123,7 @@ def _pane(folder: Path) -> Iterator[Fact]:
     """A wall seen through a pane with an interior, nearly at normal incidence."""
     _wall(make_material("Metal", _METAL.real, _METAL.imag, specularity=0.0))
     near, far = _PANE_M
-    # Not about the axis: a ray through the edge of two triangles would count both.
-    corners = [(x, y, z) for x in (-3.0, 4.0) for y in (near, far) for z in (-3.0, 3.0)]
-    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    glass = make_material("Pane", _PANE.real, _PANE.imag, specularity=0.0)
-    _mesh("Pane", corners, glass, faces)
+    _glass(-3.0)
     with _Looking(folder, 1, tangent=0.01, transmitter_m=(0.0, 0.0, 0.0)) as look:
         wall = look.render(PathClass(1, 1, 2, 2, surface_depth=2))
         front = look.render(PathClass(1, 1, 0, 0, surface_depth=0))
@@ -147,6 +142,17 @@ def _pane(folder: Path) -> Iterator[Fact]:
         face = (1 - passed) / math.pi * _EIRP_W / (4 * math.pi * near**2)
         yield Fact("transparent surfaces counted", _worst(front.blue / face - 1), 2e-3)
         yield Fact("nothing behind the last surface", _worst(tail.blue / direct), 0.0)
+
+
+def _corner_behind_pane(folder: Path) -> Iterator[Fact]:
+    """Wall and floor seen through a pane that stands above the floor: lobes are left to chance."""
+    metal = make_material("Metal", _METAL.real, _METAL.imag, specularity=0.0)
+    _wall(metal)
+    _floor(metal)
+    _glass(_FLOOR_M + 0.1)
+    with _Looking(folder, 2) as look:
+        both = PathClass(2, 2, 2, 2), PathClass(2, 2)
+        yield from look.marked(" behind a pane", *both, _on_corner)
 
 
 def _foreign(folder: Path) -> Iterator[Fact]:
@@ -174,6 +180,20 @@ def _wall(material: Any) -> None:
     corners = [(-30.0, _WALL_M, -30.0), (30.0, _WALL_M, -30.0), (30.0, _WALL_M, 30.0),
                (-30.0, _WALL_M, 30.0)]  # fmt: skip
     _mesh("Wall", corners, material)
+
+
+def _floor(material: Any) -> None:
+    corners = [(x, y, _FLOOR_M) for x, y in ((-30, -30), (30, -30), (30, 30), (-30, 30))]
+    _mesh("Floor", corners, material)
+
+
+def _glass(foot_m: float) -> None:
+    """A pane from this height on."""
+    # Not about the axis: a ray through the edge of two triangles would count both.
+    corners = [(x, y, z) for x in (-3.0, 4.0) for y in _PANE_M for z in (foot_m, 3.0)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    glass = make_material("Pane", _PANE.real, _PANE.imag, specularity=0.0)
+    _mesh("Pane", corners, glass, faces)
 
 
 def _mesh(name: str, corners: list[Any], material: Any, faces: Any = ((0, 1, 2, 3),)) -> None:
@@ -208,6 +228,12 @@ def _first_surfaces(rays: PixelRays) -> tuple[Real, Any, Real]:
     on_wall = wall < floor
     cosine = np.where(on_wall, direction[..., 1], -direction[..., 2])
     return direction * np.minimum(wall, floor)[..., None], on_wall, cosine
+
+
+def _on_corner(points_m: Real) -> Real:
+    """Distance of points from the wall or the floor."""
+    off = np.abs(points_m[..., 1] - _WALL_M), np.abs(points_m[..., 2] - _FLOOR_M)
+    return np.asarray(np.minimum(*off))
 
 
 def _clear(first_m: Real) -> Real:
@@ -287,6 +313,32 @@ class _Looking:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.moveaxis(vertex.channels() / view.channels() - 1, 0, -1) / 0.02)
 
+    def marked(
+        self, where: str, echoes: PathClass, other: PathClass, off: Callable[[Real], Real]
+    ) -> Iterator[Fact]:
+        """Light of the surfaces themselves: it tells last vertices, and leaves echoes alone.
+
+        Its two halves come in renders of two path classes. `off` is how far points are from where
+        they must be.
+        """
+        if not self._job.path_scene.vertex_marks:
+            return
+        depth = echoes.depth_max or 0
+        plain = self.render(echoes)
+        placed = self.render(echoes, mark=VertexMark(2, depth, True))
+        white = self.render(other, mark=VertexMark(2, depth, False))
+        own = self.render(echoes, mark=VertexMark(2, depth, False))
+        changed = placed.channels() - plain.channels()
+        yield Fact(f"echoes beside marked vertices{where}", _worst(changed), 0.0)
+        lit = plain.blue > 0
+        if placed.marks is None or white.marks is None or own.marks is None:
+            yield Fact(f"marked vertices{where}", math.inf, 0.0)
+            return
+        apart = (white.marks.channels() - own.marks.channels())[:, lit]
+        yield Fact(f"marks in other renders{where}", _worst(apart), 0.0)
+        last_m = self.last_vertex_m(placed.marks, white.marks)
+        yield Fact(f"marked vertices{where}", _worst(off(last_m)[lit]), 1e-3)
+
     def encoding(
         self, what: str, view: View, length_m: Real, pixels: Any, bound_m: float = 1e-3
     ) -> Iterator[Fact]:
@@ -300,4 +352,4 @@ class _Looking:
 
 
 #: Scenes, each with the facts that it shows.
-CASES = (_corner, _pane, _foreign)
+CASES = (_corner, _pane, _corner_behind_pane, _foreign)

@@ -65,6 +65,13 @@ ATTR_VERTEX_SCALE = "radarsim_vertex_scale"
 """The transmitter's colour is multiplied by 1 + scale * (last vertex - origin), per axis."""
 ATTR_VERTEX_ORIGIN = "radarsim_vertex_origin"
 """Origin for `ATTR_VERTEX_SCALE`, Blender units, three components."""
+ATTR_MARK_ORDER = "radarsim_mark_order"
+"""Reflections before the surface that shines as the last vertex of a path: `VertexMark`. 0: none
+does."""
+ATTR_MARK_DEPTH = "radarsim_mark_depth"
+"""Transparent surfaces that camera rays pass before that surface, plus 1."""
+ATTR_MARK_SCALE = "radarsim_mark_scale"
+"""`ATTR_VERTEX_SCALE` for the light of that surface instead of the transmitter's. 0: white."""
 ATTR_WORLD_CODE = "radarsim_world_code"
 """1/k of a world volume that encodes the range for all materials, for the delay inside Radar
 Materials. 0: the materials encode the range."""

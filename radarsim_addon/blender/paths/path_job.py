@@ -86,6 +86,8 @@ class PathJob(MeasurementJob):
         by_facets = options.max_reflections > 1 and holds_rough_facets(view_layer)
         self.code_world = choice == "world" or (choice == "auto" and (foreign or by_facets))
         self._rounds_by_channel = by_facets and not self.code_world
+        # Light of other materials would count as marks.
+        self._vertex_marks = options.max_reflections > 1 and not (foreign and self.code_world)
         self.deterministic = not self.code_world or (choice == "auto" and not foreign)
 
     # -- before the first render -------------------------------------------------------------------
@@ -142,6 +144,7 @@ class PathJob(MeasurementJob):
                 self.plan.range_encoding_length_m,
                 self.code_world,
                 self.view_camera,
+                self._vertex_marks and "device" not in self.versions,  # tested on the CPU
             )
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()

@@ -276,6 +276,7 @@ class ViewTracer:
             polarised_from=self._polarised_from(),
             opaque=run.scene.opaque,
             all_opaque=run.scene.all_opaque,
+            vertex_marks=run.scene.vertex_marks,
         )
 
 

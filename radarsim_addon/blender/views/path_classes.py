@@ -16,6 +16,7 @@ a closed form in tests.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Generator
 from dataclasses import dataclass, field
 
@@ -23,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Real
+from .marked_vertices import MarkedVertices
 from .requests import PathClass, Region, RenderRequest, View, bounding_region
 
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
@@ -39,8 +41,9 @@ class PathClassLayer:
     """Paths of one path class, at most one a pixel: `amplitude` is their radiance, (h, w), or 0.
 
     `encoded` is the encoded render, `plain` the same paths without range encoding (coloured
-    scenes), `vertex` with the last vertex in its colours (orders above 1). `position_is_first`: the
-    encoded view's position is where the path first scatters.
+    scenes). `vertex` (orders above 1) has the last vertex in its colours, over those of `white`; of
+    `encoded` if that is None. `position_is_first`: the encoded view's position is where the path
+    first scatters.
     """
 
     order: int
@@ -49,6 +52,7 @@ class PathClassLayer:
     encoded: View
     plain: View | None = None
     vertex: View | None = None
+    white: View | None = None
     position_is_first: bool = True
 
 
@@ -112,6 +116,8 @@ class TraceLimits:
         Numbers of objects that let nothing through, whatever the ray.
     all_opaque
         Nothing in the scene lets anything through, so that all paths are of depth 0.
+    vertex_marks
+        Renders can bring the marks of last vertices, see `VertexMark`.
     """
 
     max_reflections: int = 1
@@ -123,6 +129,7 @@ class TraceLimits:
     polarised_from: int | None = None
     opaque: frozenset[int] = frozenset()
     all_opaque: bool = False
+    vertex_marks: bool = False
 
 
 def trace_replicate(
@@ -160,20 +167,23 @@ def trace_replicate(
         # The world's range encoding leaves paths as they are: the sum needs none. Materials that
         # carry it weigh their lobes by it, so switching it would change the paths.
         left = yield from tracer.open_render(PathClass(order_max=limits.max_reflections))
+    # Where nothing is of another depth than 0, the render of an order is that of its only class.
+    only = limits.all_opaque and (not limits.world_encoding or not found.coloured)
     for order in range(lowest, limits.max_reflections + 1):
         if tracer.power(np.abs(left)) <= limits.max_unfollowed_fraction * found.total:
             break
         if order == limits.max_reflections == lowest:
             base = left  # what is left holds no other order
         else:
-            view = yield RenderRequest(
-                PathClass(order_min=order, order_max=order), encoded=not limits.world_encoding
+            path_class = PathClass(order_min=order, order_max=order)
+            view = yield from tracer.render(
+                RenderRequest(path_class, encoded=only or not limits.world_encoding),
+                (order, 0),
+                echoes=only,
             )
-            found.renders += 1
             base = tracer.amplitude(view)
         if tracer.power(base) > 0:
-            encoded = limits.all_opaque and not limits.world_encoding
-            yield from tracer.depths_of(order, base, view if encoded else None)
+            yield from tracer.depths_of(order, base, view if only else None)
         left = left - base
     found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
     powers = (np.max(layer.amplitude * weight, initial=0.0) for layer in found.layers)
@@ -197,6 +207,24 @@ class _Tracer:
         self._limits = limits
         self._weight = weight
         self._found = found
+        self._marks = MarkedVertices(
+            limits.max_reflections, limits.max_depth, limits.all_opaque, limits.vertex_marks
+        )
+
+    def render(
+        self,
+        request: RenderRequest,
+        path_class: tuple[int, int] | None = None,
+        echoes: bool = False,
+    ) -> Generator[RenderRequest, View, View]:
+        """Make a render; it marks vertices of a path class, or of one after it: see `choose`."""
+        if path_class is not None:
+            mark = self._marks.choose(request, path_class, echoes)
+            request = dataclasses.replace(request, mark=mark)
+        view = yield request
+        self._found.renders += 1
+        self._marks.keep(request, view)
+        return view
 
     def power(self, amplitude: Real) -> float:
         return float(np.sum(amplitude * self._weight))
@@ -208,8 +236,9 @@ class _Tracer:
     def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
         """What the path classes must add up to; also tells whether the scene is coloured."""
         found, limits = self._found, self._limits
-        view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
-        found.renders += 1
+        view = yield from self.render(
+            RenderRequest(path_class, encoded=not limits.world_encoding), (1, 0)
+        )
         found.open_view = view
         found.coloured = limits.world_encoding and _is_coloured(view)
         amplitude = self.amplitude(view)
@@ -222,8 +251,8 @@ class _Tracer:
         if limits.max_reflections == 1:
             return np.zeros_like(self._weight), None
         path_class = PathClass(order_min=2, order_max=limits.max_reflections)
-        view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
-        found.renders += 1
+        encoded = limits.all_opaque or not limits.world_encoding
+        view = yield from self.render(RenderRequest(path_class, encoded=encoded), (2, 0))
         later = self.amplitude(view)
         found.total += self.power(later)
         return later, view
@@ -290,10 +319,8 @@ class _Tracer:
     def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
         """Power of order 1 at this depth and behind, lobes behind it left to chance."""
         path_class = PathClass(1, 1, depth, None, surface_depth=depth)
-        view = yield RenderRequest(
-            path_class, encoded=not self._limits.world_encoding, region=region
-        )
-        self._found.renders += 1
+        encoded = not self._limits.world_encoding
+        view = yield from self.render(RenderRequest(path_class, encoded=encoded, region=region))
         return self.power(self.amplitude(view))
 
     def _lets_through(self, view: View) -> NDArray[np.bool_]:
@@ -313,27 +340,32 @@ class _Tracer:
     ) -> Generator[RenderRequest, View, PathClassLayer]:
         coloured = self._found.coloured
         if encoded is None:
-            encoded = yield RenderRequest(path_class, region=region, all_channels=coloured)
-            self._found.renders += 1
+            encoded = yield from self.render(
+                RenderRequest(path_class, region=region, all_channels=coloured),
+                (order, depth),
+                echoes=True,
+            )
         plain = None
         if coloured:
-            plain = yield RenderRequest(path_class, encoded=False, region=region)
-            self._found.renders += 1
+            plain = yield from self.render(RenderRequest(path_class, encoded=False, region=region))
         amplitude = self.amplitude(plain or encoded)
         if self._is_polarised(path_class, depth) and np.any(amplitude > 0):
-            view = yield RenderRequest(
-                path_class, encoded=False, by_polarisation=True, region=region
+            view = yield from self.render(
+                RenderRequest(path_class, encoded=False, by_polarisation=True, region=region)
             )
-            self._found.renders += 1
             amplitude = mean_of_polarisations(view, amplitude)
-        vertex = None
+        vertex = white = None
         if order > 1 and np.any(amplitude > 0):
-            vertex = yield RenderRequest(
-                path_class, vertex=True, region=region, all_channels=coloured
-            )
-            self._found.renders += 1
+            marks = self._marks.found(order, depth, coloured, amplitude)
+            if marks is None:
+                vertex = yield from self.render(
+                    RenderRequest(path_class, vertex=True, region=region, all_channels=coloured),
+                    self._marks.after(order, depth),
+                )
+            else:
+                vertex, white = marks
         first = depth == 0 or path_class.surface_depth is not None
-        layer = PathClassLayer(order, depth, amplitude, encoded, plain, vertex, first)
+        layer = PathClassLayer(order, depth, amplitude, encoded, plain, vertex, white, first)
         if np.any(amplitude > 0):
             self._found.layers.append(layer)
         return layer

@@ -62,6 +62,27 @@ class Region:
 
 
 @dataclass(frozen=True)
+class VertexMark:
+    """Light of the surfaces at which paths of a class have their last vertex.
+
+    It comes in a light group of its own and leaves the transmitter's as it is. The colours of a
+    render with `place` over those of a render without it tell where the vertex is.
+
+    Attributes
+    ----------
+    order, depth
+        The path class: reflections, and transparent surfaces passed on the receiver's side.
+    place
+        The colours tell where the surface is; else they are white. Both are dimmed by the way
+        from the receiver to the surface, by the same factor in all renders with the same paths.
+    """
+
+    order: int
+    depth: int
+    place: bool
+
+
+@dataclass(frozen=True)
 class RenderRequest:
     """One render.
 
@@ -80,6 +101,8 @@ class RenderRequest:
     by_polarisation
         Red, green and blue are the two polarisations instead of the range encoding: see
         `attributes.ATTR_BY_POLARISATION`.
+    mark
+        Last vertices that shine besides; None: none.
     """
 
     path_class: PathClass
@@ -88,6 +111,7 @@ class RenderRequest:
     region: Region | None = None
     all_channels: bool = False
     by_polarisation: bool = False
+    mark: VertexMark | None = None
 
 
 @dataclass(frozen=True)
@@ -102,6 +126,8 @@ class View:
         First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
     object_index
         Its object's number in the run's list, 0 where there is none.
+    marks
+        Light of the vertices that the request has marked; None where it has none.
     """
 
     red: Real | Single
@@ -109,6 +135,7 @@ class View:
     blue: Real | Single
     position: Real | Single | None = None
     object_index: NDArray[np.int32] | None = None
+    marks: View | None = None
 
     def only(self, pixels: NDArray[np.bool_]) -> View:
         """Return the view without the light outside these pixels; what is seen there stays."""

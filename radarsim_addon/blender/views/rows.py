@@ -112,9 +112,9 @@ def _pixels(
         first_object = view.object_index.take(index)
     vertex = nowhere
     if layer.vertex is not None:
-        ratio = layer.vertex.colours(index)
+        white = encoded if layer.white is None else layer.white.colours(index)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = ratio / encoded
+            ratio = layer.vertex.colours(index) / white
         origin, scale = vertex_map
         vertex = (origin + (ratio.T - 1) / scale) * metres_per_unit
     return PathClassPixels(

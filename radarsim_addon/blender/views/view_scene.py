@@ -9,6 +9,7 @@ Where the materials do not carry the range encoding, a world volume does.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import shutil
 from typing import Any
 
@@ -25,11 +26,13 @@ from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
 from .pass_files import read_passes
 from .requests import PathClass, Region, RenderRequest, View
+from .vertex_marks import add_vertex_marks
 from .view_camera import ViewCamera
 from .view_setup import (
     ENCODING_ALL,
     ENCODING_RED_GREEN,
     LIGHT_GROUP,
+    MARK_GROUP,
     add_encoding_world,
     add_passes,
     number_objects,
@@ -61,6 +64,8 @@ class PathScene:
         A world volume carries the range encoding instead of Radar Materials.
     view
         Camera that renders, if it is in the scene already; who has made it takes it back.
+    vertex_marks
+        Whether requests may mark last vertices: all surfaces are Radar Materials, or absorb.
     """
 
     def __init__(
@@ -73,12 +78,14 @@ class PathScene:
         range_encoding_length_m: float,
         world_encoding: bool,
         view: ViewCamera | None = None,
+        vertex_marks: bool = False,
     ) -> None:
         self._scene, self._view_layer = scene, view_layer
         self._camera, self._emitter = camera, transmitter
         self._units = metres_per_unit
         self._inverse_k = metres_per_unit / range_encoding_length_m
         self._world_encoding = world_encoding
+        self.vertex_marks = vertex_marks
         self._recorder = SettingsRestorer()
         self._folder = temporary_folder()
         self._recorder.on_restore("temporary files", self.remove_files)
@@ -114,11 +121,16 @@ class PathScene:
                 attributes.ATTR_SURFACE_DEPTH,
                 attributes.ATTR_SURFACE_STOP,
                 attributes.ATTR_VERTEX_SCALE,
+                attributes.ATTR_MARK_ORDER,
+                attributes.ATTR_MARK_DEPTH,
+                attributes.ATTR_MARK_SCALE,
                 attributes.ATTR_WORLD_CODE,
                 attributes.ATTR_BY_POLARISATION,
             ):
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
+            if self.vertex_marks:
+                add_vertex_marks(self._recorder, self._scene, self._view_layer)
             if self._world_encoding:
                 self._volume = add_encoding_world(self._recorder, self._scene)
         except BaseException:
@@ -217,10 +229,7 @@ class PathScene:
         if path_class.order_max is not None:
             for name in _BOUNCES:  # nothing beyond the path class is worth its time
                 setattr(scene.cycles, name, path_class.order_max - 1)
-        scene[attributes.ATTR_VERTEX_SCALE] = 0.0
-        if request.vertex and vertex is not None:
-            scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
-            scene[attributes.ATTR_VERTEX_SCALE] = float(vertex[1])
+        self._set_vertex_colours(request, vertex)
         scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
         if self._world_encoding:
@@ -230,6 +239,20 @@ class PathScene:
         else:
             scene[attributes.ATTR_INVERSE_CODE_LENGTH] = inverse_k
         scene.render.filepath = str(self._folder / "view")
+
+    def _set_vertex_colours(
+        self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None
+    ) -> None:
+        """Colours by the last vertex: those of the transmitter, and those of marked surfaces."""
+        scene, mark = self._scene, request.mark
+        scale = 0.0
+        if vertex is not None:
+            scene[attributes.ATTR_VERTEX_ORIGIN] = [float(value) for value in vertex[0]]
+            scale = float(vertex[1])
+        scene[attributes.ATTR_VERTEX_SCALE] = scale if request.vertex else 0.0
+        scene[attributes.ATTR_MARK_ORDER] = 0.0 if mark is None else mark.order - 1.0
+        scene[attributes.ATTR_MARK_DEPTH] = 0.0 if mark is None else mark.depth + 1.0
+        scene[attributes.ATTR_MARK_SCALE] = scale if mark is not None and mark.place else 0.0
 
     def _set_channels(self, request: RenderRequest) -> None:
         """Which channels the world's volume attenuates; renders without range encoding do not
@@ -295,16 +318,18 @@ class PathScene:
     def end(self) -> View:
         """Read what was rendered."""
         self.renders += 1
-        combined = f"Combined_{LIGHT_GROUP}"
+        groups = (LIGHT_GROUP, MARK_GROUP) if self._request.mark is not None else (LIGHT_GROUP,)
+        wanted = [f"Combined_{group}" for group in groups]
         path = self._folder / "view.exr"
         # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
-        passes = read_passes(path, (combined, "Position", "Object Index", "IndexOB"))
+        passes = read_passes(path, (*wanted, "Position", "Object Index", "IndexOB"))
         with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
             path.unlink()
-        if combined not in passes:
-            raise RenderError(
-                f"The render has no pass {combined}; found {', '.join(passes) or 'none'}."
-            )
+        for name in wanted:
+            if name not in passes:
+                raise RenderError(
+                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
+                )
         position = None
         if "Position" in passes:
             found = passes["Position"]
@@ -315,14 +340,14 @@ class PathScene:
             number = np.rint(self._whole(next(iter(index.values())))).astype(np.int32)
             if position is not None:
                 position[number == 0] = np.nan  # nothing was hit
-        red, green, blue = (self._whole(passes[combined][name]) for name in "RGB")
-        return View(
-            red,
-            green,
-            blue,
-            position=position,
-            object_index=number,
-        )
+        light, marks = self._light(passes[wanted[0]]), None
+        if self._request.mark is not None:
+            marks = self._light(passes[wanted[1]])
+        return dataclasses.replace(light, position=position, object_index=number, marks=marks)
+
+    def _light(self, channels: dict[str, Single]) -> View:
+        red, green, blue = (self._whole(channels[name]) for name in "RGB")
+        return View(red, green, blue)
 
     def _whole(self, plane: Single) -> Single:
         """A channel over the whole view: 0 outside the region."""

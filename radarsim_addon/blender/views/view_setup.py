@@ -17,6 +17,7 @@ from ..state import SettingsRestorer
 from .requests import Region
 
 LIGHT_GROUP = "radarsim"
+MARK_GROUP = "radarsim_vertices"
 _WORLD = "radarsim range encoding (temporary)"
 
 #: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
@@ -78,17 +79,22 @@ def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmit
     recorder.on_restore(
         "active light group", lambda: setattr(view_layer, "active_lightgroup_index", active)
     )
-    # The operator would have Blender sort all objects of the scene twice. The new camera does once.
-    if LIGHT_GROUP not in view_layer.lightgroups:
-        view_layer.lightgroups.add(name=LIGHT_GROUP)
-    recorder.on_restore("light group", lambda: _remove_lightgroup(scene, view_layer))
+    add_light_group(recorder, scene, view_layer, LIGHT_GROUP)
     recorder.set(transmitter, "lightgroup", LIGHT_GROUP)
 
 
-def _remove_lightgroup(scene: Any, view_layer: Any) -> None:
+def add_light_group(recorder: SettingsRestorer, scene: Any, view_layer: Any, name: str) -> None:
+    """Add a light group; the active one changes as it is taken back."""
+    # The operator would have Blender sort all objects of the scene twice. The new camera does once.
+    if name not in view_layer.lightgroups:
+        view_layer.lightgroups.add(name=name)
+    recorder.on_restore("light group", lambda: _remove_light_group(scene, view_layer, name))
+
+
+def _remove_light_group(scene: Any, view_layer: Any, name: str) -> None:
     names = [group.name for group in view_layer.lightgroups]
-    if LIGHT_GROUP in names:
-        view_layer.active_lightgroup_index = names.index(LIGHT_GROUP)
+    if name in names:
+        view_layer.active_lightgroup_index = names.index(name)
         with bpy.context.temp_override(scene=scene, view_layer=view_layer):
             bpy.ops.scene.view_layer_remove_lightgroup()
 

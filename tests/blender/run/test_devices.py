@@ -41,7 +41,7 @@ def test_all_facts_hold_on_the_cpu() -> None:
     """In a process of its own, as for any device."""
     verdict = devices.check(Device())
     assert verdict.failed == ()
-    assert len(verdict.facts) == 21
+    assert len(verdict.facts) == 27
 
 
 def _spoil(view: View, **changes: Callable[[Any], Any]) -> View:
