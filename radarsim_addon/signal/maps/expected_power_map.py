@@ -312,7 +312,7 @@ class _TableSums:
         for part in spread(rows, steps, *cells.spacing, views):
             self._add(planes, part, whole, rows, grid_of)
             if self._points_to is not None:
-                self._points_to(make_paths(radiance[part.row] * part.share, part.length_m))
+                self._points_to(make_paths(radiance.take(part.row) * part.share, part.length_m))
         if record.replicates > 1:
             steps = steps.scaled(record.replicates**-0.5)
             for part in spread(rows, steps, *cells.spacing, views):

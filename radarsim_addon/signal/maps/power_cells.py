@@ -22,12 +22,10 @@ class ReplicateMean:
 
     def add(self, values: Real) -> None:
         self._count += 1
-        if self._count == 1:
-            self.mean = values
-            return
         change = values - self.mean
-        self.mean = self.mean + change / self._count
-        self._squares += change * (values - self.mean)
+        self.mean += change / self._count
+        change *= values - self.mean
+        self._squares += change
 
     def variance(self) -> Real:
         """Of the mean; NaN where there is one: it says nothing of its error."""
@@ -77,10 +75,11 @@ class PowerCells:
         several, (grids, ...), with the number of each row's.
         """
         seen, number = self.of(part.length_m, part.range_rate_mps)
+        row, share = part.row.take(seen), part.share.take(seen)
         if grid_of is not None:
-            number += (grid_of * math.prod(self.shape))[part.row[seen]]
+            number += (grid_of * math.prod(self.shape)).take(row)
         # unbuffered: of a small tile few cells are touched
-        np.add.at(grid.ravel(), number, (power[part.row] * part.share)[seen])
+        np.add.at(grid.ravel(), number, power.take(row) * share)
 
     def add_between(
         self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
@@ -100,14 +99,14 @@ class PowerCells:
         cell = (length_m / 2 - self._start_m) / self.step_m
         if math.isinf(period):
             seen = np.flatnonzero((cell >= -0.5) & (cell < ranges - 0.5))
-            place = np.rint(cell[seen])
+            place = np.rint(cell.take(seen))
         else:
             low = np.ceil((cell - (ranges - 0.5)) / period)
             copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
             seen = np.repeat(np.arange(copies.size), copies)
             place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
         column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
-        bins = np.rint(-range_rate_mps[seen] / self.step_mps).astype(np.int64)
+        bins = np.rint(-range_rate_mps.take(seen) / self.step_mps).astype(np.int64)
         bins += self.pulses // 2 * self._per_bin
         if bins.min(initial=0) < 0 or bins.max(initial=0) >= self.shape[0]:
             bins %= self.shape[0]  # Doppler folds, too

@@ -64,7 +64,11 @@ class Steps:
 
     def part(self, rows: slice | Indices) -> Steps:
         """Return the steps of some rows."""
-        return Steps(self.length_m[rows], self.range_rate_mps[rows], self.power[rows])
+        if isinstance(rows, slice):
+            return Steps(self.length_m[rows], self.range_rate_mps[rows], self.power[rows])
+        columns = self.length_m, self.range_rate_mps, self.power
+        length_m, rate_mps, power = (column.take(rows, axis=0) for column in columns)
+        return Steps(length_m, rate_mps, power)
 
     def scaled(self, factor: float) -> Steps:
         """Return the steps of pixels whose side is `factor` times as long."""
@@ -148,7 +152,9 @@ def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
 def _differences(values: Real, between: Indices) -> Real:
     """Steps of values; none to or from what is not finite, which is refused where it is used."""
     with np.errstate(invalid="ignore"):
-        return np.nan_to_num(values[between[..., 1]] - values[between[..., 0]], posinf=0, neginf=0)
+        steps = values.take(between[..., 1]) - values.take(between[..., 0])
+    known = np.isfinite(steps)
+    return steps if known.all() else np.where(known, steps, 0.0)
 
 
 def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[Indices]:
@@ -184,8 +190,11 @@ def _counting(length_m: Real, rays: Indices) -> Indices:
     # At the end of a surface the step before counts, or the one before that if it is smaller.
     first = np.where(to, 1, np.where(size[2] <= size[3], 2, 3))
     last = np.where(on, 2, np.where(size[1] <= size[0], 1, 0))
-    ray = np.arange(rays.shape[1])
-    before, after = step[first, ray], step[last, ray]
+    # places in arrays of one axis: numpy takes from these much faster
+    count = rays.shape[1]
+    ray = np.arange(count)
+    first, last = first * count + ray, last * count + ray
+    before, after = step.take(first), step.take(last)
     near, far = abs(before), abs(after)
     smaller = near <= far
     rough = np.maximum(near, far) > _STEEPER * np.minimum(near, far)
@@ -194,10 +203,11 @@ def _counting(length_m: Real, rays: Indices) -> Indices:
     monotonic = before * after > 0
     goes = monotonic & (to | (before < 0)), monotonic & (on | (after > 0))
     chosen = np.where(rough & ~smaller, last, first), np.where(rough & smaller, first, last)
-    found = np.empty((ray.size, 2, 2), dtype=np.intp)
+    found = np.empty((count, 2, 2), dtype=np.intp)
     for side in (0, 1):
         for end in (0, 1):
-            found[:, side, end] = np.where(goes[side], rays[chosen[side] + end, ray], rays[2])
+            there = rays.take(chosen[side] + end * count)
+            found[:, side, end] = np.where(goes[side], there, rays[2])
     return found
 
 
@@ -256,21 +266,21 @@ def spread(
     lengths, rates = np.array(rows["length_m"]), np.array(rows["range_rate_mps"])
     whole, several = np.flatnonzero(points == 1), np.flatnonzero(points > 1)
     if whole.size:
-        found = Points(whole, lengths[whole], rates[whole], np.ones(whole.size))
-        yield _cut_at_borders(found, covered_m[whole], cell_m, border_m)
+        found = Points(whole, lengths.take(whole), rates.take(whole), np.ones(whole.size))
+        yield _cut_at_borders(found, covered_m.take(whole), cell_m, border_m)
     ends = np.cumsum(points[several])
     start = 0
     while start < several.size:
         begin = ends[start - 1] if start else 0
         stop = max(int(np.searchsorted(ends, begin + _CHUNK, side="right")), start + 1)
         here = several[start:stop]
-        points_of = PixelPoints.of(along[here])
-        row = points_of.row
-        length_m, rate_mps = lengths[here][row], rates[here][row]
-        length_m += along_steps(steps.length_m[here], points_of)
-        rate_mps += along_steps(steps.range_rate_mps[here], points_of)
-        found = Points(here[row], length_m, rate_mps, shares(steps.power[here], points_of))
-        yield _cut_at_borders(found, covered_m[here][row], cell_m, border_m)
+        points_of, own = PixelPoints.of(along.take(here, axis=0)), steps.part(here)
+        row = here.take(points_of.row)
+        length_m, rate_mps = lengths.take(row), rates.take(row)
+        length_m += along_steps(own.length_m, points_of)
+        rate_mps += along_steps(own.range_rate_mps, points_of)
+        found = Points(row, length_m, rate_mps, shares(own.power, points_of))
+        yield _cut_at_borders(found, covered_m.take(row), cell_m, border_m)
         start = stop
 
 
@@ -284,20 +294,28 @@ def widths_m(steps: Steps, along: Indices) -> Real:
 def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: float) -> Points:
     """The points, those cut in two that reach over a border; each is even over its width."""
     low_m = points.length_m - width_m / 2
-    over_m = low_m + width_m - (border_m + np.ceil((low_m - border_m) / cell_m) * cell_m)
+    over_m = low_m + width_m
+    low_m -= border_m
+    low_m /= cell_m
+    before_m = np.ceil(low_m, out=low_m)
+    before_m *= cell_m
+    before_m += border_m
+    over_m -= before_m
     cut = np.flatnonzero((over_m > 0) & (over_m < width_m))
-    part = over_m[cut] / width_m[cut]
-    length_m, share = points.length_m.copy(), points.share.copy()
-    # the lower part ends where the upper one begins
-    length_m[cut] -= over_m[cut] / 2
-    share[cut] *= 1 - part
-    upper_m = points.length_m[cut] + (width_m[cut] - over_m[cut]) / 2
-    return Points(
-        np.concatenate([points.row, points.row[cut]]),
-        np.concatenate([length_m, upper_m]),
-        np.concatenate([points.range_rate_mps, points.range_rate_mps[cut]]),
-        np.concatenate([share, points.share[cut] * part]),
+    over_m, width_m = over_m.take(cut), width_m.take(cut)
+    part = over_m / width_m
+    count = points.row.size
+    row = np.concatenate([points.row, points.row.take(cut)])
+    length_m, rate_mps, share = (
+        np.concatenate([column, column.take(cut)])
+        for column in (points.length_m, points.range_rate_mps, points.share)
     )
+    # the lower part ends where the upper one begins
+    length_m[cut] -= over_m / 2
+    length_m[count:] += (width_m - over_m) / 2
+    share[cut] *= 1 - part
+    share[count:] *= part
+    return Points(row, length_m, rate_mps, share)
 
 
 def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:

@@ -56,21 +56,21 @@ class PixelPoints:
         """
         across, up = along.T
         first, second = (_lines(count) for count in (across, up))
-        width = across[second[0]]
+        width = across.take(second[0])
         # points of the lines before, and lines across of the rows before
         begins, lefts = np.cumsum(width) - width, np.cumsum(across) - across
         number = np.arange(int(width.sum()))
-        number += np.repeat(lefts[second[0]] - begins, width)
+        number += np.repeat(lefts.take(second[0]) - begins, width)
         line = np.repeat(np.arange(width.size), width)
         lines = PixelLines(*first, number), PixelLines(*second, line)
-        return cls(second[0][line], lines)
+        return cls(second[0].take(line), lines)
 
 
 def _lines(count: Indices) -> tuple[Indices, Real]:
     """Row of each of so many lines in pixels, and its place in the pixel, (lines,)."""
     row = np.repeat(np.arange(count.size), count)
-    number = np.arange(row.size) - (np.cumsum(count) - count)[row]
-    return row, (number + 0.5) / count[row] - 0.5
+    number = np.arange(row.size) - (np.cumsum(count) - count).take(row)
+    return row, (number + 0.5) / count.take(row) - 0.5
 
 
 def along_steps(steps: Real, points: PixelPoints) -> Real:
@@ -82,11 +82,12 @@ def along_steps(steps: Real, points: PixelPoints) -> Real:
     change: list[Real] = []
     for lines, (mean, half, bent) in zip(points.lines, courses(steps), strict=True):
         row, place = lines.row, lines.place
-        of_line = place * mean[row] + place**2 * half[row]
+        of_line = place * mean.take(row)
+        of_line += place**2 * half.take(row)
         if bent.any():
-            of_line += abs(place) * bent[row]
-        change.append(of_line[lines.of_point])
-    return change[0] + change[1]
+            of_line += abs(place) * bent.take(row)
+        change.append(of_line.take(lines.of_point))
+    return np.add(change[0], change[1], out=change[0])
 
 
 def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
@@ -103,5 +104,7 @@ def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
 
 def shares(power_steps: Real, points: PixelPoints) -> Real:
     """Return the fraction of its row's power that each point has, (points,); they add up to 1."""
-    row, share = points.row, 1 + along_steps(power_steps, points)
-    return np.asarray(share / np.bincount(row, share)[row])
+    row, share = points.row, along_steps(power_steps, points)
+    share += 1
+    share /= np.bincount(row, share).take(row)
+    return share
