@@ -14,21 +14,20 @@ from .array_types import Indices, Mask, Real
 
 def dots(a: Real, b: Real) -> Real:
     """Return the scalar product of each pair of vectors, (n,); one of the two may be (3,)."""
-    (x, y, z), (p, q, r) = np.asarray(a).T, np.asarray(b).T
-    return np.asarray(x * p + y * q + z * r)
+    return _products(np.asarray(a).T, np.asarray(b).T)
 
 
 def norms(vectors: Real) -> Real:
     """Return the lengths of vectors, (n,)."""
-    x, y, z = vectors.T
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
+    squares = _products(vectors.T, vectors.T)
+    return np.asarray(np.sqrt(squares, out=squares))
 
 
 def distances(a: Real, b: Real) -> Real:
     """Return the distance of each pair of points, (n,); one of the two may be (3,)."""
     (x, y, z), (p, q, r) = np.asarray(a).T, np.asarray(b).T
-    x, y, z = x - p, y - q, z - r
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
+    away = np.stack([x - p, y - q, z - r])
+    return norms(away.T)
 
 
 def crosses(a: Real, b: Real) -> Real:
@@ -60,7 +59,18 @@ def turned(turn: Real, vectors: Real) -> Real:
     for row, factors in zip(product, turn, strict=True):
         # many poses do not turn at all
         used = [(f, v) for f, v in zip(factors, vectors, strict=True) if np.any(f)]
-        row[:] = 0.0 if not used else used[0][0] * used[0][1]
+        row[:] = 0.0
+        if used:
+            np.multiply(*used[0], out=row)
         for factor, vector in used[1:]:
             row += factor * vector
     return product
+
+
+def _products(a: Real, b: Real) -> Real:
+    """Sum of the products of three components each, (3, n) or (3,)."""
+    found = np.asarray(a[0] * b[0])
+    term = np.asarray(a[1] * b[1])
+    found += term
+    found += np.multiply(a[2], b[2], out=term)
+    return found

@@ -16,7 +16,7 @@ import numpy as np
 from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
-from ...signal.paths import PathRows
+from ...signal.paths import Columns, PathRows, chosen_rows, read_columns
 from ...vectors import dots, norms, take_rows
 from ..materials import clutter_of, scattered_lobe_of
 from ..motion import Bodies
@@ -30,6 +30,15 @@ from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
 _ROWS_AT_ONCE = 16384
+#: Columns that are read.
+_READ = (
+    "order",
+    "first_scatterer_m",
+    "last_scatterer_m",
+    "direction",
+    "last_body",
+    "first_body",
+)
 #: Rows of a frame from which the findings are told.
 _LOOKED_AT = 4096
 #: Error of sigma0 by the flat model above which it is told [dB].
@@ -102,11 +111,13 @@ class ClutterWeights:
         for start in range(0, rows.size, _ROWS_AT_ONCE):  # which stay in the cache
             some = slice(start, start + _ROWS_AT_ONCE)
             part, ends = rows[some], [one[some] for one in known]
-            found = Normals(part.size)
-            found.add(np.arange(part.size), *ends)
-            self._mark_reverses_and_keep_coherent(part, found, origins_m[some])
+            read = read_columns(part, _READ)
+            if np.any(read["order"] > 1):  # else there is none
+                found = Normals(part.size)
+                found.add(np.arange(part.size), *ends)
+                self._mark_reverses_and_keep_coherent(part, found, origins_m[some])
             start_m = origin_m if origin_m.ndim == 1 else origin_m[some]
-            self._apply_part(part, ends, start_m, transmitter_m)
+            self._apply_part(part, read, ends, start_m, transmitter_m)
 
     def _mark_reverses_and_keep_coherent(
         self, rows: PathRows, normals: Normals, origins_m: Real
@@ -115,13 +126,18 @@ class ClutterWeights:
         self._rough.keep_coherent(rows, normals, origins_m)
 
     def _apply_part(
-        self, rows: PathRows, normals: Sequence[Real], origin_m: Real, transmitter_m: Real
+        self,
+        rows: PathRows,
+        read: Columns,
+        normals: Sequence[Real],
+        origin_m: Real,
+        transmitter_m: Real,
     ) -> None:
-        """Multiply powers of some rows, which have these normals at both ends."""
+        """Multiply powers of some rows, which have these columns, and normals at both ends."""
         clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
-        orders, met = rows["order"].copy(), self._of_body.take(rows["last_body"]) > 0
+        orders, met = read["order"], self._of_body.take(read["last_body"]) > 0
         if np.any(several := orders > 1):  # else both ends are one
-            met[several] |= self._of_body.take(rows["first_body"][several]) > 0
+            met[several] |= self._of_body.take(read["first_body"][several]) > 0
         for order in (1, 2):
             part = np.flatnonzero((orders == order) & met)
             start_m = origin_m if origin_m.ndim == 1 else origin_m[part]
@@ -129,25 +145,24 @@ class ClutterWeights:
             exact = clutter_alone and order == 1 and bool(np.all(start_m == transmitter_m))
             if exact or not part.size:
                 continue
-            mine, (first_n, last_n) = rows, normals
+            mine, (first_n, last_n) = chosen_rows(read, part), normals
             if part.size < rows.size:
-                mine = rows[part]
                 first_n, last_n = (take_rows(each, part) for each in normals)
-            last_m = np.array(mine["last_scatterer_m"], order="F")  # contiguous components
-            back = np.negative(mine["direction"], order="F")
+            last_m, back = mine["last_scatterer_m"], -mine["direction"]
             end = mine["last_body"], last_m
             if order == 1:
                 weight = self._weights(*end, start_m, last_n, back, transmitter_m, True)
             else:
                 # the last vertex is known along the ray of the transmitter
-                first_m = np.array(mine["first_scatterer_m"], order="F")
+                first_m = mine["first_scatterer_m"]
                 before = _unit(first_m - last_m)
                 weight = self._weights(*end, transmitter_m, last_n, before, transmitter_m, False)
                 first = mine["first_body"], first_m
                 weight *= self._weights(*first, start_m, first_n, back, last_m, True)
-            mine["power_w"] *= weight
-            if mine is not rows:
-                rows["power_w"][part] = mine["power_w"]
+            if part.size < rows.size:
+                rows["power_w"][part] *= weight
+            else:
+                rows["power_w"] *= weight
 
     def _weights(
         self,

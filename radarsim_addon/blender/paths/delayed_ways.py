@@ -71,8 +71,10 @@ class DelayedWays:
         """Whether something delays the way from the transmitter to each point (n, 3)."""
         if self._too_many:
             return np.ones(len(points_m), dtype=bool)
-        ways_m = points_m - self._transmitter_m
         found = np.zeros(len(points_m), dtype=bool)
+        if not np.all(self._low_m <= self._high_m):  # nothing delays
+            return found
+        ways_m = points_m - self._transmitter_m
         with np.errstate(invalid="ignore"):
             meets = np.maximum(ways_m, 0) >= self._low_m
             meets &= np.minimum(ways_m, 0) <= self._high_m

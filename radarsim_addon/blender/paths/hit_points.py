@@ -9,16 +9,15 @@ space; the hit point tells which triangle was met.
 from __future__ import annotations
 
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
-from ...signal.paths import PathColumns, PathFlag, PathRows, Spaces, TriangleMesh
-from ...vectors import are_finite, crosses, distances, dots, norms, take_rows
+from ...signal.paths import Columns, PathFlag, PathRows, chosen_rows, read_columns
+from ...vectors import crosses, distances, dots, norms, take_rows
 from ..motion import Bodies
-from ..state import Shape, read_triangles
+from .body_meshes import BodyMeshes, Meshes, rows_of
 from .delayed_ways import DelayedWays
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
@@ -39,14 +38,21 @@ _MIRRORED_SIGMAS = 6.0
 _LARGEST_SIGMAS = 20.0
 #: Path lengths are computed again where float32 may be off by more than this [wavelengths].
 TOLERANCE_WAVELENGTHS = 1e-3
-#: Triangles up to which meshes are joined, so that rays of many are treated together.
-_SMALL_MESH = 1 << 14
-#: Fraction of a mesh's points off it above which Cycles renders another one (displaced by its
-#: material, diced adaptively). At limbs a few thousandths are.
-_MOST_MISSED = 0.05
-
-#: Mesh of each shape and its part of it; None without a surface.
-Meshes = WeakKeyDictionary[Shape, tuple[TriangleMesh, int] | None]
+#: Rows whose vertices are moved at a time: they stay in the processor's cache.
+_ROWS_AT_ONCE = 1 << 13
+#: Columns that are read.
+_READ = (
+    "order",
+    "flags",
+    "transparent_depth",
+    "length_m",
+    "length_sigma_m",
+    "first_scatterer_m",
+    "last_scatterer_m",
+    "direction",
+    "last_body",
+    "first_body",
+)
 
 
 class Normals:
@@ -100,7 +106,7 @@ class HitPoints:
         meshes: Meshes,
         ways: DelayedWays | None = None,
     ) -> None:
-        self._bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
+        self._surfaces = BodyMeshes(bodies, metres_per_unit, meshes)
         self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
         self._opaque, self._ways = opaque, ways
 
@@ -110,34 +116,58 @@ class HitPoints:
         `origin_m` is where the rays start, (3,) or (n, 3). Returns the normals that it met.
         """
         normals = Normals(rows.size)
-        flags = rows["flags"]
+        read = read_columns(rows, _READ)
+        flags, order = read["flags"], read["order"]
         one_path = flags & PathFlag.MIXED == 0
-        seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (rows["transparent_depth"] == 0) & one_path
-        one = np.flatnonzero((rows["order"] == 1) & seen)
-        self._refine_order_1(rows, one, _of(origin_m, one), transmitter_m, normals)
-        later = np.flatnonzero((rows["order"] > 1) & one_path)
-        self._refine_later(rows, later, _of(origin_m, later), transmitter_m, normals)
+        seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (read["transparent_depth"] == 0) & one_path
+        one = np.flatnonzero((order == 1) & seen)
+        self._refine_order_1(rows, read, one, rows_of(origin_m, one), transmitter_m, normals)
+        later = np.flatnonzero((order > 1) & one_path)
+        self._refine_later(rows, read, later, rows_of(origin_m, later), transmitter_m, normals)
         return normals
 
     def _refine_order_1(
         self,
         rows: PathRows,
+        read: Columns,
         chosen: Indices,
         origins_m: Real,
         transmitter_m: Real,
         normals: Normals,
     ) -> None:
-        mine = PathColumns(rows, chosen)
+        mine = chosen_rows(read, chosen)
         reach_m = _reach_m(mine["last_scatterer_m"], origins_m)
         needed = np.flatnonzero(_LENGTH_OVER_POINT * reach_m > self._tolerance_m)
         if not needed.size:
             return
         if needed.size < chosen.size:
             chosen, reach_m = chosen[needed], reach_m[needed]
-            mine, origins_m = PathColumns(rows, chosen), _of(origins_m, needed)
+            mine, origins_m = chosen_rows(mine, needed), rows_of(origins_m, needed)
         points_m, direction = mine["last_scatterer_m"], mine["direction"]
-        way_m, normal = self._hit(mine["last_body"], origins_m, direction, points_m, reach_m)
+        way_m, normal = self._surfaces.hit(
+            mine["last_body"], origins_m, direction, points_m, reach_m
+        )
         normals.add(chosen, normal, normal)
+        for start in range(0, chosen.size, _ROWS_AT_ONCE):
+            some = slice(start, start + _ROWS_AT_ONCE)
+            part = {name: column[some] for name, column in mine.items()}
+            begin_m = origins_m if origins_m.ndim == 1 else origins_m[some]
+            found = way_m[some], normal[some], reach_m[some]
+            self._move_order_1(rows, chosen[some], part, begin_m, transmitter_m, *found)
+
+    def _move_order_1(
+        self,
+        rows: PathRows,
+        chosen: Indices,
+        mine: Columns,
+        origins_m: Real,
+        transmitter_m: Real,
+        way_m: Real,
+        normal: Real,
+        reach_m: Real,
+    ) -> None:
+        """Move vertices of chosen rows, of which these are columns, to where their rays hit."""
+        direction, flags = mine["direction"], mine["flags"]
         ray_m = way_m[:, None] * direction
         found_m = origins_m + ray_m
         # numbers no larger than the length, wherever the world's origin is
@@ -148,18 +178,17 @@ class HitPoints:
             # lifts the start of shadow rays off smooth meshes (shadow terminator).
             cosine = np.abs(dots(direction, normal)) / norms(normal)
             grazed_m = 2 * reach_m / cosine
-            slanted = _SLANTED * np.sqrt(np.maximum(cosine**-2 - 1, 0.0))
+            tangent_2 = np.maximum(1 / (cosine * cosine) - 1, 0.0)
             delay_m = mine["length_m"] - length_m
             undelayed = delay_m <= grazed_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
-        flags = mine["flags"]
         encoded = flags & PathFlag.ENCODED_LENGTH != 0
         if self._ways is not None:
             asked = np.flatnonzero(encoded & undelayed)
-            undelayed[asked] = ~self._ways.to(points_m[asked])
+            undelayed[asked] = ~self._ways.to(take_rows(mine["last_scatterer_m"], asked))
         hit = np.isfinite(way_m) & (~encoded | undelayed)
         # Behind transparent surfaces a delay below the encoding's noise goes unnoticed.
         direct = hit & (mine["transparent_depth"] == 0)
-        sigma_m = np.spacing(length_m) * np.hypot(_STRAIGHT, slanted)
+        sigma_m = np.spacing(length_m) * np.sqrt(_STRAIGHT**2 + _SLANTED**2 * tangent_2)
         for name, found, where in (
             ("last_scatterer_m", found_m, hit),
             ("first_scatterer_m", found_m, hit),
@@ -172,6 +201,7 @@ class HitPoints:
     def _refine_later(
         self,
         rows: PathRows,
+        read: Columns,
         chosen: Indices,
         origins_m: Real,
         transmitter_m: Real,
@@ -179,23 +209,27 @@ class HitPoints:
     ) -> None:
         """Orders above 1: the first vertex along its ray, the last one along the last segment."""
         needed = np.flatnonzero(
-            _LARGEST_SIGMAS * rows["length_sigma_m"][chosen] > self._tolerance_m
+            _LARGEST_SIGMAS * read["length_sigma_m"][chosen] > self._tolerance_m
         )
         if not needed.size:
             return
-        chosen, origins_m = chosen[needed], _of(origins_m, needed)
-        mine = PathColumns(rows, chosen)
+        chosen, origins_m = chosen[needed], rows_of(origins_m, needed)
+        mine = chosen_rows(read, chosen)
         direction, first_m = mine["direction"], mine["first_scatterer_m"]
         coloured_m = _LARGEST_COLOUR_ERROR * mine["length_m"]
         reach_m = coloured_m + _reach_m(first_m, origins_m)
-        way_m, normal = self._hit(mine["first_body"], origins_m, direction, first_m, reach_m)
+        way_m, normal = self._surfaces.hit(
+            mine["first_body"], origins_m, direction, first_m, reach_m
+        )
         seen = np.isfinite(way_m)
         first_m = np.where(seen[:, None], origins_m + way_m[:, None] * direction, first_m)
 
         last_m = mine["last_scatterer_m"]
         reach_m = coloured_m + _reach_m(last_m, transmitter_m)
         segment_m = last_m - transmitter_m
-        share, last = self._hit(mine["last_body"], transmitter_m, segment_m, last_m, reach_m)
+        share, last = self._surfaces.hit(
+            mine["last_body"], transmitter_m, segment_m, last_m, reach_m
+        )
         normals.add(chosen, normal, last)
         lit = np.isfinite(share)
         last_m = np.where(lit[:, None], transmitter_m + share[:, None] * segment_m, last_m)
@@ -207,7 +241,7 @@ class HitPoints:
             mirrored = direction - turn[:, None] * normal
             # Rays of rough surfaces rarely pass as near as that.
             passes = norms(crosses(mirrored, last_m - first_m)) <= (1 + 1e-6) * within_m
-        further_m, _ = self._hit(
+        further_m, _ = self._surfaces.hit(
             np.where(two & passes, mine["last_body"], 0), first_m, mirrored, last_m, reach_m
         )
         reflected_m = first_m + further_m[:, None] * mirrored
@@ -244,122 +278,21 @@ class HitPoints:
         found = np.full((bodies.size, 3), np.nan, order="F") if known is None else known
         sought = np.flatnonzero(np.isnan(found[:, 0]))
         if sought.size:
-            bodies, starts_m = bodies[sought], _of(starts_m, sought)
+            bodies, starts_m = bodies[sought], rows_of(starts_m, sought)
             points_m = take_rows(points_m, sought)
             reach_m = _LARGEST_COLOUR_ERROR * distances(points_m, starts_m) + _reach_m(
                 points_m, starts_m
             )
-            normal = self._hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)[1]
+            normal = self._surfaces.hit(bodies, starts_m, points_m - starts_m, points_m, reach_m)[1]
             found = found.copy("K")
             found[sought] = normal
         return np.asarray(found / norms(found)[:, None])
 
-    def _hit(
-        self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
-    ) -> tuple[Real, Real]:
-        """Distances along rays in lengths of their directions, (n,), and normals, (n, 3).
-
-        NaN where nothing is hit.
-        """
-        found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan, order="F")
-        known = np.flatnonzero((bodies > 0) & are_finite(near_m))
-        if not known.size:
-            return found, normals
-        poses, body = _distinct(bodies[known] - 1)
-        inverses, flat = self._inverses(poses)
-        turn, place_m = inverses[:, :3, :3], self._bodies.pose[poses][:, :3, 3]
-        stretch = np.linalg.norm(turn, ord=2, axis=(1, 2))
-        for mesh, part in self._meshes_of(self._bodies.shape[poses], flat):
-            kind = part[body]
-            here = np.flatnonzero(kind >= 0)
-            if not here.size:
-                continue
-            if np.any(np.diff(kind[here]) < 0):
-                # rays that follow one another are of one body then
-                here = here[np.argsort(kind[here], kind="stable")]
-            mine, each = known[here], body[here]
-            parts, reach = kind[here], reach_m[mine] * stretch[each]
-            # The mesh stays as it is, and the rays come into its space: so its shape stays exact.
-            way, normal = mesh.hit(
-                _of(origins_m, mine),
-                take_rows(directions, mine),
-                take_rows(near_m, mine),
-                reach,
-                parts,
-                Spaces(turn, place_m, each),
-            )
-            missed = np.bincount(parts, weights=np.isnan(way))
-            way[(missed > _MOST_MISSED * np.bincount(parts))[parts]] = np.nan
-            normal[np.isnan(way)] = np.nan
-            found[mine], normals[mine] = way, normal
-        return found, normals
-
-    def _inverses(self, bodies: Indices) -> tuple[Real, Mask]:
-        """Ways into the spaces of bodies, (n, 4, 4), and which of them have no volume, (n,)."""
-        poses = self._bodies.pose[bodies]
-        flat = np.abs(np.linalg.det(poses)) < np.finfo(np.float64).tiny
-        return np.linalg.inv(np.where(flat[:, None, None], np.eye(4), poses)), flat
-
-    def _meshes_of(self, shape: Indices, flat: Mask) -> list[tuple[TriangleMesh, Indices]]:
-        """Meshes of some bodies, and each body's part of the mesh; -1 for bodies of others.
-
-        Nothing is seen of the `flat` ones.
-        """
-        numbers, place = np.unique(shape, return_inverse=True)
-        self._read(numbers.tolist())
-        of_shape = [self._meshes[self._bodies.snapshot.shapes[n]] for n in numbers.tolist()]
-        meshes = dict.fromkeys(one[0] for one in of_shape if one is not None)
-        found = []
-        for mesh in meshes:
-            parts = [one[1] if one is not None and one[0] is mesh else -1 for one in of_shape]
-            found.append((mesh, np.where(flat, -1, np.array(parts)[place])))
-        return found
-
-    def _read(self, numbers: list[int]) -> None:
-        """Read meshes of shapes that are not known yet; the small ones become parts of one."""
-        snapshot = self._bodies.snapshot
-        small: list[tuple[Shape, Real, NDArray[np.int32]]] = []
-        for shape in (snapshot.shapes[number] for number in numbers):
-            if shape in self._meshes:
-                continue
-            self._meshes[shape] = None
-            with snapshot.mesh(shape) as mesh:
-                if mesh is None:
-                    continue
-                vertices, triangles = read_triangles(mesh)
-            vertices_m = vertices.astype(np.float64) * self._units
-            if len(triangles) > _SMALL_MESH:
-                self._meshes[shape] = TriangleMesh(vertices_m, triangles), 0
-            else:
-                small.append((shape, vertices_m, triangles))
-        if small:
-            shapes, vertices_of, triangles_of = zip(*small, strict=True)
-            before = np.cumsum([0, *map(len, vertices_of)])
-            joined = TriangleMesh(
-                np.concatenate(vertices_of),
-                np.concatenate([own + n for own, n in zip(triangles_of, before, strict=False)]),
-                np.repeat(np.arange(len(small)), [len(own) for own in triangles_of]),
-            )
-            self._meshes.update({shape: (joined, n) for n, shape in enumerate(shapes)})
-
-
-def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
-    """Return the different ones of small numbers, and the place of each among them, (n,)."""
-    there = np.flatnonzero(np.bincount(numbers))
-    place = np.zeros(int(there[-1]) + 1, dtype=np.intp)
-    place[there] = np.arange(there.size)
-    return there, place[numbers]
-
-
-def _of(origins_m: Real, rows: Indices) -> Real:
-    """Where the rays of these rows start, of one place for all, (3,), or of one each, (n, 3)."""
-    return origins_m if origins_m.ndim == 1 else origins_m[rows]
-
 
 def _put(column: NDArray[Any], rows: Indices, values: NDArray[Any], where: Mask) -> None:
     """Set a column of these rows where told."""
-    if rows.size == len(column) and where.all():
-        column[...] = values
+    if where.all() and rows[-1] - rows[0] == rows.size - 1:  # numbers that rise
+        column[rows[0] : rows[-1] + 1] = values
     else:
         column[rows[where]] = values[where]
 

@@ -28,10 +28,11 @@ from ..scene import ground_truth as ground_truth
 from ..scene import no_echo_findings
 from ..state import Shape
 from ..views import PathScene
+from .body_meshes import Meshes
 from .clutter_weights import ClutterWeights
 from .delayed_ways import ways_to_transmitter
 from .frame import FrameWork
-from .hit_points import HitPoints, Meshes
+from .hit_points import HitPoints
 from .materials_in_use import holds_foreign_materials, holds_rough_facets
 from .mirror_paths import MirrorPaths
 from .obstacles import BodyMesh

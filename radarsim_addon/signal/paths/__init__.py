@@ -20,7 +20,16 @@ from .paths import PathCounts, Paths, make_paths, path_power_w
 from .pixel_spacing import GridPlaces, Places, joined_places
 from .range_bins import power_of_range_bins
 from .replicates import edge_variances, lone_variances, replicate_offset_px
-from .rows import AnyRows, PathColumns, has_curved_images, has_images, scatterer_rows
+from .rows import (
+    AnyRows,
+    Columns,
+    PathColumns,
+    chosen_rows,
+    has_curved_images,
+    has_images,
+    read_columns,
+    scatterer_rows,
+)
 from .table import (
     COLUMN_GROUPS,
     CURVED_IMAGE_DTYPE,
@@ -55,6 +64,7 @@ __all__ = [
     "PATH_DTYPE",
     "PATH_FLAGS",
     "AnyRows",
+    "Columns",
     "Flags",
     "GridPlaces",
     "PathColumns",
@@ -71,6 +81,7 @@ __all__ = [
     "TableFootprints",
     "TriangleMesh",
     "channel_lengths",
+    "chosen_rows",
     "column_groups",
     "edge_variances",
     "frame_motion",
@@ -89,6 +100,7 @@ __all__ = [
     "planes_of",
     "power_of_range_bins",
     "radiance_of",
+    "read_columns",
     "read_paths_record",
     "replicate_offset_px",
     "scatterer_rows",

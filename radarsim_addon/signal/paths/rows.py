@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, overload
 
 import numpy as np
@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask
 from .table import PathRows
+
+#: Columns by name, those of vectors with contiguous components.
+Columns = Mapping[str, NDArray[Any]]
+#: Rows that are read at a time.
+_ROWS_AT_ONCE = 1 << 12
 
 
 class PathColumns:
@@ -46,8 +51,9 @@ class PathColumns:
             changed = {name: column[key] for name, column in self._columns.items()}
             return PathColumns(self._table, self._rows[key], changed)
         if key not in self._columns:
-            # vectors with contiguous components
-            self._columns[key] = self._table[key].T.take(self._rows, axis=-1).T
+            # Vectors with contiguous components. `take` would gather from the table a slow copy.
+            column = np.array(self._table[key].T, order="C")
+            self._columns[key] = column.take(self._rows, axis=-1).T
         return self._columns[key]
 
     def __setitem__(self, name: str, column: NDArray[Any]) -> None:
@@ -56,6 +62,52 @@ class PathColumns:
     def copy(self) -> PathColumns:
         """Return rows of which columns may be replaced."""
         return PathColumns(self._table, self._rows, self._columns)
+
+
+def read_columns(rows: PathRows, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+    """Return copies of some columns, of vectors with contiguous components.
+
+    Rows are long: all columns of a part are read while it is in the processor's cache.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+    names
+        Of the columns.
+
+    Returns
+    -------
+    dict
+        Column by name, (n,) or (n, 3).
+    """
+    kinds = [rows.dtype[name] for name in names]
+    found = [np.empty((*kind.shape, rows.size), kind.base) for kind in kinds]
+    for start in range(0, rows.size, _ROWS_AT_ONCE):
+        part = rows[start : start + _ROWS_AT_ONCE]
+        for name, column in zip(names, found, strict=True):
+            column[..., start : start + part.size] = part[name].T
+    return {name: column.T for name, column in zip(names, found, strict=True)}
+
+
+def chosen_rows(columns: Columns, rows: Indices) -> Columns:
+    """Return some rows of columns.
+
+    Parameters
+    ----------
+    columns
+        As from `read_columns`, of n rows.
+    rows
+        Numbers of different rows that rise, (m,).
+
+    Returns
+    -------
+    dict
+        Column by name, (m,) or (m, 3); those of all rows are the columns themselves.
+    """
+    if all(rows.size == len(column) for column in columns.values()):
+        return columns
+    return {name: column.T.take(rows, axis=-1).T for name, column in columns.items()}
 
 
 #: Rows that are read and not written to.

@@ -45,12 +45,12 @@ class CellLevel:
     def candidates(self, points: Real, part: Indices) -> tuple[Indices, Indices]:
         """Pairs of points and of triangles in the buckets of their cells, ordered by point."""
         bucket = self._bucket(np.floor(points.T / self.cell).astype(np.int64), part)
-        starts = self._starts[bucket]
-        count = self._starts[bucket + 1] - starts
+        starts = self._starts.take(bucket)
+        count = self._starts.take(bucket + 1) - starts
         total = np.cumsum(count)
         number = np.arange(total[-1] if total.size else 0)
         number += np.repeat(starts - total + count, count)
-        return np.repeat(np.arange(len(points)), count), self._triangles[number]
+        return np.repeat(np.arange(len(points)), count), self._triangles.take(number)
 
 
 def sorted_places(bucket: NDArray[np.int64], count: int) -> Indices:

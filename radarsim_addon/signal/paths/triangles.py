@@ -26,7 +26,7 @@ from ...vectors import crosses, dots, largest, norms, take_rows, turned
 from .triangle_cells import CellLevel
 
 #: Rays that are treated at once: a few megabytes of arrays.
-_BLOCK = 1 << 15
+_BLOCK = 1 << 14
 #: One ray of the first number looks for its triangle in the cells; one of each further number tries
 #: the triangles of the rays before.
 _EVERY = 64, 8, 1
@@ -174,44 +174,47 @@ class TriangleMesh:
         known, worthwhile = every[:: first if follow else 1], follow
         self._search(rays, best, known)
         for step in further if follow else ():
-            left = tried = every[::step][every[::step] % first > 0]
+            others = np.ones(every[::step].size, dtype=bool)
+            others[:: first // step] = False
+            left = tried = every[::step].compress(others)
+            triangles = best.triangle.take(known)
             for offset in (0, 1):
                 neighbour = np.minimum(left // first + offset, known.size - 1)
-                left = left[self._miss(rays, best, left, best.triangle[known[neighbour]])]
+                left = self._missed(rays, best, left, triangles.take(neighbour))
             self._search(rays, best, left)
             worthwhile = left.size <= (1 - _WORTHWHILE) * tried.size
             first, known = step, every[::step]
         return worthwhile
 
-    def _miss(self, rays: _Rays, best: _Best, chosen: Indices, triangles: Indices) -> Mask:
+    def _missed(self, rays: _Rays, best: _Best, chosen: Indices, triangles: Indices) -> Indices:
         """Try one triangle for each chosen ray; returns those that do not surely hit it."""
         outside, off_plane, way = self._intersect(rays, chosen, triangles)
         with np.errstate(invalid="ignore"):
-            hit = (outside == 0) & (off_plane <= _SURE * rays.reach[chosen])
+            hit = (outside == 0) & (off_plane <= _SURE * rays.reach.take(chosen))
         if self._count > 1:
-            hit &= self._part[triangles] == rays.part[chosen]
-        best.take(chosen[hit], way[hit], triangles[hit])
-        return np.asarray(~hit)
+            hit &= self._part.take(triangles) == rays.part.take(chosen)
+        best.take(chosen.compress(hit), way.compress(hit), triangles.compress(hit))
+        return chosen.compress(~hit)
 
     def _search(self, rays: _Rays, best: _Best, chosen: Indices) -> None:
         """Find what the chosen rays hit among the triangles in the cells of their points."""
         touched = np.zeros(len(rays.ahead), dtype=bool)
-        near, part = take_rows(rays.near, chosen), rays.part[chosen]
+        near, part = take_rows(rays.near, chosen), rays.part.take(chosen)
         places = near.T.astype(np.float32)
         for level in self._levels:
             points, triangles = self._candidates(level, near, part)
             for place, low, high in zip(places, *self._boxes, strict=True):
-                at = place[points]
-                inside = np.flatnonzero((at >= low[triangles]) & (at <= high[triangles]))
-                points, triangles = points[inside], triangles[inside]
+                at = place.take(points)
+                inside = (at >= low.take(triangles)) & (at <= high.take(triangles))
+                points, triangles = points.compress(inside), triangles.compress(inside)
             if not points.size:
                 continue
-            points = chosen[points]
+            points = chosen.take(points)
             outside, off_plane, way = self._intersect(rays, points, triangles)
             # A ray that meets a triangle beats one that passes by it. Of triangles that it meets,
             # in two sheets of a wall, it is the one in whose plane the point lies; where the point
             # does not tell, the first one.
-            most = rays.reach[points]
+            most = rays.reach.take(points)
             cost = outside + _PLANE_COUNTS * np.maximum(off_plane, _SURE * most)
             cost += _WAY_COUNTS * most * np.arctan(way / most)
             cost[~((outside <= most) & (off_plane <= most))] = np.inf
@@ -317,13 +320,14 @@ class _Rays:
         space: tuple[Real, Real] | None,
     ) -> _Rays:
         """Make rays of any directions from origins, (n, 3) or (3,)."""
-        directions, near = np.asfortranarray(directions), np.asfortranarray(near)
         # From the foot on all numbers are small, and what rounding a pose's inverse does to the
         # place of all points alike has no arm to act on.
         away = near - origins
         ahead = dots(away, directions) / dots(directions, directions)
         start = ahead[:, None] * directions - away
-        if space is not None:
+        if space is None:
+            near = np.asfortranarray(near)
+        else:
             turn, place = space
             near = turned(turn, (near - place).T).T
             start, directions = turned(turn, start.T).T, turned(turn, directions.T).T

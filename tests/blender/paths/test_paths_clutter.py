@@ -25,7 +25,8 @@ from radarsim_addon.blender.materials import (
 )
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
 from radarsim_addon.blender.nodes.clutter_lobe import table_angles_rad
-from radarsim_addon.blender.paths.hit_points import HitPoints, Normals
+from radarsim_addon.blender.paths.body_meshes import BodyMeshes
+from radarsim_addon.blender.paths.hit_points import Normals
 from radarsim_addon.blender.paths.surface_lobes import ClutterLobe
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.clutter import clutter_model
@@ -152,16 +153,16 @@ def test_normals_are_those_that_hit_points_were_moved_along(tmp_path: Path) -> N
     asked = {"width_px": 32, "height_px": 32, "options": options,
              "waveform": rs.Waveform(77e9, 150e6, 2.5e-6, 180e6)}  # fmt: skip
     looked_for: list[int] = []
-    hit = HitPoints._hit
+    hit = BodyMeshes.hit
 
-    def count(self: HitPoints, bodies: Any, *rays: Any) -> Any:
+    def count(self: BodyMeshes, bodies: Any, *rays: Any) -> Any:
         looked_for[-1] += int((bodies > 0).sum())
         return hit(self, bodies, *rays)
 
     rows = []
     for number, add in enumerate((Normals.add, lambda *_: None)):
         looked_for.append(0)
-        with mock.patch.object(HitPoints, "_hit", count), mock.patch.object(Normals, "add", add):
+        with mock.patch.object(BodyMeshes, "hit", count), mock.patch.object(Normals, "add", add):
             rows.append(ph.run_paths(tmp_path / str(number), **asked).table())
     np.testing.assert_array_equal(rows[0]["order"], rows[1]["order"])
     np.testing.assert_allclose(rows[0]["power_w"], rows[1]["power_w"], rtol=1e-6)
