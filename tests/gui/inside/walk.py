@@ -28,6 +28,7 @@ def load(name: str) -> Any:
 
 robot_module = load("robot")
 snapshot_module = load("snapshot")
+scene_module = load("walk_scene")
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 RINGS = 12
@@ -36,46 +37,10 @@ PROCESS = "RADARSIM_OT_process_last_run"
 IMAGES = "IMAGE_EDITOR"
 
 
-def add_objects() -> list[Any]:
-    """Beside the factory scene's cube: a floor, a wall behind, a target that moves."""
-    ops = bpy.ops.mesh
-    made = []
-    ops.primitive_plane_add(size=80.0, location=(0.0, 30.0, -2.0))
-    made.append(bpy.context.object)
-    ops.primitive_cube_add(size=4.0, location=(-6.0, 45.0, 0.5))
-    made.append(bpy.context.object)
-    ops.primitive_uv_sphere_add(radius=1.5, location=(5.0, 25.0, 0.0))
-    target = bpy.context.object
-    target.keyframe_insert("location", frame=1)
-    target.location.y += 10.0
-    target.keyframe_insert("location", frame=25)
-    # At 24 frames a second: 10 m/s, receding.
-    for curve in target.animation_data.action.fcurves:
-        for key in curve.keyframe_points:
-            key.interpolation = "LINEAR"
-        curve.extrapolation = "LINEAR"
-    made.append(target)
-    cube = bpy.data.objects["Cube"]
-    cube.location = (-4.0, 18.0, 0.0)
-    made.append(cube)
-    bpy.context.scene.frame_set(1)
-    return made
-
-
-def files(folder: Path) -> list[str]:
-    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-
-
-def select(items: list[Any]) -> None:
-    for item in bpy.context.view_layer.objects:
-        item.select_set(item in items)
-    bpy.context.view_layer.objects.active = items[0]
-
-
 def script(robot: Any) -> Any:
     result = robot.result
     scene = bpy.context.scene
-    objects = add_objects()
+    objects = scene_module.add_objects()
     yield from robot.settle()
 
     # 1. The tab.
@@ -103,7 +68,7 @@ def script(robot: Any) -> Any:
     yield from robot.settle()
 
     # 3. The material, to all that was selected.
-    select(objects)
+    scene_module.select(objects)
     yield 0.3
     yield from robot.click("radarsim.assign_material")
     yield from robot.settle()
@@ -179,7 +144,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield from robot.settle()
     result["first"] = robot.stop_watching() | {
-        "files": files(first),
+        "files": scene_module.files(first),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
     yield from robot.shot("06_done")
@@ -198,7 +163,7 @@ def script(robot: Any) -> Any:
     yield from robot.settle()
     stopped = {str(p.relative_to(second)): p.stat().st_mtime_ns for p in second.rglob("*.exr")}
     result["stopped"] = {
-        "files": files(second),
+        "files": scene_module.files(second),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
     yield from robot.shot("07_cancelled")
@@ -210,7 +175,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield from robot.settle()
     result["continued"] = {
-        "files": files(second),
+        "files": scene_module.files(second),
         "rendered_again": [
             name for name, when in stopped.items() if (second / name).stat().st_mtime_ns != when
         ],
@@ -246,7 +211,7 @@ def script(robot: Any) -> Any:
     robot.press("Escape")
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 120)
     result["stopped_paths"] = {
-        "files": files(stopped_paths),
+        "files": scene_module.files(stopped_paths),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
     settings.width_px = settings.height_px = 128
@@ -262,7 +227,7 @@ def script(robot: Any) -> Any:
     yield from robot.settle()
     yield from robot.shot("07_paths")
     result["paths"] = {
-        "files": files(third),
+        "files": scene_module.files(third),
         "changed": snapshot_module.differences(before, snapshot_module.snapshot(scene)),
     }
     settings.sampling_mode = "rings"
@@ -285,7 +250,7 @@ def script(robot: Any) -> Any:
     yield from robot.wait(
         lambda: sum("radarsim_pattern" in item for item in bpy.data.objects) == 2, "patterns", 20
     )
-    select(objects[:1])
+    scene_module.select(objects[:1])
     properties = next(a for a in robot.window.screen.areas if a.type == "PROPERTIES")
     # With EEVEE, software OpenGL compiles the material for its icon, which takes a minute. The
     # engine stays: to set it while Cycles draws an icon blocks Blender for good.
@@ -342,7 +307,7 @@ def script(robot: Any) -> Any:
             bpy.ops.image.view_all(fit_view=True)
         yield from robot.settle()
         yield from robot.shot(f"09_image_{number}")
-    result["products"] = files(second)
+    result["products"] = scene_module.files(second)
 
     # 9. Results of paths: a target of the list, its paths; settings that process again.
     # An Image Editor to the left of the view, in place of the window that covers all.
@@ -375,7 +340,7 @@ def script(robot: Any) -> Any:
     yield from robot.settle()
     target = shown.rows[0].name
     result["target"] = [target, bpy.context.view_layer.objects.active.name]
-    select(objects[2:3])  # the sphere: Blender tells of the new active object
+    scene_module.select(objects[2:3])  # the sphere: Blender tells of the new active object
     yield from robot.wait(lambda: shown.rows[shown.row].name == objects[2].name, "its row", 10)
     yield from robot.settle()
     yield from robot.shot("10_targets")

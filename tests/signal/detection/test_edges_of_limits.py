@@ -4,9 +4,17 @@
 import numpy as np
 import pytest
 
-from radarsim_addon.signal import Burst, FmcwWaveform, Radar, SteppedWaveform, Waveform
+from radarsim_addon.signal import (
+    Burst,
+    FmcwWaveform,
+    PhaseCodedPulse,
+    Radar,
+    SteppedWaveform,
+    Waveform,
+    make_paths,
+)
 from radarsim_addon.signal.detection import find_edges
-from radarsim_addon.signal.maps import ProfileAccumulator
+from radarsim_addon.signal.maps import ProfileAccumulator, expected_power_profile
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 
@@ -54,3 +62,14 @@ def test_peaks_four_resolutions_apart_are_found(waveform: AnyWaveform, level_db:
         found = find_edges(profiles(waveform, places, [1.0, 10 ** (level_db / 10)]).result())
         peaks = sorted(edge.peak_range_m for edge in found)
         assert peaks == pytest.approx(sorted(places), abs=waveform.sample_spacing_m / 2)
+
+
+def test_rounding_and_code_sidelobes_are_no_leading_edges() -> None:
+    radar = Radar(PhaseCodedPulse(5.3e9, 1e-7, 13), Burst(2000.0, 64))
+    paths = make_paths(1.0, 2000.0)
+    profile = expected_power_profile(paths, radar, range_limits_m=(0.0, 8000.0))
+    edges = find_edges(profile)
+    assert [round(edge.peak_range_m) for edge in edges] == [1001]  # nothing of the code's sidelobes
+    with_far = make_paths(np.array([1.0, 1e-8]), np.array([2000.0, 12e3]))
+    profile = expected_power_profile(with_far, radar, range_limits_m=(0.0, 8000.0))
+    assert sorted(round(edge.peak_range_m / 10) for edge in find_edges(profile)) == [100, 600]

@@ -16,7 +16,6 @@ from radarsim_addon.signal import (
     Burst,
     Cfar,
     FmcwWaveform,
-    PhaseCodedPulse,
     Radar,
     RangeDopplerMap,
     Receiver,
@@ -33,7 +32,7 @@ from radarsim_addon.signal import (
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, find_edges, target_count
+from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, target_count
 from radarsim_addon.signal.maps import expected_power_profile, range_process
 from radarsim_addon.signal.pictures import MapFile, animate_maps, common_scale, decimals_for, fixed
 from radarsim_addon.signal.pictures.cells import cell_axis, strongest
@@ -170,17 +169,6 @@ def test_of_targets_side_by_side_the_stronger_is_labelled(plain_map: RangeDopple
     assert foremost(plain_map, [], [*block, detection(600.0, 0.0, -70.0)]) == [
         block[0], detection(600.0, 0.0, -70.0),
     ]  # fmt: skip
-
-
-def test_rounding_and_code_sidelobes_are_no_leading_edges() -> None:
-    radar = Radar(PhaseCodedPulse(5.3e9, 1e-7, 13), Burst(2000.0, 64))
-    paths = make_paths(1.0, 2000.0)
-    profile = expected_power_profile(paths, radar, range_limits_m=(0.0, 8000.0))
-    edges = find_edges(profile)
-    assert [round(edge.peak_range_m) for edge in edges] == [1001]  # nothing of the code's sidelobes
-    with_far = make_paths(np.array([1.0, 1e-8]), np.array([2000.0, 12e3]))
-    profile = expected_power_profile(with_far, radar, range_limits_m=(0.0, 8000.0))
-    assert sorted(round(edge.peak_range_m / 10) for edge in find_edges(profile)) == [100, 600]
 
 
 def test_many_targets_have_small_marks(plain_map: RangeDopplerMap) -> None:

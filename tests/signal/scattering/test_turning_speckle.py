@@ -21,7 +21,7 @@ from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import RadarFrame, open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
 from tests.signal import path_runs as pr
-from tests.signal.scattering.test_surface_speckle import WAVELENGTH_M, WAVENUMBER, scene
+from tests.signal.scattering.speckle_scenes import WAVELENGTH_M, WAVENUMBER, scene
 
 
 def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, RadarFrame, Paths]:
