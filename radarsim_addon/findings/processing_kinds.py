@@ -52,8 +52,8 @@ PROCESSING = {
         "The file holds the RMS heights, clutter models, fluctuations and collections of the "
         "objects. Without it, every surface has the speckle of a rough one, and sea, land and "
         "fluctuating objects echo like stationary surfaces.",
-        "Put the file back, or render the frame again. If no object has one of these properties, "
-        "the echoes are the same.",
+        "Put the file back, or render the run again: it writes the file. If no object has one of "
+        "these properties, the echoes are the same.",
     ),
     "weather-attenuates": Kind(
         "info",

@@ -15,11 +15,8 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from ... import contract
-from ...errors import RadarSimError, SchemaError
+from ...errors import RadarSimError
 from ...findings import Finding, finding
-from ...motion_record import MotionRecord
-from ...sidecar import file_sha256, read_record
-from ...signal.motion import read_still_bodies
 from ..materials import Interiors, found_inside, marked_mirrors
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
@@ -39,6 +36,7 @@ from .obstacles import BodyMesh
 from .still_frames import StillFrames
 from .tile_checkpoints import TileCheckpoints
 from .view_tracer import PathRun, PathTask, ViewTracer
+from .whole_renders import render_is_whole
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
@@ -206,19 +204,7 @@ class PathJob(MeasurementJob):
         return all(self._render_is_done(frame, render) for render in renders)
 
     def _render_is_done(self, frame: int, render: int) -> bool:
-        folder = self.folder / contract.burst_dir(frame, render)
-        try:
-            record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
-            motion = read_record(folder / contract.MOTION_FILE, MotionRecord)
-            read_still_bodies(folder, motion)  # an error if they are not there
-            return (
-                file_sha256(folder / record.table_file) == record.table_sha256
-                and file_sha256(folder / contract.MOTION_FILE) == record.motion_sha256
-                # a longer burst than before is sampled again
-                and motion.duration_s >= self._span_s * (1 - 1e-9)
-            )
-        except (RadarSimError, SchemaError, OSError):
-            return False
+        return render_is_whole(self.folder, frame, render, self._span_s)
 
     # -- renders -----------------------------------------------------------------------------------
 

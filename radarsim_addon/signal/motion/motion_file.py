@@ -27,7 +27,7 @@ from ...errors import FrameFileError, SchemaError
 from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
-from .npz_files import plain_arrays
+from .npz_files import RENDER_AGAIN, plain_arrays
 from .still_bodies import read_still_bodies
 
 
@@ -286,12 +286,11 @@ def _read_tracks(path: Path, bodies: int) -> Tracks:
         )
         _check_tracks(tracks, bodies)
     except FileNotFoundError as error:
-        raise FrameFileError(f"{path} is missing. Render the frame again.") from error
+        raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
     # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
-            f"{path} cannot be read as points of deforming surfaces ({error}). Remove it and the "
-            "paths.json in its folder, and render the run again."
+            f"{path} cannot be read as points of deforming surfaces ({error}). {RENDER_AGAIN}"
         ) from error
     return tracks
 
@@ -365,7 +364,7 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
         place = folder / DEFORMING_SURFACES_FILE
         tracks = _read_tracks(place, count)
         if file_sha256(place) != record.deforming_surfaces_sha256:
-            raise SchemaError(f"{place} was changed since it was written. Render the frame again.")
+            raise SchemaError(f"{place} was changed, or belongs to another frame. {RENDER_AGAIN}")
     at_s = record.epoch_offset_s
     receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
     places = [f"{path}: {body.object}" for body in record.bodies]

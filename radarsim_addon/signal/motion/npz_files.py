@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy_format
 
+#: What to do about a file that is not as it was written, in whatever way. A render that is done
+#: again takes the frames that are whole as they are.
+RENDER_AGAIN = "Render the run again: it renders this frame and keeps the others."
 #: Largest size that the headers of a file may claim [bytes].
 _MAX_BYTES = 1 << 34
 

@@ -20,13 +20,9 @@ from ...contract import MOTION_FILE, STILL_BODIES_FILE
 from ...errors import FrameFileError, SchemaError
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256
-from .npz_files import plain_arrays
+from .npz_files import RENDER_AGAIN, plain_arrays
 
 Item = TypeVar("Item")
-
-#: The same for every way in which the file is not as it was written: a render that is done again
-#: takes the frames that are whole as they are.
-_REMEDY = "Render the run again: it renders this frame and keeps the others."
 
 _KINDS = {"number": "iu", "pose": "f", "object": "S", "instance": "S"}
 
@@ -113,11 +109,11 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
     if record.still_bodies_file != STILL_BODIES_FILE:
         raise SchemaError(
             f"{folder / MOTION_FILE} names the file {record.still_bodies_file!r} of stationary "
-            f"bodies; expected {STILL_BODIES_FILE!r}. {_REMEDY}"
+            f"bodies; expected {STILL_BODIES_FILE!r}. {RENDER_AGAIN}"
         )
     found = _read(path, len(record.bodies))
     if file_sha256(path) != record.still_bodies_sha256:
-        raise SchemaError(f"{path} was changed, or belongs to another frame. {_REMEDY}")
+        raise SchemaError(f"{path} was changed, or belongs to another frame. {RENDER_AGAIN}")
     return found
 
 
@@ -135,11 +131,11 @@ def _read(path: Path, others: int) -> StillBodies:
         )
         _check(found, others)
     except FileNotFoundError as error:
-        raise FrameFileError(f"{path} is missing. {_REMEDY}") from error
+        raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
     # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
-            f"{path} cannot be read as stationary bodies ({error}). {_REMEDY}"
+            f"{path} cannot be read as stationary bodies ({error}). {RENDER_AGAIN}"
         ) from error
     return found
 

@@ -108,10 +108,13 @@ def test_a_frame_without_its_file_of_bodies_is_rendered_again(
     measured(tmp_path)
     field()
     assert measured(tmp_path).job.path_scene.renders == 0, "all is there"
-    (tmp_path / frame_dir(3) / STILL_BODIES_FILE).unlink()
-    field()
-    assert measured(tmp_path).job.path_scene.renders > 0
-    assert (tmp_path / frame_dir(3) / STILL_BODIES_FILE).exists()
+    path = tmp_path / frame_dir(3) / STILL_BODIES_FILE
+    whole = path.read_bytes()
+    for left in (None, whole[:-50], whole[:200] + b"?" + whole[201:]):
+        path.unlink() if left is None else path.write_bytes(left)
+        field()
+        assert measured(tmp_path).job.path_scene.renders > 0
+        assert path.read_bytes() == whole
 
 
 def test_frames_without_motion_have_the_file_too(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+from radarsim_addon import contract
 from radarsim_addon.contract import MOTION_FILE, frame_dir
 from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
@@ -185,6 +186,34 @@ def test_deforming_meshes(tmp_path: Path, kind: str) -> None:
     ahead = paths.lengths.lengths_m(np.array([step_s]), slice(None))[:, 0]
     slope = (ahead - rows["length_m"]) / (2 * step_s)
     np.testing.assert_allclose(rows["range_rate_mps"], slope, atol=2e-3)
+
+
+def test_a_frame_whose_files_are_not_whole_is_rendered_again(tmp_path: Path) -> None:
+    """As the errors of these files advise; whole frames are kept."""
+
+    def rendered() -> int:
+        mh.scene_at(20.0, 2.6)
+        plate = _grid("Plate", 12, 2.0)
+        plate.location = (0, 20, 0)
+        _shape_keys(plate)
+        return int(mh.measured(tmp_path, CARRIER_HZ, BURST)[2].job.path_scene.renders)
+
+    assert rendered() > 0
+    folder = tmp_path / contract.frame_dir(1)
+    for name in (contract.DEFORMING_SURFACES_FILE, contract.MOTION_FILE, contract.PATHS_TABLE):
+        assert rendered() == 0
+        path = folder / name
+        whole = path.read_bytes()
+        path.unlink()
+        assert rendered() > 0, name
+        assert path.read_bytes() == whole
+        path.write_bytes(whole[:-20])
+        assert rendered() > 0, name
+    truth = folder / contract.GROUND_TRUTH_FILE
+    whole = truth.read_bytes()
+    truth.unlink()
+    assert rendered() == 0, "nothing to render for it"
+    assert truth.read_bytes() == whole
 
 
 @pytest.mark.parametrize("units_per_m", [100.0, 0.1])

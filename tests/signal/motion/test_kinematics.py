@@ -321,13 +321,15 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
     npz = tmp_path / contract.DEFORMING_SURFACES_FILE
     data = npz.read_bytes()
     npz.write_bytes(data[:-100])
-    with pytest.raises(FrameFileError, match="cannot be read as points"):
+    with pytest.raises(
+        FrameFileError, match=r"cannot be read as points.*\. Render the run again: "
+    ):
         read_motion(tmp_path, 1, digest)
     npz.unlink()
-    with pytest.raises(FrameFileError, match="is missing"):
+    with pytest.raises(FrameFileError, match=r"is missing\. Render the run again: "):
         read_motion(tmp_path, 1, digest)
     write_tracks(tmp_path, dataclasses.replace(tracks(), weights=np.zeros((1, 3))))
-    with pytest.raises(SchemaError, match="was changed"):
+    with pytest.raises(SchemaError, match=r"was changed, or .*frame\. Render the run again: "):
         read_motion(tmp_path, 1, digest)
     write_tracks(tmp_path, dataclasses.replace(tracks(), vertices=np.array([[0, 1, 7]], np.int32)))
     with pytest.raises(FrameFileError, match="vertices up to 7"):
