@@ -207,7 +207,11 @@ class HitPoints:
         transmitter_m: Real,
         normals: Normals,
     ) -> None:
-        """Orders above 1: the first vertex along its ray, the last one along the last segment."""
+        """Orders above 1: the first vertex along its ray, the last one along the face's normal.
+
+        The transmitter's ray through the last vertex tells which face it is on. Along that ray the
+        vertex would be off by its error over the cosine of incidence.
+        """
         needed = np.flatnonzero(
             _LARGEST_SIGMAS * read["length_sigma_m"][chosen] > self._tolerance_m
         )
@@ -232,7 +236,10 @@ class HitPoints:
         )
         normals.add(chosen, normal, last)
         lit = np.isfinite(share)
-        last_m = np.where(lit[:, None], transmitter_m + share[:, None] * segment_m, last_m)
+        with np.errstate(invalid="ignore"):
+            last /= norms(last)[:, None]
+            off_m = dots((share - 1)[:, None] * segment_m, last)
+            last_m = np.where(lit[:, None], last_m + off_m[:, None] * last, last_m)
         # Where the first surface is a mirror, its ray tells the second vertex better.
         two = seen & lit & (mine["order"] == 2)
         within_m = _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
@@ -254,11 +261,11 @@ class HitPoints:
         far_m, near_m = norms(between_m), norms(back_m)
         length_m = way_m + far_m + near_m
         with np.errstate(divide="ignore", invalid="ignore"):
-            # how the length changes as the last vertex moves
-            slope = norms(between_m / far_m[:, None] + back_m / near_m[:, None])
-            sigma_m = np.where(
-                exact, _rounding_m(last_m, length_m), slope * _COLOUR_ERROR * mine["length_m"]
-            )
+            # how the length changes as the last vertex moves within its face
+            slope = between_m / far_m[:, None] + back_m / near_m[:, None]
+            slope -= dots(slope, last)[:, None] * last
+            sigma_m = norms(slope) * _COLOUR_ERROR * mine["length_m"]
+            sigma_m = np.where(exact, _rounding_m(last_m, length_m), sigma_m)
             # What a pane between the vertices delays, geometry cannot see.
             agrees_m = 2 * coloured_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
             known = two & self._opaque & (np.abs(length_m - mine["length_m"]) <= agrees_m)
