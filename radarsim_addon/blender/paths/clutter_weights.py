@@ -30,15 +30,9 @@ from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
 _ROWS_AT_ONCE = 16384
-#: Columns that are read.
-_READ = (
-    "order",
-    "first_scatterer_m",
-    "last_scatterer_m",
-    "direction",
-    "last_body",
-    "first_body",
-)
+#: Columns that are read, and those besides where there are several reflections.
+_READ = "order", "last_scatterer_m", "direction", "last_body"
+_READ_OF_SEVERAL = "first_scatterer_m", "first_body"
 #: Rows of a frame from which the findings are told.
 _LOOKED_AT = 4096
 #: Error of sigma0 by the flat model above which it is told [dB].
@@ -112,7 +106,8 @@ class ClutterWeights:
             some = slice(start, start + _ROWS_AT_ONCE)
             part, ends = rows[some], [one[some] for one in known]
             read = read_columns(part, _READ)
-            if np.any(read["order"] > 1):  # else there is none
+            if np.any(read["order"] > 1):  # else both ends are one
+                read |= read_columns(part, _READ_OF_SEVERAL)
                 found = Normals(part.size)
                 found.add(np.arange(part.size), *ends)
                 self._mark_reverses_and_keep_coherent(part, found, origins_m[some])
@@ -136,9 +131,9 @@ class ClutterWeights:
         """Multiply powers of some rows, which have these columns, and normals at both ends."""
         clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
         orders, met = read["order"], self._of_body.take(read["last_body"]) > 0
-        if np.any(several := orders > 1):  # else both ends are one
+        if np.any(several := orders > 1):
             met[several] |= self._of_body.take(read["first_body"][several]) > 0
-        for order in (1, 2):
+        for order in (1, 2) if several.any() else (1,):
             part = np.flatnonzero((orders == order) & met)
             start_m = origin_m if origin_m.ndim == 1 else origin_m[part]
             # backscatter is exact
@@ -280,4 +275,6 @@ def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Findi
 
 
 def _unit(vectors: Real) -> Real:
-    return np.asarray(vectors / norms(vectors)[:, None])
+    """Make vectors of length 1, in their place."""
+    vectors /= norms(vectors)[:, None]
+    return vectors

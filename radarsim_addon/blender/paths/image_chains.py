@@ -11,7 +11,7 @@ import numpy as np
 from ... import contract
 from ...array_types import Indices, Mask, Real
 from ...physics.mirrors import MirrorMaterial
-from ...vectors import norms
+from ...vectors import norms, take_rows
 from .mirrors import Mirror
 from .obstacles import Obstacles
 
@@ -104,12 +104,12 @@ def ways_over(chain: ImageChain, points_m: Real) -> WaysOver:
         over_m, under_m = mirror.heights_m(at_m), mirror.heights_m(chain.places_m[number][None])
         above = np.flatnonzero(over_m > _LEAST_HEIGHT * norms(way_m))
         share = over_m[above] / (over_m[above] + under_m)
-        place_m = at_m[above] + share[:, None] * way_m[above]
+        place_m = take_rows(at_m, above) + share[:, None] * take_rows(way_m, above)
         triangle = mirror.triangle_at(place_m)
         there = np.flatnonzero(triangle >= 0)
         kept = above[there]
         met, triangles = [one[kept] for one in met], [one[kept] for one in triangles]
-        at_m = place_m[there]
+        at_m = take_rows(place_m, there)
         rows = rows[kept]
         met.append(at_m)
         triangles.append(triangle[there])

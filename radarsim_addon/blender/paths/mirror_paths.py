@@ -18,8 +18,16 @@ from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ...signal.motion import PathImages
-from ...signal.paths import CURVED_IMAGE_DTYPE, IMAGE_DTYPE, PATH_DTYPE, PathFlag, PathRows
-from ...vectors import are_finite, crosses, distances, norms
+from ...signal.paths import (
+    CURVED_IMAGE_DTYPE,
+    IMAGE_DTYPE,
+    PATH_DTYPE,
+    PathFlag,
+    PathRows,
+    read_columns,
+    widened,
+)
+from ...vectors import are_finite, crosses, distances, norms, take_rows
 from ..materials import clutter_of, lobe_width
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
@@ -273,15 +281,17 @@ class MirrorPaths:
             rows["transmitter_image"] = _AT_RECEIVER
             return rows, 0.0
         chain = self.images[image - 1]
-        rows = rows[are_finite(rows["last_scatterer_m"]) & (rows["flags"] & PathFlag.NO_RANGE == 0)]
-        ways = ways_over(chain, rows["last_scatterer_m"])
-        rows = rows[ways.rows]
+        read = read_columns(rows, ("last_scatterer_m", "flags", "last_body", "power_w"))
+        points_m = read["last_scatterer_m"]
+        ranged = np.flatnonzero(are_finite(points_m) & (read["flags"] & PathFlag.NO_RANGE == 0))
+        ways = ways_over(chain, take_rows(points_m, ranged))
+        met = ranged[ways.rows]
         blocked, through = find_blocked(
-            chain, ways, rows["last_scatterer_m"], rows["last_body"], self._obstacles
+            chain, ways, take_rows(points_m, met), read["last_body"][met], self._obstacles
         )
-        through_w = float(rows["power_w"][through].sum())
+        through_w = float(read["power_w"][met[through]].sum())
         free = ~(blocked | through)
-        rows = rows[free]
+        rows = rows[met[free]]
         power, phase_rad = reflection(chain, ways.of(free), self._polarisation, self._wavelength_m)
         rows["power_w"] *= power
         rows["mirror_phase_rad"] = -phase_rad  # echoes carry exp(+j w t)
@@ -294,9 +304,7 @@ class MirrorPaths:
         """Return rows with the columns of images, and with the point of each path that scatters
         once: its pixel.
         """
-        wide = np.zeros(rows.shape, dtype=self.dtype)
-        for name in rows.dtype.names or ():
-            wide[name] = rows[name]
+        wide = widened(rows, self.dtype)
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= rows["flags"] & PathFlag.NO_RANGE == 0
         if 0 < image <= len(self.images):

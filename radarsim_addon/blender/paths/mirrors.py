@@ -83,8 +83,9 @@ class Mirror:
             if area == 0:
                 continue
             inside = found < 0
-            inside &= np.all(points >= np.min((a, b, c), axis=0) - _EDGE, axis=1)
-            inside &= np.all(points <= np.max((a, b, c), axis=0) + _EDGE, axis=1)
+            low, high = np.min((a, b, c), axis=0) - _EDGE, np.max((a, b, c), axis=0) + _EDGE
+            for at, least, most in zip(points.T, low, high, strict=True):
+                inside &= (at >= least) & (at <= most)
             for one, other in ((a, b), (b, c), (c, a)):
                 inside &= _area(other - one, points - one) / area >= -_EDGE
             found[inside] = number

@@ -19,7 +19,7 @@ import numpy as np
 from ...array_types import Mask, Real
 from ...contract import ReceiverRecord
 from ...signal.motion import PathImages
-from ...signal.paths import PathRows, has_curved_images, planes_of
+from ...signal.paths import PathRows, has_curved_images, planes_of, read_columns
 from ...vectors import distances, dots, norms
 
 #: Distance of the antennas over that of a scatterer up to which both ways are one.
@@ -41,16 +41,17 @@ def add_reverse_paths(
     transmitter. Points without a direct path become 0. Paths of more than `reflections` are left
     out.
     """
-    direct = np.flatnonzero((rows["point"] > 0) & (rows["transmitter_image"] == 0))
-    over = np.flatnonzero((rows["point"] > 0) & (rows["transmitter_image"] != 0))
-    order = np.argsort(rows["point"][direct], kind="stable")
-    direct = direct[order]
-    points = rows["point"][direct]
-    place = np.minimum(np.searchsorted(points, rows["point"][over]), max(points.size - 1, 0))
+    read = read_columns(rows, ("point", "transmitter_image", "last_body"))
+    point, body, to_image = read["point"], read["last_body"], read["transmitter_image"]
+    direct = np.flatnonzero((point > 0) & (to_image == 0))
+    over = np.flatnonzero((point > 0) & (to_image != 0))
+    direct = direct[np.argsort(point[direct], kind="stable")]
+    points = point[direct]
+    place = np.minimum(np.searchsorted(points, point[over]), max(points.size - 1, 0))
     paired = np.zeros(over.size, dtype=bool)
     if points.size:
-        paired = points[place] == rows["point"][over]
-        paired &= rows["last_body"][direct[place]] == rows["last_body"][over]
+        paired = points[place] == point[over]
+        paired &= body[direct[place]] == body[over]
     rows["point"][over[~paired]] = 0
     over, base = over[paired], direct[place[paired]]
     both = [rows]
@@ -59,7 +60,7 @@ def add_reverse_paths(
         _come_back(back, back)
         back["transmitter_image"] = 0
         both.append(measured(back, images, receiver_m, transmitter_m))
-    to_image = rows["transmitter_image"][over]
+    to_image = to_image[over]
     # numpy's own `unique` takes long for many numbers
     numbers = np.arange(to_image.min(initial=0), to_image.max(initial=0) + 1)
     for image in numbers.tolist() if reflections >= 3 else []:
@@ -97,9 +98,10 @@ def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m
     """Put lengths and directions of paths with one scattering into rows that are images' own."""
     numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
     over = images.of_paths(numbers, planes_of(rows))
-    point_m = rows["last_scatterer_m"]
-    rows["length_m"] = distances(point_m, over.places(0, receiver_m))
-    rows["length_m"] += distances(point_m, over.places(1, transmitter_m))
+    point_m = read_columns(rows, ("last_scatterer_m",))["last_scatterer_m"]
+    length_m = distances(point_m, over.places(0, receiver_m))
+    length_m += distances(point_m, over.places(1, transmitter_m))
+    rows["length_m"] = length_m
     direction = over.unfolded(0, point_m) - receiver_m
     rows["direction"] = direction / norms(direction)[:, None]
     return rows

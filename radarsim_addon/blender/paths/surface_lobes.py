@@ -51,7 +51,10 @@ def is_mirrored(sines: Sines, back: Real, onward: Real) -> Mask:
 
     `sines` are their products with the normal.
     """
-    return np.asarray(2 * sines[0] * sines[1] - dots(back, onward) >= _MIRRORED)
+    found = 2 * sines[0]
+    found *= sines[1]
+    found -= dots(back, onward)
+    return np.asarray(found >= _MIRRORED)
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,18 @@ class _Table:
 
         float32 is within 1e-4 dB of the same line in float64.
         """
-        angle = np.arcsin(np.minimum(sine, 1.0)) * (2 / np.pi * TABLE_WIDTH**3)
-        column = np.cbrt(angle.astype(np.float32)) + np.float32(0.5)
+        angle = np.minimum(sine, 1.0)
+        np.arcsin(angle, out=angle)
+        angle *= 2 / np.pi * TABLE_WIDTH**3
+        column = angle.astype(np.float32)
+        np.cbrt(column, out=column)
+        column += np.float32(0.5)
         left = column.astype(np.intp)
         levels, steps = self._steps
-        return np.asarray(levels.take(left) + (column - left.astype(np.float32)) * steps.take(left))
+        column -= np.trunc(column)
+        column *= steps.take(left)
+        column += levels.take(left)
+        return column
 
     def sigma0(self, sine: Real) -> Real:
         """At sines of grazing angles."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...array_types import Indices, Mask, Real
 from ...vectors import are_finite, distances, dots, largest
-from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows
+from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows, write_columns
 from .cameras import PixelRays
 
 #: Rounding of one float32 operation, relative (one standard deviation).
@@ -207,17 +207,24 @@ def assemble_rows(
         flags[np.abs(pixels.mixing - 1) > MIXED_TOLERANCE] |= PathFlag.MIXED
 
     rows = np.zeros(pixels.amplitude.size, dtype=PATH_DTYPE) if into is None else into
-    rows["power_w"] = pixels.amplitude * solid_angle_sr * shared.effective_area_m2
     measured = known | (flags & PathFlag.ENCODED_LENGTH == 0)
-    rows["length_m"] = np.where(measured, found.length_m, 0.0)
-    rows["length_sigma_m"] = found.sigma_m
-    rows["order"], rows["transparent_depth"] = pixels.order, pixels.depth
-    rows["first_scatterer_m"], rows["last_scatterer_m"] = found.first_m, found.last_m
-    rows["direction"] = direction
-    rows["solid_angle_sr"] = solid_angle_sr
-    rows["last_object"], rows["first_object"] = pixels.object, pixels.first_object
-    rows["tile"], rows["replicate"] = shared.tile, shared.replicate
-    rows["flags"] = flags
+    columns = {
+        "power_w": pixels.amplitude * solid_angle_sr * shared.effective_area_m2,
+        "solid_angle_sr": solid_angle_sr,
+        "length_m": np.where(measured, found.length_m, 0.0),
+        "length_sigma_m": found.sigma_m,
+        "order": pixels.order,
+        "transparent_depth": pixels.depth,
+        "first_scatterer_m": found.first_m,
+        "last_scatterer_m": found.last_m,
+        "direction": direction,
+        "last_object": pixels.object,
+        "first_object": pixels.first_object,
+        "tile": shared.tile,
+        "replicate": shared.replicate,
+        "flags": flags,
+    }
+    write_columns(rows, columns)
     return rows
 
 

@@ -29,6 +29,8 @@ from .rows import (
     has_images,
     read_columns,
     scatterer_rows,
+    widened,
+    write_columns,
 )
 from .table import (
     COLUMN_GROUPS,
@@ -110,5 +112,7 @@ __all__ = [
     "unrendered_record",
     "usable",
     "views_by_replicate",
+    "widened",
+    "write_columns",
     "write_table",
 ]

@@ -14,7 +14,7 @@ from .table import PathRows
 
 #: Columns by name, those of vectors with contiguous components.
 Columns = Mapping[str, NDArray[Any]]
-#: Rows that are read at a time.
+#: Rows that are read or written at a time.
 _ROWS_AT_ONCE = 1 << 12
 
 
@@ -90,6 +90,23 @@ def read_columns(rows: PathRows, names: Sequence[str]) -> dict[str, NDArray[Any]
     return {name: column.T for name, column in zip(names, found, strict=True)}
 
 
+def write_columns(rows: PathRows, columns: Mapping[str, Any]) -> None:
+    """Set some columns, part by part as `read_columns` reads them.
+
+    Parameters
+    ----------
+    rows
+        (n,), which are changed.
+    columns
+        Values by column, (n,) or (n, 3), or one for all rows.
+    """
+    for start in range(0, rows.size, _ROWS_AT_ONCE):
+        some = slice(start, start + _ROWS_AT_ONCE)
+        part = rows[some]
+        for name, values in columns.items():
+            part[name] = values[some] if np.ndim(values) else values
+
+
 def chosen_rows(columns: Columns, rows: Indices) -> Columns:
     """Return some rows of columns.
 
@@ -108,6 +125,37 @@ def chosen_rows(columns: Columns, rows: Indices) -> Columns:
     if all(rows.size == len(column) for column in columns.values()):
         return columns
     return {name: column.T.take(rows, axis=-1).T for name, column in columns.items()}
+
+
+def widened(rows: PathRows, dtype: np.dtype[np.void]) -> PathRows:
+    """Return rows of a type with more columns, which are 0, behind those that they have.
+
+    Parameters
+    ----------
+    rows
+        (n,).
+    dtype
+        Its first columns are those of the rows.
+
+    Returns
+    -------
+    ndarray
+        (n,).
+
+    Raises
+    ------
+    ValueError
+        The type begins with other columns.
+    """
+    if dtype.descr[: len(rows.dtype.descr)] != rows.dtype.descr:
+        raise ValueError("A wider row must begin with the same columns.")
+    # each row as one piece: column by column takes ten times as long
+    piece = np.dtype(
+        {"names": ["own"], "formats": [rows.dtype], "offsets": [0], "itemsize": dtype.itemsize}
+    )
+    wide = np.zeros(rows.shape, dtype=dtype)
+    wide.view(piece)["own"] = rows
+    return wide
 
 
 #: Rows that are read and not written to.
