@@ -147,6 +147,9 @@ class PathJob(MeasurementJob):
             )
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()
+            options = self.options
+            if options.max_reflections == 1 and self.deterministic:
+                self.path_scene.join_looks(options.replicates)
             self._still = StillFrames(self.folder, self.path_scene.own_names)
             self._restores.append(self._still.restore)
         except BaseException:
