@@ -24,6 +24,8 @@ from .window import ViewWindow
 #: A part of the field of view, and by what fraction of a pixel a look at it is moved.
 Look = tuple[ViewWindow, tuple[float, float]]
 
+#: Most looks that share a render: Blender keeps the passes of all.
+MOST_TOGETHER = 16
 _NAME = "radarsim view (temporary)"
 _VIEW = "radarsim"
 

@@ -24,7 +24,7 @@ from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
-from .joint_render import JointRender, Look
+from .joint_render import MOST_TOGETHER, JointRender, Look
 from .pass_files import read_views
 from .requests import PathClass, Region, RenderRequest, View
 from .vertex_marks import add_vertex_marks
@@ -211,11 +211,12 @@ class PathScene:
         return aim(data, self.kind, edges, *self._canvas, self._units)
 
     def join_looks(self, count: int) -> None:
-        """Let so many looks share a render where their paths do not depend on the seed.
+        """Let so many looks share a render where their paths, of one reflection, need no seed.
 
-        They are of one reflection. With a window, Blender makes the renders itself, one by one.
+        With a window, Blender makes the renders itself, one by one.
         """
-        if bpy.app.background and self.all_opaque and not self._world_encoding and count > 1:
+        certain = self.all_opaque and not self._world_encoding
+        if bpy.app.background and certain and 1 < count <= MOST_TOGETHER:
             self._joint = JointRender(self._recorder, self._scene, self._view, count)
 
     def look_together(self, window: ViewWindow, offsets_px: Sequence[tuple[float, float]]) -> None:

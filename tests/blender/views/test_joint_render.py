@@ -11,6 +11,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender.views.joint_render import MOST_TOGETHER
 from radarsim_addon.blender.views.view_scene import PathScene
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -121,3 +122,24 @@ def test_a_name_that_is_taken_costs_the_joint_render_alone(
     assert renders == 8
     for one, other in zip(together, alone, strict=True):
         assert one.tobytes() == other.tobytes()
+
+
+def test_replicates_beyond_the_most_have_renders_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blender would keep the passes of all."""
+    moving_plate()
+    _, renders = measured(tmp_path, monkeypatch, options={"replicates": MOST_TOGETHER + 1})
+    assert renders == 2 * (MOST_TOGETHER + 2)
+
+
+def test_refined_tiles_share_renders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each small part of a wide image, with the rows of single renders."""
+    moving_plate()
+    options = {"max_standard_error": 0.01, "max_refinement_level": 2, "tile_px": 32}
+    changes = {"options": options, "width_px": 132, "height_px": 32}
+    together, few = measured(tmp_path / "joint", monkeypatch, **changes)
+    alone, many = measured(tmp_path / "single", monkeypatch, joint=False, **changes)
+    assert few < 0.5 * many
+    for one, other in zip(together, alone, strict=True):
+        assert one.size and one.tobytes() == other.tobytes()
