@@ -62,7 +62,8 @@ def read_views(
                 raise RenderError(
                     f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
                 )
-            own.append(View(*(whole(passes[name][channel]) for channel in "RGB")))
+            red, green, blue = (whole(passes[name][channel]) for channel in "RGB")
+            own.append(View(red, green, blue))
         position = number = None
         if "Position" + end in passes:
             place = passes["Position" + end]

@@ -30,18 +30,20 @@ from .requests import PathClass, Region, RenderRequest, View
 from .vertex_marks import add_vertex_marks
 from .view_camera import ViewCamera
 from .view_setup import (
+    BOUNCES,
     ENCODING_ALL,
     ENCODING_RED_GREEN,
     LIGHT_GROUP,
     MARK_GROUP,
     add_encoding_world,
     add_passes,
+    keep_changing,
     number_objects,
     set_border,
+    set_format,
 )
 from .window import ViewWindow
 
-_BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
 _ONE_THREAD_BELOW_PX = 1 << 13
@@ -109,11 +111,11 @@ class PathScene:
     def apply(self) -> None:
         """Set everything; on failure restore all settings, then raise the error."""
         try:
-            self._keep_changing()
+            self._threads = keep_changing(self._recorder, self._scene)
             if self._view is None:
                 self._own_camera = ViewCamera(self._scene)
                 self._view = self._own_camera.item
-            self._set_format()
+            set_format(self._recorder, self._scene.render, self._folder / "view")
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
             for name in (
@@ -254,7 +256,7 @@ class PathScene:
         )
         self._set_surfaces(path_class)
         if path_class.order_max is not None:
-            for name in _BOUNCES:  # nothing beyond the path class is worth its time
+            for name in BOUNCES:  # nothing beyond the path class is worth its time
                 setattr(scene.cycles, name, path_class.order_max - 1)
         self._set_vertex_colours(request, vertex)
         scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
@@ -385,39 +387,3 @@ class PathScene:
         whole = np.zeros((height, width), dtype=np.float32)
         whole[region.top : region.bottom, region.left : region.right] = plane
         return whole
-
-    # -- setting up --------------------------------------------------------------------------------
-
-    def _keep_changing(self) -> None:
-        """Remember what changes from render to render."""
-        render = self._scene.render
-        mode = render.threads_mode
-        render.threads_mode = "FIXED"  # else `threads` is that of the machine
-        self._threads = (mode, render.threads)
-        kept = (
-            (self._scene.cycles, ("seed", *_BOUNCES)),
-            (render, ("resolution_x", "resolution_y", "threads")),
-        )
-        before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
-
-        def undo() -> None:
-            render.threads_mode = "FIXED"
-            for owner, name, value in before:
-                setattr(owner, name, value)
-            render.threads_mode = mode
-
-        # The recorder's own `set` leaves equal values alone, and so would not put these back.
-        self._recorder.on_restore("seed, bounces and size", undo)
-
-    def _set_format(self) -> None:
-        # The measuring settings remember the user's format; ours replaces theirs within it.
-        image, put = self._scene.render.image_settings, self._recorder.set
-        if hasattr(image, "media_type"):
-            put(image, "media_type", "MULTI_LAYER_IMAGE")
-        put(image, "file_format", "OPEN_EXR_MULTILAYER")
-        image.color_depth = "32"
-        put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
-        if hasattr(image, "use_exr_interleave"):
-            put(image, "use_exr_interleave", True)  # one part instead of one a pass: half the time
-        put(self._scene.render, "filepath", str(self._folder / "view"))
-        put(self._scene.render, "use_file_extension", True)
