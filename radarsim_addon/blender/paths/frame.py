@@ -17,7 +17,14 @@ from ... import contract
 from ...array_types import Mask, Real
 from ...findings import Finding, finding, merge
 from ...sidecar import file_sha256, write_record
-from ...signal.paths import PATH_DTYPE, PathRows, TableFile, column_groups, write_table
+from ...signal.paths import (
+    PATH_DTYPE,
+    PathRows,
+    TableFile,
+    column_groups,
+    replicate_offset_px,
+    write_table,
+)
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, PathOptions
 from ..views import ViewWindow
@@ -261,6 +268,9 @@ class FrameWork:
         waiting: list[tuple[PathRows, Real]] = []
         mirrored = self._dtype != PATH_DTYPE
         together = 1 if mirrored else views_together(new.tile.window)
+        if not mirrored:
+            offsets_px = [replicate_offset_px(number) for number in range(count)]
+            self._run.scene.look_together(new.tile.window, offsets_px)
         try:
             for replicate in range(count):
                 rows, origin_m, traced = yield from self._tracer.replicate_tasks(

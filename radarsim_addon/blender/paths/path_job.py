@@ -40,6 +40,8 @@ from .whole_renders import render_is_whole
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
+#: Images no wider than this are small ones, of which replicates share a render.
+_SMALL_PX = 128
 
 
 class PathJob(MeasurementJob):
@@ -147,6 +149,11 @@ class PathJob(MeasurementJob):
             )
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()
+            options = self.options
+            # tiles are small where the image is, or become so
+            small = self._measurement.width_px <= _SMALL_PX or options.refines
+            if options.max_reflections == 1 and self.deterministic and small:
+                self.path_scene.join_looks(options.replicates)
             self._still = StillFrames(self.folder, self.path_scene.own_names)
             self._restores.append(self._still.restore)
         except BaseException:

@@ -9,8 +9,8 @@ Where the materials do not carry the range encoding, a world volume does.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import shutil
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -24,23 +24,26 @@ from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
-from .pass_files import read_passes
+from .joint_render import MOST_TOGETHER, JointRender, Look
+from .pass_files import read_views
 from .requests import PathClass, Region, RenderRequest, View
 from .vertex_marks import add_vertex_marks
 from .view_camera import ViewCamera
 from .view_setup import (
+    BOUNCES,
     ENCODING_ALL,
     ENCODING_RED_GREEN,
     LIGHT_GROUP,
     MARK_GROUP,
     add_encoding_world,
     add_passes,
+    keep_changing,
     number_objects,
     set_border,
+    set_format,
 )
 from .window import ViewWindow
 
-_BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
 _ONE_THREAD_BELOW_PX = 1 << 13
@@ -98,6 +101,8 @@ class PathScene:
         self._small_in_a_row = 0
         self._request = RenderRequest(PathClass())
         self.lamps = ImageLamps(self._recorder, scene, transmitter)
+        self._joint: JointRender | None = None
+        self._look: Look | None = None
         self.objects: list[str] = []
         self.opaque: frozenset[int] = frozenset()
         self.hidden: frozenset[int] = frozenset()
@@ -106,11 +111,11 @@ class PathScene:
     def apply(self) -> None:
         """Set everything; on failure restore all settings, then raise the error."""
         try:
-            self._keep_changing()
+            self._threads = keep_changing(self._recorder, self._scene)
             if self._view is None:
                 self._own_camera = ViewCamera(self._scene)
                 self._view = self._own_camera.item
-            self._set_format()
+            set_format(self._recorder, self._scene.render, self._folder / "view")
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
             for name in (
@@ -145,7 +150,8 @@ class PathScene:
     @property
     def own_names(self) -> frozenset[str]:
         """Names of what changes from render to render: the camera and its data."""
-        return frozenset((self._view.name, self._view.data.name))
+        cameras = [self._view, *(self._joint.cameras if self._joint is not None else ())]
+        return frozenset(one.name for camera in cameras for one in (camera, camera.data))
 
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
@@ -164,6 +170,8 @@ class PathScene:
         Its rays belong to this pose: the receiver's own has other roundings, which count at poles.
         """
         self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
+        if self._joint is not None:
+            self._joint.plan([])
         return self._pose()
 
     def _pose(self) -> list[list[float]]:
@@ -181,17 +189,13 @@ class PathScene:
         seed of its own: with a common one Cycles would take the same random numbers in all views,
         and they would be no replicates of one another.
         """
-        data = self._view.data
+        self._look = window, offset_px
         self._scene.cycles.seed = seed
-        pixel_u, pixel_v = window.step_u, window.step_v
         self._size = (window.width_px, window.height_px)
         # A smaller view is the upper left corner of what Blender can render.
         across, down = (max(count, _LEAST_PX) for count in self._size)
         self._canvas = (across, down)
-        left = window.left + offset_px[0] * pixel_u
-        top = window.top + offset_px[1] * pixel_v
-        wanted = (left, left + across * pixel_u, top - down * pixel_v, top)
-        left, right, bottom, top = aim(data, self.kind, wanted, across, down, self._units)
+        left, right, bottom, top = self._aim(self._view.data, self._look)
         return contract.ReceiverRecord(
             kind=self.kind,
             matrix_world=self._pose(),
@@ -201,6 +205,31 @@ class PathScene:
             top=top,
             near_clip_m=NEAR_CLIP_UNITS * self._units,
         )
+
+    def _aim(self, data: Any, look: Look) -> tuple[float, float, float, float]:
+        """Aim a camera; return the edges that it really has."""
+        window, offset_px = look
+        edges = window.edges_of(offset_px, *self._canvas)
+        return aim(data, self.kind, edges, *self._canvas, self._units)
+
+    def join_looks(self, count: int) -> None:
+        """Let so many looks share a render where their paths, of one reflection, need no seed.
+
+        With a window, Blender makes the renders itself, one by one.
+        """
+        certain = self.all_opaque and not self._world_encoding
+        if bpy.app.background and certain and 1 < count <= MOST_TOGETHER:
+            self._joint = JointRender(self._recorder, self._scene, self._view, count)
+
+    def look_together(self, window: ViewWindow, offsets_px: Sequence[tuple[float, float]]) -> None:
+        """Say at what `look` will aim next, one after the other, for the same first request."""
+        small = window.width_px * window.height_px < _ONE_THREAD_BELOW_PX
+        if (
+            self._joint is not None
+            and small
+            and min(window.width_px, window.height_px) >= _LEAST_PX
+        ):
+            self._joint.plan([(window, offset_px) for offset_px in offsets_px])
 
     # -- one render --------------------------------------------------------------------------------
 
@@ -227,7 +256,7 @@ class PathScene:
         )
         self._set_surfaces(path_class)
         if path_class.order_max is not None:
-            for name in _BOUNCES:  # nothing beyond the path class is worth its time
+            for name in BOUNCES:  # nothing beyond the path class is worth its time
                 setattr(scene.cycles, name, path_class.order_max - 1)
         self._set_vertex_colours(request, vertex)
         scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
@@ -305,6 +334,16 @@ class PathScene:
         """Render and write the render passes (not for use in the UI); RenderError where Cycles
         failed.
         """
+        joint, whole = self._joint, self._request.region is None
+        if joint is not None and whole and joint.begins_at(self._look):
+            for camera, look in zip(joint.cameras, joint.looks, strict=True):
+                self._aim(camera.data, look)
+            with joint.entered():
+                self._render()
+        elif joint is None or not joint.has(self._look, self._request):
+            self._render()
+
+    def _render(self) -> None:
         try:
             result = bpy.ops.render.render(write_still=True, scene=self._scene.name)
         except RuntimeError as error:
@@ -318,36 +357,19 @@ class PathScene:
     def end(self) -> View:
         """Read what was rendered."""
         self.renders += 1
+        joint = self._joint
+        if joint is not None and joint.has(self._look, self._request):
+            return joint.take(self._look)
+        names = joint.names if joint is not None and joint.rendered else [""]
         groups = (LIGHT_GROUP, MARK_GROUP) if self._request.mark is not None else (LIGHT_GROUP,)
-        wanted = [f"Combined_{group}" for group in groups]
         path = self._folder / "view.exr"
-        # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
-        passes = read_passes(path, (*wanted, "Position", "Object Index", "IndexOB"))
+        views = read_views(path, [f"Combined_{group}" for group in groups], names, self._whole)
         with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
             path.unlink()
-        for name in wanted:
-            if name not in passes:
-                raise RenderError(
-                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
-                )
-        position = None
-        if "Position" in passes:
-            found = passes["Position"]
-            position = np.stack([self._whole(found[axis]) for axis in "XYZ"], axis=-1)
-        index = passes.get("Object Index") or passes.get("IndexOB")
-        number = None
-        if index is not None:
-            number = np.rint(self._whole(next(iter(index.values())))).astype(np.int32)
-            if position is not None:
-                position[number == 0] = np.nan  # nothing was hit
-        light, marks = self._light(passes[wanted[0]]), None
-        if self._request.mark is not None:
-            marks = self._light(passes[wanted[1]])
-        return dataclasses.replace(light, position=position, object_index=number, marks=marks)
-
-    def _light(self, channels: dict[str, Single]) -> View:
-        red, green, blue = (self._whole(channels[name]) for name in "RGB")
-        return View(red, green, blue)
+        if joint is None or not joint.rendered:
+            return views[0]
+        joint.keep(views, self._request)
+        return joint.take(self._look)
 
     def _whole(self, plane: Single) -> Single:
         """A channel over the whole view: 0 outside the region."""
@@ -365,39 +387,3 @@ class PathScene:
         whole = np.zeros((height, width), dtype=np.float32)
         whole[region.top : region.bottom, region.left : region.right] = plane
         return whole
-
-    # -- setting up --------------------------------------------------------------------------------
-
-    def _keep_changing(self) -> None:
-        """Remember what changes from render to render."""
-        render = self._scene.render
-        mode = render.threads_mode
-        render.threads_mode = "FIXED"  # else `threads` is that of the machine
-        self._threads = (mode, render.threads)
-        kept = (
-            (self._scene.cycles, ("seed", *_BOUNCES)),
-            (render, ("resolution_x", "resolution_y", "threads")),
-        )
-        before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
-
-        def undo() -> None:
-            render.threads_mode = "FIXED"
-            for owner, name, value in before:
-                setattr(owner, name, value)
-            render.threads_mode = mode
-
-        # The recorder's own `set` leaves equal values alone, and so would not put these back.
-        self._recorder.on_restore("seed, bounces and size", undo)
-
-    def _set_format(self) -> None:
-        # The measuring settings remember the user's format; ours replaces theirs within it.
-        image, put = self._scene.render.image_settings, self._recorder.set
-        if hasattr(image, "media_type"):
-            put(image, "media_type", "MULTI_LAYER_IMAGE")
-        put(image, "file_format", "OPEN_EXR_MULTILAYER")
-        image.color_depth = "32"
-        put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
-        if hasattr(image, "use_exr_interleave"):
-            put(image, "use_exr_interleave", True)  # one part instead of one a pass: half the time
-        put(self._scene.render, "filepath", str(self._folder / "view"))
-        put(self._scene.render, "use_file_extension", True)

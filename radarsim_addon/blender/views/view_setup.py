@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -19,6 +20,8 @@ from .requests import Region
 LIGHT_GROUP = "radarsim"
 MARK_GROUP = "radarsim_vertices"
 _WORLD = "radarsim range encoding (temporary)"
+#: Settings of Cycles for the number of reflections.
+BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 
 #: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
 ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
@@ -42,6 +45,43 @@ def set_border(render: Any, region: Region, width_px: int, height_px: int) -> No
     render.border_max_x = min((region.right + 0.25) / width_px, 1.0)
     render.border_min_y = (height_px - region.bottom + 0.25) / height_px
     render.border_max_y = min((height_px - region.top + 0.25) / height_px, 1.0)
+
+
+def keep_changing(recorder: SettingsRestorer, scene: Any) -> tuple[str, int]:
+    """Remember what changes from render to render; return the user's mode and number of threads."""
+    render = scene.render
+    mode = render.threads_mode
+    render.threads_mode = "FIXED"  # else `threads` is that of the machine
+    kept = (
+        (scene.cycles, ("seed", *BOUNCES)),
+        (render, ("resolution_x", "resolution_y", "threads")),
+    )
+    before = [(owner, name, getattr(owner, name)) for owner, names in kept for name in names]
+
+    def undo() -> None:
+        render.threads_mode = "FIXED"
+        for owner, name, value in before:
+            setattr(owner, name, value)
+        render.threads_mode = mode
+
+    # The recorder's own `set` leaves equal values alone, and so would not put these back.
+    recorder.on_restore("seed, bounces and size", undo)
+    return mode, render.threads
+
+
+def set_format(recorder: SettingsRestorer, render: Any, path: Path) -> None:
+    """Have renders written as multilayer EXR files that are read back at once."""
+    # The measuring settings remember the user's format; ours replaces theirs within it.
+    image, put = render.image_settings, recorder.set
+    if hasattr(image, "media_type"):
+        put(image, "media_type", "MULTI_LAYER_IMAGE")
+    put(image, "file_format", "OPEN_EXR_MULTILAYER")
+    image.color_depth = "32"
+    put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
+    if hasattr(image, "use_exr_interleave"):
+        put(image, "use_exr_interleave", True)  # one part instead of one a pass: half the time
+    put(render, "filepath", str(path))
+    put(render, "use_file_extension", True)
 
 
 def numbered_objects() -> list[Any]:

@@ -65,6 +65,16 @@ class ViewWindow:
         """Largest true step of a pixel."""
         return max(self.step_u * self.stretch, self.step_v)
 
+    def edges_of(
+        self, offset_px: tuple[float, float], across: int, down: int
+    ) -> tuple[float, float, float, float]:
+        """Return left, right, bottom and top of so many pixels from the upper left corner, moved by
+        fractions of a pixel.
+        """
+        left = self.left + offset_px[0] * self.step_u
+        top = self.top + offset_px[1] * self.step_v
+        return left, left + across * self.step_u, top - down * self.step_v, top
+
     def with_few_rays(self) -> ViewWindow:
         """Return the window with as many pixels as are enough for a sum."""
         rays = self.width_px * self.height_px
