@@ -35,7 +35,7 @@ from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distances
 from .rig import Rig
-from .triangles_about import triangles_about
+from .surface_triangles import triangles_about
 from .visibility import rendered_objects
 
 
@@ -163,10 +163,10 @@ def object_records(
     said_by = cache(_said_by_materials)
     for (row, distance), origin_m in zip(nearest, origins_m, strict=True):
         shape = snapshot.shapes[snapshot.layout.shape[row]]
-        label, ranges_m = snapshot.label(row), (distance * metres_per_unit, origin_m)
-        held_by = collections.get(shape.original.name_full, [])
-        said = said_by(shape.materials)
-        records.append(_object_record(label, held_by, *ranges_m, rates.get(row), said))
+        held_by, said = collections.get(shape.original.name_full, []), said_by(shape.materials)
+        nearest_m, rate_mps = distance * metres_per_unit, rates.get(row)
+        label = snapshot.label(row)
+        records.append(_object_record(label, held_by, nearest_m, origin_m, rate_mps, said))
     return sorted(records, key=lambda record: record.name)
 
 
