@@ -157,7 +157,9 @@ def _find(depsgraph: Any) -> Iterable[ConvexBodies]:
         step = max(1, _PART // count)
         for start in range(0, len(found), step):
             items, *arrays = zip(*found[start : start + step], strict=True)
-            bodies = _stacked(items, *map(np.stack, arrays))
+            shaped = ((len(items), *array[0].shape) for array in arrays)
+            joined = [np.concatenate(a).reshape(s) for a, s in zip(arrays, shaped, strict=True)]
+            bodies = _stacked(items, *joined)
             if bodies.items:
                 yield bodies
 

@@ -35,6 +35,8 @@ _LEAST_FRACTION, _DANGER = 0.005, 0.05
 _CORNER = math.cos(math.radians(40.0))
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-6
+#: Times the least difference of two ways within the sizes that Blender takes, still far above 1.
+_FAR_BELOW = 1e200
 #: Normal where there is no layer.
 _NO_LAYER = np.full(3, np.nan)
 
@@ -228,12 +230,17 @@ def _lost_in_convex(
     toward = np.concatenate([across, across @ outward[..., None]], axis=2) @ onward
     per_way = toward * per_height
     first = per_way.max(axis=1)
-    out = np.where(per_way == first[:, None], toward, -np.inf).max(axis=1)
+    # the cosine at the plane that comes first: those of the others go far below -1
+    per_way -= first[:, None]
+    per_way *= _FAR_BELOW
+    per_way += toward
+    out = per_way.max(axis=1)
     beyond = index * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1
     per_height *= across @ onward[:, :3]
     straight = 1 / (index * per_height.max(axis=1))
-    slant = np.abs(np.asarray(body.layer) @ ray)[:, 0]
-    straight *= np.where(np.isnan(slant), 1.0, slant)
+    if not np.isnan(body.layer).all():
+        slant = np.abs(np.asarray(body.layer) @ ray)[:, 0]
+        straight *= np.where(np.isnan(slant), 1.0, slant)
     least = np.minimum(np.fmin(1 / first, straight), body.at_most)
     return np.where(beyond, np.exp(-body.per_unit * least), 0.0)
 

@@ -123,6 +123,12 @@ class MeasurementSettings:
             )
         try:
             self._recorder.keep_frame(self._scene)
+            # The camera and what is visible decide which objects Blender evaluates. Other settings
+            # have it evaluate all again: once, with the materials.
+            self._recorder.set(self._scene, "camera", self._renders)
+            # Materials are settled once: also of what is hidden in the viewport or until later.
+            show_what_ever_renders(self._recorder, self._view_layer)
+            assigned = self._assigned()
             unfit = self._set_device()
             self._set_render()
             self._set_cycles()
@@ -130,9 +136,7 @@ class MeasurementSettings:
             self._set_view_layers()
             self._set_antennas()
             self._set_code()
-            # Materials are settled once: also of what is hidden in the viewport or until later.
-            show_what_ever_renders(self._recorder, self._view_layer)
-            self.findings = [*unfit, *self._camera_markers(), *self._set_materials()]
+            self.findings = [*unfit, *self._camera_markers(), *self._set_materials(assigned)]
             depsgraph = evaluated_depsgraph(self._view_layer)
             self.findings += isolate(
                 self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
@@ -285,7 +289,6 @@ class MeasurementSettings:
     def _set_antennas(self) -> None:
         put, put_some = self._recorder.set, self._recorder.set_if_present
         camera, emitter = self._rig.camera, self._rig.emitter
-        put(self._scene, "camera", self._renders)
         put(camera.data, "clip_start", NEAR_CLIP_UNITS)
         put(camera.data, "clip_end", 1e12)
         put(camera.data.dof, "use_dof", False)
@@ -318,15 +321,19 @@ class MeasurementSettings:
             [finding("camera-markers", *others, receiver=self._rig.camera.name)] if others else []
         )
 
-    def _set_materials(self) -> list[Finding]:
-        """Physical materials at the run's carrier, and the layers that waves go through."""
+    def _assigned(self) -> set[Any]:
+        """Materials of the rendered objects."""
+        assigned = assigned_materials(evaluated_depsgraph(self._view_layer))
+        return {m for one in assigned for m in one.materials if m is not None}
+
+    def _set_materials(self, assigned: set[Any]) -> list[Finding]:
+        """Physical materials at the run's carrier, and the layers that waves go through.
+
+        `assigned` are those of the rendered objects.
+        """
         for material in bpy.data.materials:
             if is_radar_material(material):
                 self._recorder.set(material.cycles, "volume_step_rate", VOLUME_STEP_RATE)
-        depsgraph = evaluated_depsgraph(self._view_layer)
-        assigned = {
-            m for one in assigned_materials(depsgraph) for m in one.materials if m is not None
-        }
         measurement = self._plan.measurement
         carrier_hz, beyond = measurement.waveform.carrier_hz, measurement.beyond_band
         failures = update_materials(carrier_hz, self._recorder, assigned, beyond)

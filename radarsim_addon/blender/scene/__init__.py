@@ -18,6 +18,7 @@ from .driver_checks import (
     looks_at_view,
     may_move_at_whole_frames,
     moved_by_scripts,
+    reads_context,
 )
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import echoing_boxes, scene_extent
@@ -116,6 +117,7 @@ __all__ = [
     "pose_in_metres",
     "radar_of",
     "radars",
+    "reads_context",
     "receiver_record",
     "remove_patterns",
     "renders_whole_frames_only",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -76,6 +77,27 @@ def looks_at_view() -> bool:
     )
 
 
+def reads_context() -> bool:
+    """Return whether scripts may ask, while Blender evaluates a render, which scene is active.
+
+    Returns
+    -------
+    bool
+        True for drivers that are Python expressions, and for handlers of other add-ons and scripts
+        that Blender calls when it evaluates a scene.
+    """
+    hooks = bpy.app.handlers
+    before_render = hooks.render_pre, hooks.depsgraph_update_pre, hooks.depsgraph_update_post
+    return (
+        moved_by_scripts()
+        or any(map(_of_others, itertools.chain(*before_render)))
+        or any(
+            curve.driver.type == "SCRIPTED" and not curve.driver.is_simple_expression
+            for _, curve in _drivers()
+        )
+    )
+
+
 def moved_by_scripts() -> bool:
     """Return whether other add-ons or scripts have handlers that Blender calls at each frame.
 
@@ -83,9 +105,13 @@ def moved_by_scripts() -> bool:
     -------
     bool
     """
-    own = __name__.rpartition(".blender.")[0]
     called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
-    return any(not getattr(one, "__module__", "").startswith(own) for one in called)
+    return any(map(_of_others, called))
+
+
+def _of_others(handler: Any) -> bool:
+    own = __name__.rpartition(".blender.")[0]
+    return not getattr(handler, "__module__", "").startswith(own)
 
 
 def _drivers() -> Iterator[tuple[Any, Any]]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import bpy
@@ -35,6 +35,7 @@ from .finite_checks import check_meshes_finite
 from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distances
 from .rig import Rig
+from .surface_triangles import triangles_about
 from .visibility import rendered_objects
 
 
@@ -146,19 +147,26 @@ def object_records(
     if later is not None:
         here, there = found.pairs(later[0])
         after = dict(zip(here.tolist(), there.tolist(), strict=True))
+    nearest = _nearest_instances(found, receiver)
+    rows = [row for row, _ in nearest]
+    rates: dict[int, float] = {}
+    origins_m = (_origin_ranges(snapshot, rows, receiver) * metres_per_unit).tolist()
+    if later is not None and interval_s > 0:
+        known = [row for row in rows if row in after]
+        then = _origin_ranges(later[0].snapshot, [after[row] for row in known], later[1])
+        before_m = dict(zip(rows, origins_m, strict=True))
+        rates = {
+            row: (then_m - before_m[row]) / interval_s
+            for row, then_m in zip(known, (then * metres_per_unit).tolist(), strict=True)
+        }
     records = []
-    for row, distance in _nearest_instances(found, receiver):
-        origin_m = _origin_range(snapshot, row, receiver) * metres_per_unit
-        rate_mps = None
-        if later is not None and row in after and interval_s > 0:
-            then_m = _origin_range(later[0].snapshot, after[row], later[1]) * metres_per_unit
-            rate_mps = (then_m - origin_m) / interval_s
+    said_by = cache(_said_by_materials)
+    for (row, distance), origin_m in zip(nearest, origins_m, strict=True):
         shape = snapshot.shapes[snapshot.layout.shape[row]]
-        held_by = collections.get(shape.original.name_full, [])
-        nearest_m = distance * metres_per_unit
-        records.append(
-            _object_record(snapshot.label(row), shape, held_by, nearest_m, origin_m, rate_mps)
-        )
+        held_by, said = collections.get(shape.original.name_full, []), said_by(shape.materials)
+        nearest_m, rate_mps = distance * metres_per_unit, rates.get(row)
+        label = snapshot.label(row)
+        records.append(_object_record(label, held_by, nearest_m, origin_m, rate_mps, said))
     return sorted(records, key=lambda record: record.name)
 
 
@@ -173,7 +181,7 @@ def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
     order = order[np.argsort(label, kind="stable")]
     groups = np.split(order, np.flatnonzero(np.diff(np.sort(label))) + 1) if order.size else []
     firsts = (int(found.rows[instances[0]]) for instances in groups)
-    exact = nearest_distances(_triangles_about(snapshot, row, receiver) for row in firsts)
+    exact = nearest_distances(triangles_about(snapshot, firsts, receiver))
     nearest = []
     for instances, distance in zip(groups, exact.tolist(), strict=True):
         best = (distance, int(found.rows[instances[0]]))
@@ -181,7 +189,7 @@ def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
             if least[index] > best[0]:
                 break
             row = int(found.rows[index])
-            (other,) = nearest_distances([_triangles_about(snapshot, row, receiver)]).tolist()
+            (other,) = nearest_distances(triangles_about(snapshot, [row], receiver)).tolist()
             best = min(best, (other, row))
         if math.isfinite(best[0]):
             nearest.append((best[1], best[0]))
@@ -198,35 +206,48 @@ def _label_numbers(found: Boxes) -> Indices:
     return np.array([numbers[label] for label in labels], dtype=np.intp)[inverse]
 
 
+class _Said(NamedTuple):
+    """What the materials of an object say of it."""
+
+    names: list[str]
+    rms_height_m: float | None
+    correlation_length_m: float | None
+    fluctuation: contract.FluctuationRecord | None
+    clutter: str | None
+
+
+def _said_by_materials(materials: tuple[Any, ...]) -> _Said:
+    held = [one.name for one in materials if one is not None and one.name != ABSORBER_NAME]
+    roughness = roughness_of(materials)
+    return _Said(held, *roughness, fluctuation_of(materials), clutter_name(materials))
+
+
 def _object_record(
     label: str,
-    shape: Shape,
     collections: list[str],
     nearest_m: float,
     origin_m: float,
     rate_mps: float | None,
+    said: _Said,
 ) -> contract.ObjectRecord:
-    rms_height_m, correlation_length_m = roughness_of(shape.materials)
     return contract.ObjectRecord(
         name=label,
         nearest_range_m=nearest_m,
         origin_range_m=origin_m,
         range_rate_mps=rate_mps,
-        materials=[
-            material.name
-            for material in shape.materials
-            if material is not None and material.name != ABSORBER_NAME
-        ],
+        materials=said.names,
         collections=collections,
-        rms_height_m=rms_height_m,
-        correlation_length_m=correlation_length_m,
-        fluctuation=fluctuation_of(shape.materials),
-        clutter=clutter_name(shape.materials),
+        rms_height_m=said.rms_height_m,
+        correlation_length_m=said.correlation_length_m,
+        fluctuation=said.fluctuation,
+        clutter=said.clutter,
     )
 
 
-def _origin_range(snapshot: Snapshot, row: int, receiver: Real) -> float:
-    return float(np.linalg.norm(snapshot.matrix(row)[:3, 3] - receiver))
+def _origin_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> Real:
+    """Return the distances of the origins of rows from the receiver, (n,) [Blender units]."""
+    away = snapshot.matrices_of(np.array(rows, dtype=np.intp))[:, :3, 3] - receiver
+    return np.asarray(np.sqrt(away[:, None] @ away[:, :, None])[:, 0, 0])
 
 
 def _collections_of_objects() -> dict[str, list[str]]:
@@ -239,14 +260,6 @@ def _collections_of_objects() -> dict[str, list[str]]:
         for item in collection.all_objects:
             holding.setdefault(item.name_full, set()).add(collection.name)
     return {name: sorted(held) for name, held in holding.items()}
-
-
-def _triangles_about(snapshot: Snapshot, row: int, point: Real) -> Real:
-    """Return corners of the triangles of a surface relative to a point, (m, 3, 3)."""
-    vertices, triangles = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
-    matrix = snapshot.matrix(row)
-    world = vertices.astype(np.float64) @ matrix[:3, :3].T + (matrix[:3, 3] - point)
-    return np.asarray(world[triangles])
 
 
 # -- fingerprint -----------------------------------------------------------------------------------

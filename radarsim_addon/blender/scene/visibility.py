@@ -32,11 +32,13 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
         recorder.set(layer, "hide_viewport", False)
         recorder.set(layer.collection, "hide_viewport", False)
         rendered.update(layer.collection.objects)
+    layers = _view_layers(view_layer)
     for item in rendered:
         if item.hide_render:
             continue
-        recorder.set(item, "hide_viewport", False)
-        for layer in _view_layers(view_layer):
+        if item.hide_viewport:  # asked here, of many objects: `set` takes longer
+            recorder.set(item, "hide_viewport", False)
+        for layer in layers:
             if item.hide_get(view_layer=layer):
                 item.hide_set(False, view_layer=layer)
                 recorder.on_restore(

@@ -15,6 +15,9 @@ from bpy.app.handlers import persistent
 
 from .snapshot import Snapshot, is_there, materials_of, read_again, walk
 
+# Blender looks each of them up by its name.
+_Collection, _Scene, _Object = bpy.types.Collection, bpy.types.Scene, bpy.types.Object
+
 
 class _Latest:
     """The last snapshot, and what Blender has evaluated since."""
@@ -34,12 +37,13 @@ class _Latest:
         layout = self.snapshot.layout
         for update in depsgraph.updates:
             self.evaluated = True
-            item = update.id.original
-            if isinstance(item, bpy.types.Collection):
+            evaluated = update.id
+            if isinstance(evaluated, _Collection):
                 self.layout_changed = True
-            elif isinstance(item, bpy.types.Scene):  # a setting, or what is hidden
+            elif isinstance(evaluated, _Scene):  # a setting, or what is hidden
                 self.scene_changed = True
-            elif isinstance(item, bpy.types.Object):
+            elif isinstance(evaluated, _Object):
+                item = evaluated.original
                 geometry, there = update.is_updated_geometry, item in layout.row_of
                 # A change of the scene reports all its objects, as shaded again.
                 if geometry or update.is_updated_transform:

@@ -23,6 +23,7 @@ from ...processes import temporary_folder
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
+from .empty_scene import EmptyScene
 from .image_lamps import ImageLamps
 from .joint_render import MOST_TOGETHER, JointRender, Look
 from .pass_files import read_views
@@ -100,6 +101,7 @@ class PathScene:
         self._threads = ("AUTO", 0)
         self._small_in_a_row = 0
         self._request = RenderRequest(PathClass())
+        self._aside = EmptyScene(self._recorder)
         self.lamps = ImageLamps(self._recorder, scene, transmitter)
         self._joint: JointRender | None = None
         self._look: Look | None = None
@@ -345,7 +347,8 @@ class PathScene:
 
     def _render(self) -> None:
         try:
-            result = bpy.ops.render.render(write_still=True, scene=self._scene.name)
+            with self._aside.entered(self._scene):
+                result = bpy.ops.render.render(write_still=True, scene=self._scene.name)
         except RuntimeError as error:
             raise RenderError(
                 f"Cycles failed: {str(error).strip()} "

@@ -22,6 +22,8 @@ KINDS = ("perspective", "orthographic", "equirectangular")
 #: Images up to so many pixels, and how many of them, whose rays are kept: 5 MB. A radar that stands
 #: still has the same rays in all frames.
 _KEPT_PX, _KEPT_IMAGES = 1 << 14, 8
+#: Pixels whose solid angles are computed at once: their numbers stay in the processor's cache.
+_TOGETHER = 1 << 13
 
 
 @dataclass(frozen=True)
@@ -70,11 +72,20 @@ def solid_angles_sr(receiver: ReceiverRecord, width_px: int, height_px: int) -> 
     if receiver.kind == "perspective":
         nodes = math.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
         weights = np.array([5.0, 8.0, 5.0]) / 18
+        across = [1 + (u + du * node) ** 2 for node in nodes]
         solid = np.zeros((height_px, width_px))
-        for node_v, weight_v in zip(nodes, weights, strict=True):
-            for node_u, weight_u in zip(nodes, weights, strict=True):
-                square = 1 + (u + du * node_u)[None, :] ** 2 + (v + dv * node_v)[:, None] ** 2
-                solid += weight_u * weight_v / (square * np.sqrt(square))
+        rows = max(1, _TOGETHER // width_px)
+        for start in range(0, height_px, rows):
+            part = solid[start : start + rows]
+            square, root = np.empty_like(part), np.empty_like(part)
+            for node_v, weight_v in zip(nodes, weights, strict=True):
+                down = (v[start : start + rows, None] + dv * node_v) ** 2
+                for one, weight_u in zip(across, weights, strict=True):
+                    np.add(one, down, out=square)
+                    np.sqrt(square, out=root)
+                    root *= square
+                    np.divide(weight_u * weight_v, root, out=root)
+                    part += root
         return solid * (du * dv)
     if receiver.kind == "equirectangular":
         strip = 2 * np.sin(dv / 2) * np.cos(v) * du
