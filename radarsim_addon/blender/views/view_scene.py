@@ -26,6 +26,7 @@ from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
 from .pass_files import read_passes
 from .requests import PathClass, Region, RenderRequest, View
+from .second_view import SecondView, is_worth_it, may_tell_views
 from .vertex_marks import add_vertex_marks
 from .view_camera import ViewCamera
 from .view_setup import (
@@ -37,10 +38,12 @@ from .view_setup import (
     add_passes,
     number_objects,
     set_border,
+    set_format,
 )
 from .window import ViewWindow
 
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
+_COMBINED = f"Combined_{LIGHT_GROUP}"
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
 _ONE_THREAD_BELOW_PX = 1 << 13
@@ -90,7 +93,9 @@ class PathScene:
         self._folder = temporary_folder()
         self._recorder.on_restore("temporary files", self.remove_files)
         self._own_camera: ViewCamera | None = None
-        self._view: Any = None if view is None else view.item
+        self._second: SecondView | None = None
+        self._views_chosen = False
+        self._cameras = view
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
@@ -107,10 +112,10 @@ class PathScene:
         """Set everything; on failure restore all settings, then raise the error."""
         try:
             self._keep_changing()
-            if self._view is None:
-                self._own_camera = ViewCamera(self._scene)
-                self._view = self._own_camera.item
-            self._set_format()
+            if self._cameras is None:
+                self._cameras = self._own_camera = ViewCamera(self._scene)
+            self._view = self._cameras.item
+            set_format(self._recorder, self._scene, str(self._folder / "view"))
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
             for name in (
@@ -145,7 +150,21 @@ class PathScene:
     @property
     def own_names(self) -> frozenset[str]:
         """Names of what changes from render to render: the camera and its data."""
-        return frozenset((self._view.name, self._view.data.name))
+        return frozenset() if self._cameras is None else self._cameras.names
+
+    def choose_views(self, rays: int) -> None:
+        """Have renders make two views, of so many rays each, where that is faster; asked once."""
+        if self._views_chosen or self._cameras is None:
+            return
+        self._views_chosen = True
+        fits = self.kind != "equirectangular" and may_tell_views(self._emitter)
+        if fits and is_worth_it(self._view_layer, rays):
+            self._second = SecondView(self._recorder, self._scene, self._cameras, self._emitter)
+
+    @property
+    def has_second_view(self) -> bool:
+        """Whether the next render makes a second view if it is asked for."""
+        return self._second is not None and self._canvas == self._size
 
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
@@ -226,9 +245,15 @@ class PathScene:
             0.0 if path_class.depth_max is None else path_class.depth_max + 1.5
         )
         self._set_surfaces(path_class)
-        if path_class.order_max is not None:
+        if self._second is not None:
+            scene.render.use_multiview = request.beyond is not None
+            if request.beyond is not None:
+                self._second.begin(request.beyond)
+        classes = [one for one in (path_class, request.beyond) if one is not None]
+        highest = [one.order_max for one in classes if one.order_max is not None]
+        if len(highest) == len(classes):
             for name in _BOUNCES:  # nothing beyond the path class is worth its time
-                setattr(scene.cycles, name, path_class.order_max - 1)
+                setattr(scene.cycles, name, max(highest) - 1)
         self._set_vertex_colours(request, vertex)
         scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
@@ -318,18 +343,16 @@ class PathScene:
     def end(self) -> View:
         """Read what was rendered."""
         self.renders += 1
-        groups = (LIGHT_GROUP, MARK_GROUP) if self._request.mark is not None else (LIGHT_GROUP,)
-        wanted = [f"Combined_{group}" for group in groups]
-        path = self._folder / "view.exr"
-        # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
-        passes = read_passes(path, (*wanted, "Position", "Object Index", "IndexOB"))
-        with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
-            path.unlink()
-        for name in wanted:
-            if name not in passes:
-                raise RenderError(
-                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
-                )
+        wanted = [_COMBINED]
+        if self._request.mark is not None:
+            wanted.append(f"Combined_{MARK_GROUP}")
+        beyond = None
+        if self._request.beyond is None or self._second is None:
+            passes = self._read("", wanted)
+        else:
+            first, second = self._second.suffixes
+            passes, upside_down = self._read(first, wanted), self._read(second, [_COMBINED])
+            beyond = self._light(upside_down[_COMBINED]).turned()
         position = None
         if "Position" in passes:
             found = passes["Position"]
@@ -343,11 +366,27 @@ class PathScene:
         light, marks = self._light(passes[wanted[0]]), None
         if self._request.mark is not None:
             marks = self._light(passes[wanted[1]])
-        return dataclasses.replace(light, position=position, object_index=number, marks=marks)
+        return dataclasses.replace(
+            light, position=position, object_index=number, marks=marks, beyond=beyond
+        )
 
     def _light(self, channels: dict[str, Single]) -> View:
         red, green, blue = (self._whole(channels[name]) for name in "RGB")
         return View(red, green, blue)
+
+    def _read(self, suffix: str, wanted: list[str]) -> dict[str, dict[str, Single]]:
+        """Read these passes of a view, and what was seen where; remove its file."""
+        path = self._folder / f"view{suffix}.exr"
+        # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
+        passes = read_passes(path, (*wanted, "Position", "Object Index", "IndexOB"))
+        with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
+            path.unlink()
+        for name in wanted:
+            if name not in passes:
+                raise RenderError(
+                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
+                )
+        return passes
 
     def _whole(self, plane: Single) -> Single:
         """A channel over the whole view: 0 outside the region."""
@@ -388,16 +427,3 @@ class PathScene:
 
         # The recorder's own `set` leaves equal values alone, and so would not put these back.
         self._recorder.on_restore("seed, bounces and size", undo)
-
-    def _set_format(self) -> None:
-        # The measuring settings remember the user's format; ours replaces theirs within it.
-        image, put = self._scene.render.image_settings, self._recorder.set
-        if hasattr(image, "media_type"):
-            put(image, "media_type", "MULTI_LAYER_IMAGE")
-        put(image, "file_format", "OPEN_EXR_MULTILAYER")
-        image.color_depth = "32"
-        put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
-        if hasattr(image, "use_exr_interleave"):
-            put(image, "use_exr_interleave", True)  # one part instead of one a pass: half the time
-        put(self._scene.render, "filepath", str(self._folder / "view"))
-        put(self._scene.render, "use_file_extension", True)

@@ -44,6 +44,23 @@ def set_border(render: Any, region: Region, width_px: int, height_px: int) -> No
     render.border_max_y = min((height_px - region.top + 0.25) / height_px, 1.0)
 
 
+def set_format(recorder: SettingsRestorer, scene: Any, path: str) -> None:
+    """Have renders written to this path as float32 of all passes.
+
+    The measuring settings remember the user's format; this replaces theirs within it.
+    """
+    image, put = scene.render.image_settings, recorder.set
+    if hasattr(image, "media_type"):
+        put(image, "media_type", "MULTI_LAYER_IMAGE")
+    put(image, "file_format", "OPEN_EXR_MULTILAYER")
+    image.color_depth = "32"
+    put(image, "exr_codec", "NONE")  # read back at once: packing would only cost time
+    if hasattr(image, "use_exr_interleave"):
+        put(image, "use_exr_interleave", True)  # one part instead of one a pass: half the time
+    put(scene.render, "filepath", path)
+    put(scene.render, "use_file_extension", True)
+
+
 def numbered_objects() -> list[Any]:
     """Return the surfaces of the file in the order of their numbers, which begin at 1."""
     by_name = sorted(bpy.data.objects, key=lambda o: (o.library is not None, o.name_full))
