@@ -33,7 +33,7 @@ from ..views import (
     ViewWindow,
     look_beyond,
     orders_beyond,
-    power_beyond,
+    power_seen_beyond,
     ray_origins,
     replicate_seed,
     rows_of_replicate,
@@ -200,7 +200,7 @@ class ViewTracer:
         one with few rays.
         """
         if self._beyond is not None:
-            return power_beyond(self._limits(), *self._beyond, 1.0, coloured)
+            return power_seen_beyond(self._limits(), *self._beyond, 1.0, coloured)
         run, window = self.run, whole.with_few_rays()
         run.scene.lamps.shine(0)
         seed = replicate_seed(run.measurement.seed, window, 0)
