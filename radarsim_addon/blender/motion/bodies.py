@@ -24,7 +24,7 @@ from ...signal.paths import PathRows
 from ...vectors import are_finite, norms, turned
 from ..scene import InstancePose, Poses, distance_from_box
 from ..state import Key, Layout
-from .near_bodies import near_bodies
+from .near_bodies import pairs_near
 
 #: Largest distance of a scatterer from its surface, relative to the path length. Positions from the
 #: transmitter's colours are known to 1e-6 of the scene's size.
@@ -178,7 +178,7 @@ class Bodies:
         """Return pairs of points and of parts around whose boxes are spheres with the point."""
         here = slice(int(parts[0]), int(parts[-1]) + 1)  # parts follow one another
         layout = self.snapshot.layout
-        row, part = near_bodies(layout, here, self.pose[here], self.box[here], points, margin)
+        row, part = pairs_near(layout, here, self.pose[here], self.box[here], points, margin)
         return row, parts[part]
 
     def _outside(self, points: Real, index: Indices) -> Real:

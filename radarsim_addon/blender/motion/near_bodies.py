@@ -50,7 +50,7 @@ class _Spheres:
 _kept: WeakKeyDictionary[Layout, dict[tuple[int, int], _Spheres]] = WeakKeyDictionary()
 
 
-def near_bodies(
+def pairs_near(
     layout: Layout, bodies: slice, pose: Real, box: Real, points: Real, margin_m: float
 ) -> Pairs:
     """Return pairs of points and of bodies around whose boxes are spheres with the point.

@@ -8,7 +8,6 @@ Where the materials do not carry the range encoding, a world volume does.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import shutil
 from typing import Any
@@ -17,14 +16,13 @@ import bpy
 import numpy as np
 
 from ... import contract
-from ...array_types import Single
 from ...errors import RenderError
 from ...processes import temporary_folder
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
 from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
-from .pass_files import read_passes
+from .pass_files import read_view
 from .requests import PathClass, Region, RenderRequest, View
 from .second_view import SecondView, is_worth_it, may_tell_views
 from .vertex_marks import add_vertex_marks
@@ -43,7 +41,6 @@ from .view_setup import (
 from .window import ViewWindow
 
 _BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
-_COMBINED = f"Combined_{LIGHT_GROUP}"
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
 _ONE_THREAD_BELOW_PX = 1 << 13
@@ -343,67 +340,15 @@ class PathScene:
     def end(self) -> View:
         """Read what was rendered."""
         self.renders += 1
-        wanted = [_COMBINED]
-        if self._request.mark is not None:
-            wanted.append(f"Combined_{MARK_GROUP}")
-        beyond = None
         if self._request.beyond is None or self._second is None:
-            passes = self._read("", wanted)
-        else:
-            first, second = self._second.suffixes
-            passes, upside_down = self._read(first, wanted), self._read(second, [_COMBINED])
-            beyond = self._light(upside_down[_COMBINED]).turned()
-        position = None
-        if "Position" in passes:
-            found = passes["Position"]
-            position = np.stack([self._whole(found[axis]) for axis in "XYZ"], axis=-1)
-        index = passes.get("Object Index") or passes.get("IndexOB")
-        number = None
-        if index is not None:
-            number = np.rint(self._whole(next(iter(index.values())))).astype(np.int32)
-            if position is not None:
-                position[number == 0] = np.nan  # nothing was hit
-        light, marks = self._light(passes[wanted[0]]), None
-        if self._request.mark is not None:
-            marks = self._light(passes[wanted[1]])
-        return dataclasses.replace(
-            light, position=position, object_index=number, marks=marks, beyond=beyond
-        )
+            return self._read("")
+        first, second = self._second.suffixes
+        return dataclasses.replace(self._read(first), beyond=self._read(second).turned())
 
-    def _light(self, channels: dict[str, Single]) -> View:
-        red, green, blue = (self._whole(channels[name]) for name in "RGB")
-        return View(red, green, blue)
-
-    def _read(self, suffix: str, wanted: list[str]) -> dict[str, dict[str, Single]]:
-        """Read these passes of a view, and what was seen where; remove its file."""
+    def _read(self, suffix: str) -> View:
         path = self._folder / f"view{suffix}.exr"
-        # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
-        passes = read_passes(path, (*wanted, "Position", "Object Index", "IndexOB"))
-        with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
-            path.unlink()
-        for name in wanted:
-            if name not in passes:
-                raise RenderError(
-                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
-                )
-        return passes
-
-    def _whole(self, plane: Single) -> Single:
-        """A channel over the whole view: 0 outside the region."""
-        (width, height), region = self._size, self._request.region
-        expected = (height, width)
-        if region is not None:
-            expected = (region.bottom - region.top, region.right - region.left)
-        if plane.shape != expected:
-            raise RenderError(
-                f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
-                f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
-            )
-        if region is None:
-            return plane
-        whole = np.zeros((height, width), dtype=np.float32)
-        whole[region.top : region.bottom, region.left : region.right] = plane
-        return whole
+        marks = None if self._request.mark is None else MARK_GROUP
+        return read_view(path, self._size, self._request.region, LIGHT_GROUP, marks)
 
     # -- setting up --------------------------------------------------------------------------------
 

@@ -12,7 +12,7 @@ pytest.importorskip("bpy")
 
 from radarsim_addon.array_types import Real
 from radarsim_addon.blender.motion import near_bodies as module
-from radarsim_addon.blender.motion.near_bodies import near_bodies
+from radarsim_addon.blender.motion.near_bodies import pairs_near
 from radarsim_addon.blender.state import Layout
 
 MARGIN_M = 0.05
@@ -43,7 +43,7 @@ def touching(points: Real, pose: Real, box: Real) -> set[tuple[int, int]]:
 
 
 def found(kept_by: Layout, points: Real, pose: Real, box: Real) -> set[tuple[int, int]]:
-    pairs = near_bodies(kept_by, slice(0, COUNT), pose, box, points, MARGIN_M)
+    pairs = pairs_near(kept_by, slice(0, COUNT), pose, box, points, MARGIN_M)
     listed = list(zip(*map(np.ndarray.tolist, pairs), strict=True))
     assert len(set(listed)) == len(listed)  # a pair twice would count as two boxes
     return set(listed)
