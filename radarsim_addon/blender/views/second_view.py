@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 import bpy
+import numpy as np
 from mathutils import Matrix
 
 from ..nodes import attributes
@@ -19,7 +20,7 @@ from ..nodes.build import TreeBuilder
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.ring_emitter import KIND
 from ..state import SettingsRestorer
-from .requests import PathClass
+from .requests import PathClass, View
 from .view_camera import ViewCamera
 
 _NODES = "nodes of the transmitter"
@@ -31,6 +32,9 @@ _UPSIDE_DOWN = Matrix.Diagonal((-1.0, -1.0, 1.0, 1.0))
 _LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
 #: Instances from which on Cycles takes long to go through them before each render.
 MANY_INSTANCES = 10_000
+#: Distance of places that are the same, relative to the farthest one from the world's origin, and
+#: the least share of the pixels that see the same.
+_SAME_PLACE, _MOST_PIXELS = 1e-4, 0.5
 
 
 class SecondView:
@@ -75,6 +79,21 @@ class SecondView:
         scene[attributes.ATTR_SECOND_ORDER_MAX] = (
             0.0 if path_class.order_max is None else path_class.order_max + 0.5
         )
+
+
+def second_light(first: View, second: View) -> View | None:
+    """Return the light of the second view as the first one looks.
+
+    None where it does not see the same upside down: the transmitter has taken it for the first.
+    """
+    if first.position is None or second.position is None:
+        return None
+    here, there = first.position, second.position[::-1, ::-1]
+    apart = np.linalg.norm(here - there, axis=-1)
+    seen = np.isfinite(here).all(axis=-1)
+    # At edges one of both may see what lies behind.
+    same = apart[seen] <= _SAME_PLACE * np.abs(here[seen]).max(initial=0.0)
+    return second.turned() if same.sum() > _MOST_PIXELS * same.size else None
 
 
 def is_worth_it(view_layer: Any, rays: int) -> bool:

@@ -24,7 +24,7 @@ from ..state import SettingsRestorer
 from .image_lamps import ImageLamps
 from .pass_files import read_view
 from .requests import PathClass, Region, RenderRequest, View
-from .second_view import SecondView, is_worth_it, may_tell_views
+from .second_view import SecondView, is_worth_it, may_tell_views, second_light
 from .vertex_marks import add_vertex_marks
 from .view_camera import ViewCamera
 from .view_setup import (
@@ -342,8 +342,9 @@ class PathScene:
         self.renders += 1
         if self._request.beyond is None or self._second is None:
             return self._read("")
-        first, second = self._second.suffixes
-        return dataclasses.replace(self._read(first), beyond=self._read(second).turned())
+        first, second = map(self._read, self._second.suffixes)
+        # Without it, a render of its own is made.
+        return dataclasses.replace(first, beyond=second_light(first, second))
 
     def _read(self, suffix: str) -> View:
         path = self._folder / f"view{suffix}.exr"

@@ -12,6 +12,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from mathutils import Matrix
+
 from radarsim_addon.blender.nodes import attributes, make_material
 from radarsim_addon.blender.views import PathClass, RenderRequest, second_view
 from tests.blender import path_helpers as ph
@@ -170,6 +172,17 @@ def test_other_scenes_have_a_render_of_its_own(tmp_path: Path, change: Callable[
     run = ph.run_paths(tmp_path, **SIZE)
     assert run.record().renders > 1
     assert run.record().truncated_reflections_fraction > 0
+
+
+def test_a_second_view_that_is_none_is_not_taken_for_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without its camera Blender renders the first one again, with all echoes."""
+    monkeypatch.setattr(second_view, "_UPSIDE_DOWN", Matrix.Identity(4))
+    field(moves=False)
+    run = ph.run_paths(tmp_path, **SIZE)
+    assert run.record().renders == 2
+    assert 0 < run.record().truncated_reflections_fraction < 0.3
 
 
 def test_frames_in_which_nothing_moves_are_written_again(
