@@ -11,7 +11,6 @@ surfaces do.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -25,12 +24,12 @@ from ...signal.paths import PathRows
 from ...vectors import are_finite, norms, turned
 from ..scene import InstancePose, Poses, distance_from_box
 from ..state import Key, Layout
+from .near_bodies import pairs_near
 
 #: Largest distance of a scatterer from its surface, relative to the path length. Positions from the
 #: transmitter's colours are known to 1e-6 of the scene's size.
 _ON_SURFACE_WITHIN = 2e-5
-#: Boxes up to which each is compared with each point; and pairs that are compared at once.
-_FEW = 32
+#: Pairs that are compared at once.
 _PAIRS = 1 << 18
 #: How much farther than asked for surfaces are looked for: what is as far is found for certain.
 _BEYOND = 2.0
@@ -178,22 +177,10 @@ class Bodies:
 
     def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
         """Return pairs of points and of parts around whose boxes are spheres with the point."""
-        run = range(int(parts[0]), int(parts[0]) + parts.size)
-        in_a_row = np.array_equal(parts, run)  # no copies of what may be all
-        chosen = slice(run.start, run.stop) if in_a_row else parts
-        box, pose = self.box[chosen], self.pose[chosen]
-        centre = np.einsum("nij,nj->ni", pose[:, :3, :3], box.mean(axis=1)) + pose[:, :3, 3]
-        # One tree for each power of two of the radius: boxes of similar size have few neighbours.
-        half = (box[:, 1] - box[:, 0]) / 2
-        reach = np.einsum("nij,nj->ni", np.abs(pose[:, :3, :3]), half)
-        radius = np.linalg.norm(reach, axis=1) + margin
-        size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
-        rows, indices = [], []
-        for here in (np.flatnonzero(size == one) for one in np.unique(size)):
-            row, part = _pairs_within(points, centre[here], radius[here])
-            rows.append(row)
-            indices.append(parts[here[part]])
-        return np.concatenate(rows), np.concatenate(indices)
+        here = slice(int(parts[0]), int(parts[-1]) + 1)  # parts follow one another
+        layout = self.snapshot.layout
+        row, part = pairs_near(layout, here, self.pose[here], self.box[here], points, margin)
+        return row, parts[part]
 
     def _outside(self, points: Real, index: Indices) -> Real:
         """Return vectors from the box of one part each to points, in the world, (n, 3) [m]."""
@@ -291,23 +278,3 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
     order = kept[np.lexsort((text.astype(str), number[kept]))]
     _orders[layout] = number, order
     return order
-
-
-def _pairs_within(points: Real, centres: Real, radius: Real) -> tuple[Indices, Indices]:
-    """Return pairs of points and of centres that are at most about these radii apart."""
-    if len(centres) >= _FEW:
-        with contextlib.suppress(ImportError):  # some Blender programs have no scipy
-            from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
-
-            reach = float(radius.max())
-            trees = (cKDTree(places, balanced_tree=False) for places in (points, centres))
-            pairs = next(trees).sparse_distance_matrix(next(trees), reach, output_type="ndarray")
-            return pairs["i"], pairs["j"]
-    found = []
-    for start in range(0, len(centres), _FEW):
-        some = slice(start, start + _FEW)
-        apart = np.linalg.norm(points - centres[some, None], axis=2)
-        part, row = np.nonzero(apart <= radius[some, None])
-        found.append((row, part + start))
-    rows, parts = zip(*found, strict=True)
-    return np.concatenate(rows), np.concatenate(parts)

@@ -24,7 +24,7 @@ from ...findings import Finding, finding, merge
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256, write_record
 from ...signal.motion import (
-    BodyMotion,
+    BodyMotions,
     FrameMotion,
     KinematicMotion,
     Tracks,
@@ -312,16 +312,14 @@ class BurstMotion:
             fits.series(),
         )
 
-    def _frame_motion(
-        self, motions: Sequence[BodyMotion], tracks: Tracks | None = None
-    ) -> FrameMotion:
-        receiver, transmitter, *bodies = motions
+    def _frame_motion(self, motions: BodyMotions, tracks: Tracks | None = None) -> FrameMotion:
+        receiver, transmitter, self._motions = motions[0], motions[1], motions[2:]
         self._scene = FrameMotion(
             self._plan.duration_s,
             receiver,
             transmitter,
             self._kind == "orthographic",
-            bodies,
+            self._motions,
             tracks,
             self._plan.rendered[0],
             images=self.images,
@@ -344,9 +342,9 @@ class BurstMotion:
             pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units)
             for item in (self._rig.camera, self._rig.emitter)
         )
-        poses = [*antennas, *self.bodies.pose[self._touched.index]]
+        poses = np.concatenate([list(antennas), self.bodies.pose[self._touched.index]])
         self._samples, self._bound_m = 1, 0.0
-        return self._frame_motion([BodyMotion(pose, epoch_offset_s=at_s) for pose in poses])
+        return self._frame_motion(BodyMotions(poses, {}, at_s))
 
     def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
         """Write the files of this frame, after `complete` of all rows; return the motion file."""
@@ -358,7 +356,7 @@ class BurstMotion:
         antennas = [body_record(item.name, "", motion, False) for item, motion in pairs]
         surfaces = self._deformations.surfaces
         bodies, still_file, still_digest = write_bodies(
-            folder, self._touched, scene.bodies, surfaces
+            folder, self._touched, self._motions, surfaces
         )
         total = self._power_w or 1.0
         wavelengths = self._bound_m / self._plan.wavelength_m

@@ -15,6 +15,7 @@ from ...array_types import Real, Single
 from ...findings import Finding, finding
 from ...signal.motion import (
     BodyMotion,
+    BodyMotions,
     VertexSeries,
     cubic_spline,
     fit_body,
@@ -82,13 +83,10 @@ class Fits:
         return max([*moving, *(bound for _, _, bound in self._vertices.values())], default=0.0)
 
     @property
-    def motions(self) -> list[BodyMotion]:
+    def motions(self) -> BodyMotions:
         """Motion of each row of poses."""
         at_s = self._plan.rendered[0]
-        return [
-            self._motions.get(index) or BodyMotion(pose, epoch_offset_s=at_s)
-            for index, pose in enumerate(self._sampler.poses(at_s))
-        ]
+        return BodyMotions(self._sampler.poses(at_s), self._motions, at_s)
 
     def fit(self, times_s: list[float]) -> None:
         """Fit all bodies again that are not yet accurate enough."""

@@ -153,7 +153,7 @@ class FrameWork:
             start_s = time.monotonic()
             beyond = yield from self._tracer.beyond_tasks(self._whole, found.coloured)
             self._beyond.add_beyond(beyond, self._run.watts_per_unit, found.strongest_path)
-            self._renders += 1
+            self._renders += self._tracer.renders_beyond
             self._seconds += time.monotonic() - start_s
 
     def keep_tiles(self) -> None:
@@ -273,8 +273,9 @@ class FrameWork:
             self._run.scene.look_together(new.tile.window, offsets_px)
         try:
             for replicate in range(count):
+                whole = replicate == 0 and new.tile.window == self._whole
                 rows, origin_m, traced = yield from self._tracer.replicate_tasks(
-                    new.number, new.tile, replicate
+                    new.number, new.tile, replicate, whole=whole
                 )
                 renders += traced.renders
                 new.quality.add_view(traced, watts_per_unit / count)

@@ -274,6 +274,7 @@ class PathJob(MeasurementJob):
         self._write_scene(frame)
         if not self._time.shows(begins := self.plan.instants(frame)[0]):
             self._show(begins)
+        self.path_scene.choose_views(self._measurement.width_px * self._measurement.height_px)
         self._still.begin()
         for render in range(self.options.visibility_updates):
             if not self._render_is_done(frame, render):

@@ -32,6 +32,8 @@ from ..views import (
     View,
     ViewWindow,
     look_beyond,
+    orders_beyond,
+    power_seen_beyond,
     ray_origins,
     replicate_seed,
     rows_of_replicate,
@@ -159,6 +161,10 @@ class ViewTracer:
         self._vertex_map = _vertex_map(run.plan, receiver)
         self._finished: list[View] = []
         self._ways = ways
+        #: The orders beyond the last one in the frame's first render, and the weights of its rays.
+        self._beyond: tuple[View, Real] | None = None
+        #: Renders that were made for these orders alone.
+        self.renders_beyond = 0
 
     # -- one render --------------------------------------------------------------------------------
 
@@ -190,7 +196,11 @@ class ViewTracer:
     def beyond_tasks(
         self, whole: ViewWindow, coloured: bool
     ) -> Generator[PathTask, None, PowerBeyond]:
-        """Render the whole frame with few rays, for the power beyond the last order."""
+        """Return the power beyond the last order, from the first render of the whole frame, or from
+        one with few rays.
+        """
+        if self._beyond is not None:
+            return power_seen_beyond(self._limits(), *self._beyond, 1.0, coloured)
         run, window = self.run, whole.with_few_rays()
         run.scene.lamps.shine(0)
         seed = replicate_seed(run.measurement.seed, window, 0)
@@ -199,6 +209,7 @@ class ViewTracer:
         shared = whole.width_px * whole.height_px / rays.solid_angle_sr.size
         asked = look_beyond(self._limits(), rays.solid_angle_sr, shared, coloured)
         view = yield from self._render(0, 0, next(asked))
+        self.renders_beyond += 1
         try:
             asked.send(view)
         except StopIteration as stop:
@@ -206,13 +217,20 @@ class ViewTracer:
         return found
 
     def replicate_tasks(
-        self, number: int, tile: Tile, replicate: int, image: int = 0, reflections: int = 0
+        self,
+        number: int,
+        tile: Tile,
+        replicate: int,
+        image: int = 0,
+        reflections: int = 0,
+        whole: bool = False,
     ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
         """Make all renders of a tile replicate; return its rows, where their rays start, and all
         that was found.
 
         With the number of an image, from 1, the transmitter is in its place, nothing blocks it, and
-        paths have so many reflections at most.
+        paths have so many reflections at most. A tile that is the `whole` frame has a second view,
+        of the orders beyond the last one, if its first render can have one.
         """
         run, window = self.run, tile.window
         run.scene.lamps.shine(image)
@@ -224,8 +242,13 @@ class ViewTracer:
             limits = dataclasses.replace(limits, max_reflections=reflections)
         trace = trace_replicate(limits, rays.solid_angle_sr)
         request = next(trace)
+        views = run.scene.has_second_view and limits.all_opaque and not run.world_encoding
+        if whole and views and request.mark is None:
+            request = dataclasses.replace(request, beyond=orders_beyond(limits))
         while True:
             view = yield from self._render(number, replicate, request)
+            if view.beyond is not None:
+                self._beyond = view.beyond, rays.solid_angle_sr
             if tile.own is not None:
                 view = view.only(tile.own)
             try:

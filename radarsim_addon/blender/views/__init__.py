@@ -5,7 +5,7 @@ In: a window of the receiver's image. Out: rows of the path table.
 """
 
 from .path_classes import TracedReplicate, TraceLimits, trace_replicate
-from .power_beyond import PowerBeyond, look_beyond
+from .power_beyond import PowerBeyond, look_beyond, orders_beyond, power_seen_beyond
 from .requests import PathClass, Region, RenderRequest, View
 from .rows import pixel_numbers, ray_origins, rows_of_replicate
 from .view_camera import ViewCamera
@@ -25,7 +25,9 @@ __all__ = [
     "ViewCamera",
     "ViewWindow",
     "look_beyond",
+    "orders_beyond",
     "pixel_numbers",
+    "power_seen_beyond",
     "ray_origins",
     "replicate_seed",
     "rows_of_replicate",

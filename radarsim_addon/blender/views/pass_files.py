@@ -8,7 +8,7 @@ Up to Blender 4.5 such a file has one part, from 5.0 on a part for each pass; ch
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from ...array_types import Single
 from ...errors import RenderError
 from ...signal.runs import exr_backend
-from .requests import View
+from .requests import Region, View
 
 
 def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single]]:
@@ -43,13 +43,22 @@ def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single
 
 
 def read_views(
-    path: Path, lights: Sequence[str], names: Sequence[str], whole: Callable[[Single], Single]
+    path: Path,
+    lights: Sequence[str],
+    names: Sequence[str],
+    size: tuple[int, int],
+    region: Region | None,
 ) -> list[View]:
     """Read views by their names from a multilayer EXR; the only one has none: "".
 
-    `lights` are the passes of the transmitter's light, and of marks if there are any; `whole` makes
-    a channel the whole view. RenderError where one of them is missing.
+    `lights` are the passes of the transmitter's light, and of marks if there are any; `size` is the
+    width and height of a view, of which the file has the `region` (None: all). RenderError where a
+    light is missing.
     """
+
+    def whole(plane: Single) -> Single:
+        return _whole(plane, size, region)
+
     # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
     kinds = *lights, "Position", "Object Index", "IndexOB"
     ends = [f".{name}" if name else "" for name in names]
@@ -78,6 +87,24 @@ def read_views(
             dataclasses.replace(light, position=position, object_index=number, marks=marks)
         )
     return views
+
+
+def _whole(plane: Single, size: tuple[int, int], region: Region | None) -> Single:
+    """A channel over the whole view: 0 outside the region."""
+    width, height = size
+    expected = (height, width)
+    if region is not None:
+        expected = (region.bottom - region.top, region.right - region.left)
+    if plane.shape != expected:
+        raise RenderError(
+            f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
+            f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
+        )
+    if region is None:
+        return plane
+    filled = np.zeros((height, width), dtype=np.float32)
+    filled[region.top : region.bottom, region.left : region.right] = plane
+    return filled
 
 
 def _wanted(channel: str, names: Collection[str]) -> str:

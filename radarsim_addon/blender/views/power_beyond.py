@@ -59,8 +59,41 @@ def look_beyond(
     -------
     PowerBeyond
     """
-    path_class = PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
-    view = yield RenderRequest(path_class, encoded=not limits.world_encoding)
+    view = yield RenderRequest(orders_beyond(limits), encoded=not limits.world_encoding)
+    return power_seen_beyond(limits, view, weight, pixels_per_ray, coloured)
+
+
+def orders_beyond(limits: TraceLimits) -> PathClass:
+    """Return the orders whose power is measured.
+
+    Parameters
+    ----------
+    limits
+        As for `trace_replicate`.
+
+    Returns
+    -------
+    PathClass
+    """
+    return PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
+
+
+def power_seen_beyond(
+    limits: TraceLimits, view: View, weight: Real, pixels_per_ray: float, coloured: bool
+) -> PowerBeyond:
+    """Return the power in a view of `orders_beyond`.
+
+    Parameters
+    ----------
+    limits, weight, pixels_per_ray, coloured
+        As for `look_beyond`.
+    view
+        What was rendered.
+
+    Returns
+    -------
+    PowerBeyond
+    """
     power = amplitude_of(view, limits.amplitude_channel if coloured else "B") * weight
     strongest = float(power.max(initial=0.0))
     return PowerBeyond(float(power.sum()), variance_of_sum(power), strongest, pixels_per_ray)

@@ -103,6 +103,9 @@ class RenderRequest:
         `attributes.ATTR_BY_POLARISATION`.
     mark
         Last vertices that shine besides; None: none.
+    beyond
+        Orders of which the same render makes a second view, of the same rays; the transparent
+        surfaces are those of `path_class`. For scenes that have a second view.
     """
 
     path_class: PathClass
@@ -112,6 +115,7 @@ class RenderRequest:
     all_channels: bool = False
     by_polarisation: bool = False
     mark: VertexMark | None = None
+    beyond: PathClass | None = None
 
 
 @dataclass(frozen=True)
@@ -128,6 +132,8 @@ class View:
         Its object's number in the run's list, 0 where there is none.
     marks
         Light of the vertices that the request has marked; None where it has none.
+    beyond
+        Light of the transmitter in the second view, if one was asked for.
     """
 
     red: Real | Single
@@ -136,11 +142,17 @@ class View:
     position: Real | Single | None = None
     object_index: NDArray[np.int32] | None = None
     marks: View | None = None
+    beyond: View | None = None
 
     def only(self, pixels: NDArray[np.bool_]) -> View:
         """Return the view without the light outside these pixels; what is seen there stays."""
         red, green, blue = (np.where(pixels, c, 0.0) for c in (self.red, self.green, self.blue))
         return dataclasses.replace(self, red=red, green=green, blue=blue)
+
+    def turned(self) -> View:
+        """Return the light as seen upside down."""
+        red, green, blue = (c[::-1, ::-1] for c in (self.red, self.green, self.blue))
+        return View(red, green, blue)
 
     def channels(self) -> Real:
         """Return red, green and blue, (3, h, w)."""

@@ -13,7 +13,7 @@ from ..scene import NEAR_CLIP_UNITS
 from ..state import SettingsRestorer
 from .view_setup import numbered_objects
 
-_NAME = "radarsim view (temporary)"
+_NAME, _SECOND = "radarsim view (temporary)", "radarsim second view (temporary)"
 
 
 class ViewCamera:
@@ -27,21 +27,33 @@ class ViewCamera:
     ----------
     item : bpy.types.Object
         The camera, at the world's origin.
+    second : bpy.types.Object
+        One more, for `SecondView`: Blender sorts all objects when one is added later.
     """
 
     def __init__(self, scene: Any) -> None:
         self._recorder = SettingsRestorer()
-        data = bpy.data.cameras.new(_NAME)
-        self._recorder.on_restore(_NAME, lambda: bpy.data.cameras.remove(data))
-        data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
-        self.item = item = bpy.data.objects.new(_NAME, data)
-        self._recorder.on_restore(_NAME, lambda: bpy.data.objects.remove(item))
+        self.item, self.second = self._add(_NAME), self._add(_SECOND)
         try:
-            scene.collection.objects.link(item)
-            self._recorder.set(scene, "camera", item)
+            for item in (self.item, self.second):
+                scene.collection.objects.link(item)
+            self._recorder.set(scene, "camera", self.item)
         except BaseException:
             self.restore()
             raise
+
+    def _add(self, name: str) -> Any:
+        data = bpy.data.cameras.new(name)
+        self._recorder.on_restore(name, lambda: bpy.data.cameras.remove(data))
+        data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
+        item = bpy.data.objects.new(name, data)
+        self._recorder.on_restore(name, lambda: bpy.data.objects.remove(item))
+        return item
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the cameras and of their data."""
+        return frozenset(n for one in (self.item, self.second) for n in (one.name, one.data.name))
 
     def number_objects(self) -> None:
         """Number the surfaces of a file that Blender has not evaluated yet.

@@ -9,6 +9,7 @@ Where the materials do not carry the range encoding, a world volume does.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import shutil
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +18,6 @@ import bpy
 import numpy as np
 
 from ... import contract
-from ...array_types import Single
 from ...errors import RenderError
 from ...processes import temporary_folder
 from ..nodes import attributes
@@ -28,6 +28,7 @@ from .image_lamps import ImageLamps
 from .joint_render import MOST_TOGETHER, JointRender, Look
 from .pass_files import read_views
 from .requests import PathClass, Region, RenderRequest, View
+from .second_view import SecondView, is_worth_it, may_tell_views, second_light
 from .vertex_marks import add_vertex_marks
 from .view_camera import ViewCamera
 from .view_setup import (
@@ -94,7 +95,9 @@ class PathScene:
         self._folder = temporary_folder()
         self._recorder.on_restore("temporary files", self.remove_files)
         self._own_camera: ViewCamera | None = None
-        self._view: Any = None if view is None else view.item
+        self._second: SecondView | None = None
+        self._views_chosen = False
+        self._cameras = view
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
         self._size = self._canvas = (0, 0)
@@ -114,9 +117,9 @@ class PathScene:
         """Set everything; on failure restore all settings, then raise the error."""
         try:
             self._threads = keep_changing(self._recorder, self._scene)
-            if self._view is None:
-                self._own_camera = ViewCamera(self._scene)
-                self._view = self._own_camera.item
+            if self._cameras is None:
+                self._cameras = self._own_camera = ViewCamera(self._scene)
+            self._view = self._cameras.item
             set_format(self._recorder, self._scene.render, self._folder / "view")
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
@@ -152,8 +155,25 @@ class PathScene:
     @property
     def own_names(self) -> frozenset[str]:
         """Names of what changes from render to render: the camera and its data."""
-        cameras = [self._view, *(self._joint.cameras if self._joint is not None else ())]
-        return frozenset(one.name for camera in cameras for one in (camera, camera.data))
+        names = frozenset() if self._cameras is None else self._cameras.names
+        looking = () if self._joint is None else self._joint.cameras
+        return names.union(one.name for camera in looking for one in (camera, camera.data))
+
+    def choose_views(self, rays: int) -> None:
+        """Have renders make two views, of so many rays each, where that is faster; asked once."""
+        if self._views_chosen or self._cameras is None:
+            return
+        self._views_chosen = True
+        if self._joint is not None:  # its looks share renders already
+            return
+        fits = self.kind != "equirectangular" and may_tell_views(self._emitter)
+        if fits and is_worth_it(self._view_layer, rays):
+            self._second = SecondView(self._recorder, self._scene, self._cameras, self._emitter)
+
+    @property
+    def has_second_view(self) -> bool:
+        """Whether the next render makes a second view if it is asked for."""
+        return self._second is not None and self._canvas == self._size
 
     def restore(self) -> list[str]:
         """Give the user's scene back; may be called again."""
@@ -257,9 +277,15 @@ class PathScene:
             0.0 if path_class.depth_max is None else path_class.depth_max + 1.5
         )
         self._set_surfaces(path_class)
-        if path_class.order_max is not None:
+        if self._second is not None:
+            scene.render.use_multiview = request.beyond is not None
+            if request.beyond is not None:
+                self._second.begin(request.beyond)
+        classes = [one for one in (path_class, request.beyond) if one is not None]
+        highest = [one.order_max for one in classes if one.order_max is not None]
+        if len(highest) == len(classes):
             for name in BOUNCES:  # nothing beyond the path class is worth its time
-                setattr(scene.cycles, name, path_class.order_max - 1)
+                setattr(scene.cycles, name, max(highest) - 1)
         self._set_vertex_colours(request, vertex)
         scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
@@ -363,30 +389,21 @@ class PathScene:
         joint = self._joint
         if joint is not None and joint.has(self._look, self._request):
             return joint.take(self._look)
-        names = joint.names if joint is not None and joint.rendered else [""]
-        groups = (LIGHT_GROUP, MARK_GROUP) if self._request.mark is not None else (LIGHT_GROUP,)
-        path = self._folder / "view.exr"
-        views = read_views(path, [f"Combined_{group}" for group in groups], names, self._whole)
-        with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
-            path.unlink()
+        if self._request.beyond is not None and self._second is not None:
+            first, second = (self._read(suffix, [""])[0] for suffix in self._second.suffixes)
+            # Without it, a render of its own is made.
+            return dataclasses.replace(first, beyond=second_light(first, second))
         if joint is None or not joint.rendered:
-            return views[0]
-        joint.keep(views, self._request)
+            return self._read("", [""])[0]
+        joint.keep(self._read("", joint.names), self._request)
         return joint.take(self._look)
 
-    def _whole(self, plane: Single) -> Single:
-        """A channel over the whole view: 0 outside the region."""
-        (width, height), region = self._size, self._request.region
-        expected = (height, width)
-        if region is not None:
-            expected = (region.bottom - region.top, region.right - region.left)
-        if plane.shape != expected:
-            raise RenderError(
-                f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
-                f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
-            )
-        if region is None:
-            return plane
-        whole = np.zeros((height, width), dtype=np.float32)
-        whole[region.top : region.bottom, region.left : region.right] = plane
-        return whole
+    def _read(self, suffix: str, names: list[str]) -> list[View]:
+        """Read the views of a file, which is removed."""
+        groups = (LIGHT_GROUP, MARK_GROUP) if self._request.mark is not None else (LIGHT_GROUP,)
+        path = self._folder / f"view{suffix}.exr"
+        lights = [f"Combined_{group}" for group in groups]
+        views = read_views(path, lights, names, self._size, self._request.region)
+        with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
+            path.unlink()
+        return views

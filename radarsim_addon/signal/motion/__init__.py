@@ -7,6 +7,7 @@ range rates [m/s] at any time [s].
 
 from .antenna_motion import AntennaMotion, axes_of, places_m
 from .body_motion import BodyMotion
+from .body_motions import BodyMotions, which_move
 from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
 from .images import PathImages
 from .kinematics import KinematicMotion, leg_change
@@ -17,6 +18,7 @@ from .still_bodies import StillBodies, read_still_bodies, write_still_bodies
 __all__ = [
     "AntennaMotion",
     "BodyMotion",
+    "BodyMotions",
     "FrameMotion",
     "JoinedMotion",
     "KinematicMotion",
@@ -38,6 +40,7 @@ __all__ = [
     "read_motion",
     "read_still_bodies",
     "smooth_poses",
+    "which_move",
     "write_still_bodies",
     "write_tracks",
 ]

@@ -27,6 +27,7 @@ from ...array_types import Int32, Real
 from ...errors import ConfigError
 from ...vectors import are_finite
 from .body_motion import BodyMotion
+from .body_motions import which_move
 from .images import PathImages
 from .motion_file import FrameMotion, VertexSeries
 from .path_motion import Rows
@@ -90,7 +91,7 @@ class KinematicMotion:
     @functools.cached_property
     def moving_vertices(self) -> NDArray[np.bool_]:
         """See `PathMotion`."""
-        moves = np.array([False, *(body.moving for body in self.scene.bodies)])
+        moves = np.concatenate([[False], which_move(self.scene.bodies)])
         touched = moves[self.bodies] | (self.tracks > 0)
         return np.asarray(touched & self.known[:, None])
 

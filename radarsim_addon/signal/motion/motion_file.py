@@ -27,6 +27,7 @@ from ...errors import FrameFileError, SchemaError
 from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
+from .body_motions import which_move
 from .npz_files import RENDER_AGAIN, plain_arrays
 from .still_bodies import read_still_bodies
 
@@ -131,8 +132,8 @@ class FrameMotion:
     @property
     def moving(self) -> bool:
         """Whether anything moves."""
-        bodies = (self.receiver, self.emitter, *self.bodies)
-        return self.tracks is not None or any(body.moving for body in bodies)
+        antennas = self.receiver.moving or self.emitter.moving
+        return self.tracks is not None or antennas or bool(which_move(self.bodies).any())
 
 
 def body_record(

@@ -165,3 +165,16 @@ def test_the_motion_file_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyP
     run = measured(tmp_path)
     text = (run.folder / frame_dir(1) / MOTION_FILE).read_text()
     assert [one["object"] for one in json.loads(text)["bodies"]] == ["Plate"]
+
+
+def test_instances_have_the_name_of_now() -> None:
+    """Names are kept from frame to frame, until someone renames what they come from."""
+    field()
+    layout = take_snapshot(bpy.context.evaluated_depsgraph_get()).layout
+    rows = np.flatnonzero(layout.instancer >= 0)
+    for name in ("Field", "Field", "Other"):
+        bpy.data.objects[layout.instancers[0].name].name = name
+        found = body_records._instance_names(layout, rows[::2])
+        assert len(found) == 18
+        assert all(one.split("/")[0] == name for one in found)
+        assert len(set(found)) == 18

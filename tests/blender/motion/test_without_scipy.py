@@ -10,10 +10,11 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.motion.bodies import _pairs_within
+from radarsim_addon.blender.motion.near_bodies import pairs_near
 from radarsim_addon.errors import MissingDependencyError
 from radarsim_addon.signal.motion import smooth_poses
 from radarsim_addon.signal.paths.triangle_cells import sorted_places
+from tests.blender.motion.test_near_bodies import layout
 
 
 @pytest.fixture
@@ -24,12 +25,13 @@ def no_scipy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_points_near_boxes_are_the_same(request: pytest.FixtureRequest) -> None:
     rng = np.random.default_rng(1)
-    points, centres = rng.normal(size=(400, 3)), rng.normal(size=(90, 3))
-    radius = np.full(90, 0.4)
-    found = _pairs_within(points, centres, radius)
+    points, pose = rng.normal(size=(400, 3)), np.tile(np.eye(4), (90, 1, 1))
+    pose[:, :3, 3] = rng.normal(size=(90, 3))
+    box = np.array([[-0.2, -0.2, -0.2], [0.2, 0.2, 0.2]]) + np.zeros((90, 1, 1))
+    found = pairs_near(layout(90), slice(0, 90), pose, box, points, 0.05)
     assert found[0].size > 100
     request.getfixturevalue("no_scipy")
-    without = _pairs_within(points, centres, radius)
+    without = pairs_near(layout(90), slice(0, 90), pose, box, points, 0.05)
     assert set(zip(*map(np.ndarray.tolist, found), strict=True)) == set(
         zip(*map(np.ndarray.tolist, without), strict=True)
     )
