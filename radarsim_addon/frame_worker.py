@@ -9,6 +9,7 @@ Dask cluster call :func:`run_frame`.
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import signal
@@ -37,6 +38,8 @@ class FrameWorker(Protocol):
         """Let go of the run. May be called again."""
 
 
+#: Modules that a worker of a command needs.
+_MODULES = {"render": ".blender.headless", "process": ".signal.pipeline"}
 #: The run that this process has open, by what it was opened with.
 _open: dict[tuple[str, ...], FrameWorker] = {}
 
@@ -87,6 +90,12 @@ def _signals_wait() -> Iterator[None]:
             signal.raise_signal(arrived[0])
 
 
+def _load(command: str) -> None:
+    """Import what a worker of a command needs; one that is asked tells what fails."""
+    with contextlib.suppress(Exception), _signals_wait():
+        importlib.import_module(_MODULES[command], __package__)
+
+
 def _open_worker(words: Sequence[str], joins: bool) -> FrameWorker:
     if words[0] == "render":
         from .blender.headless import FrameRenderer
@@ -108,6 +117,7 @@ def serve(folder: str, words: Sequence[str]) -> int:
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as replies:
         os.dup2(2, 1)
         try:
+            _load(words[0])
             for line in sys.stdin:
                 print(json.dumps(run_frame(folder, words, json.loads(line))), file=replies)
                 replies.flush()

@@ -87,7 +87,7 @@ class _Child:
 
 
 class LocalWorkers:
-    """Up to `count` processes of `command`, started when there are frames for them."""
+    """`count` processes of `command`; who is lost is replaced when there is a frame for it."""
 
     def __init__(self, command: Sequence[str], count: int) -> None:
         self._command, self._count = command, count
@@ -95,10 +95,18 @@ class LocalWorkers:
         self._replies: queue.Queue[tuple[_Child, str]] = queue.Queue()
 
     def open(self) -> Reply:
-        """Start the first worker; return what it answers about the run."""
+        """Start the workers; return what one of them answers about the run.
+
+        The others load their modules meanwhile.
+        """
         for _ in range(_MAX_STARTS):
-            self._idle().ask(None)
+            asked = self._idle()
+            asked.ask(None)
+            while len(self._children) < self._count:
+                self._children.append(_Child(self._command, self._replies))
             child, reply = self._next()
+            while child is not asked:  # killed while it had nothing to do
+                child, reply = self._next()
             child.busy = False
             if reply is not None:
                 return reply
