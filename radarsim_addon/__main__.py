@@ -74,9 +74,9 @@ def render_command(
 def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
     """Coordinate workers; without Blender, unless this runs in its program."""
     from .signal.distributed import run_frames
-    from .signal.pipeline import main as process_main
-    from .signal.runs import frame_findings, open_run
 
+    if process:  # what is missing is told before the renders; else the workers start sooner
+        from .signal.pipeline import main as process_main
     command = None
     if "bpy" in sys.modules:  # the program, with a file open: its workers are such programs
         bpy: Any = sys.modules["bpy"]
@@ -93,6 +93,8 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         return getattr(stop, "exit_code", 130)
     print(f"radarsim: wrote {about['folder']}", flush=True)
     processed = process_main(["process", about["folder"], *share.words]) if process else 0
+    from .signal.runs import frame_findings, open_run
+
     run = open_run(about["folder"])
     found = [*run.record.findings, *frame_findings(run.path, about["frames"])]
     return max(processed, exit_code(found, about["frames"]))
