@@ -30,6 +30,17 @@ def _icons_are_drawn() -> bool:
     return bool(bpy.app.is_job_running("RENDER_PREVIEW"))
 
 
+def _evaluate_shown(scene_name: str) -> None:
+    """Evaluate what has changed in the scene that windows show.
+
+    Blender would do so after this tick, while the render's thread sorts the objects of the same
+    view layer.
+    """
+    for window in bpy.context.window_manager.windows:
+        if window.scene.name == scene_name:
+            window.view_layer.update()
+
+
 class InteractiveRender:
     """A prepared `MeasurementJob` that renders in steps.
 
@@ -184,6 +195,7 @@ class InteractiveRender:
         self._task = task
         self._ended = ""
         self._idle_ticks = 0
+        _evaluate_shown(self.job.scene_name)
         try:
             result = bpy.ops.render.render("INVOKE_DEFAULT", scene=self.job.scene_name)
         except RuntimeError as error:
