@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
 import os
 import random
@@ -162,38 +161,3 @@ def survive(words: list[Any], results: Path, pattern: str, kills: Iterator[str])
     error = process.communicate(timeout=1200)[1]
     assert process.returncode == 0, error
     return done
-
-
-#: A cluster of two workers on this machine, until the standard input ends.
-_CLUSTER = """
-import sys
-from distributed import LocalCluster
-if __name__ == "__main__":
-    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
-                      local_directory=sys.argv[1]) as cluster:
-        print(cluster.scheduler_address, flush=True)
-        sys.stdin.read()
-"""
-
-
-@contextlib.contextmanager
-def dask_cluster(folder: Path) -> Iterator[str]:
-    """The address of a cluster of its own; a process that holds bpy would pass on its paths."""
-    script = folder / "cluster.py"
-    script.write_text(_CLUSTER, encoding="utf-8")
-    own = os.environ.get("PYTHONPATH")
-    with subprocess.Popen(
-        [sys.executable, str(script), str(folder / "dask")],
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *filter(None, [own])])},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as process:
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            yield process.stdout.readline().strip()
-        finally:
-            process.stdin.close()
-            process.wait(60)

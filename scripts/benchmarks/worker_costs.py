@@ -65,7 +65,7 @@ def run_workers(blend: Path, folder: Path, quick: bool = False) -> dict[str, Any
 
 
 def _once(blend: Path, folder: Path) -> dict[str, float]:
-    with tempfile.TemporaryDirectory(dir=folder) as name, _dask_cluster(Path(name)) as address:
+    with tempfile.TemporaryDirectory(dir=folder) as name, dask_cluster(Path(name)) as address:
         here = Path(name)
 
         def render(part: str, count: int, *words: str) -> Cost:
@@ -120,14 +120,18 @@ def _command(*words: str | Path) -> Cost:
 
 
 @contextlib.contextmanager
-def _dask_cluster(folder: Path) -> Iterator[str]:
-    """Address of a Dask cluster on this machine: two processes of one thread."""
+def dask_cluster(folder: Path) -> Iterator[str]:
+    """Start a Dask cluster of two processes of one thread on this machine; give its address.
+
+    In a process of its own: one that holds bpy would pass on its paths.
+    """
     script = folder / "cluster.py"
     script.write_text(_CLUSTER, encoding="utf-8")
+    own = filter(None, [os.environ.get("PYTHONPATH")])
     with subprocess.Popen(
         [sys.executable, str(script), str(folder / "dask")],
         cwd=_ROOT,
-        env={**os.environ, "PYTHONPATH": str(_ROOT)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(_ROOT), *own])},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

@@ -329,7 +329,7 @@ class _Looking:
         white = self.render(other, mark=VertexMark(2, depth, False))
         own = self.render(echoes, mark=VertexMark(2, depth, False))
         changed = placed.channels() - plain.channels()
-        yield Fact(f"echoes beside marked vertices{where}", _worst(changed), 0.0)
+        yield Fact(f"echoes with marked vertices{where}", _worst(changed), 0.0)
         lit = plain.blue > 0
         if placed.marks is None or white.marks is None or own.marks is None:
             yield Fact(f"marked vertices{where}", math.inf, 0.0)

@@ -33,7 +33,7 @@ _LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
 #: Instances from which on Cycles takes long to go through them before each render.
 MANY_INSTANCES = 10_000
 #: Distance of places that are the same, relative to the farthest one from the world's origin, and
-#: the least share of the pixels that see the same.
+#: the least fraction of the pixels that see the same.
 _SAME_PLACE, _MOST_PIXELS = 1e-4, 0.5
 
 

@@ -37,6 +37,7 @@ from .view_setup import (
     ENCODING_RED_GREEN,
     LIGHT_GROUP,
     MARK_GROUP,
+    PATH_GATES,
     add_encoding_world,
     add_passes,
     keep_changing,
@@ -123,20 +124,7 @@ class PathScene:
             set_format(self._recorder, self._scene.render, self._folder / "view")
             self.objects, self.opaque, self.hidden = number_objects(self._recorder)
             add_passes(self._recorder, self._scene, self._view_layer, self._emitter)
-            for name in (
-                attributes.ATTR_ORDER_MIN,
-                attributes.ATTR_ORDER_MAX,
-                attributes.ATTR_DEPTH_MIN,
-                attributes.ATTR_DEPTH_MAX,
-                attributes.ATTR_SURFACE_DEPTH,
-                attributes.ATTR_SURFACE_STOP,
-                attributes.ATTR_VERTEX_SCALE,
-                attributes.ATTR_MARK_ORDER,
-                attributes.ATTR_MARK_DEPTH,
-                attributes.ATTR_MARK_SCALE,
-                attributes.ATTR_WORLD_CODE,
-                attributes.ATTR_BY_POLARISATION,
-            ):
+            for name in PATH_GATES:
                 self._recorder.set_item(self._scene, name, 0.0)
             self._recorder.set_item(self._scene, attributes.ATTR_VERTEX_ORIGIN, [0.0, 0.0, 0.0])
             if self.vertex_marks:

@@ -20,6 +20,21 @@ from .requests import Region
 LIGHT_GROUP = "radarsim"
 MARK_GROUP = "radarsim_vertices"
 _WORLD = "radarsim range encoding (temporary)"
+#: Properties of the scene that tell materials and transmitter which paths count.
+PATH_GATES = (
+    attributes.ATTR_ORDER_MIN,
+    attributes.ATTR_ORDER_MAX,
+    attributes.ATTR_DEPTH_MIN,
+    attributes.ATTR_DEPTH_MAX,
+    attributes.ATTR_SURFACE_DEPTH,
+    attributes.ATTR_SURFACE_STOP,
+    attributes.ATTR_VERTEX_SCALE,
+    attributes.ATTR_MARK_ORDER,
+    attributes.ATTR_MARK_DEPTH,
+    attributes.ATTR_MARK_SCALE,
+    attributes.ATTR_WORLD_CODE,
+    attributes.ATTR_BY_POLARISATION,
+)
 #: Settings of Cycles for the number of reflections.
 BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
 

@@ -19,10 +19,10 @@ from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import FrameRenderer
 from radarsim_addon.blender.plan import parse_render_arguments
 from radarsim_addon.blender.run import run_job
+from scripts.benchmarks.worker_costs import dask_cluster
 from tests.blender import radar_scenes as rs
 from tests.worker_processes import (
     children,
-    dask_cluster,
     differences,
     finished,
     products,

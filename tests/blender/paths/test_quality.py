@@ -19,7 +19,7 @@ from radarsim_addon.blender.views.requests import variance_of_sum
 
 
 def test_further_reflections_in_watts_have_their_error_in_watts() -> None:
-    """2 +- 3 units of half a watt each, beside 9 W: 10 % +- 15 % of all."""
+    """2 +- 3 units of half a watt each, in addition to 9 W: 10 % +- 15 % of all."""
     sums = QualitySums()
     sums.add_view(TracedReplicate(total=18.0), 0.5)
     sums.add_beyond(PowerBeyond(power=2.0, variance=9.0), 0.5)
@@ -71,7 +71,7 @@ def test_the_bound_of_rare_paths_takes_the_strongest_one_of_all_tiles() -> None:
 
 @pytest.mark.parametrize("slope", [0.0, 0.02])
 def test_variance_of_the_sum_of_an_image(slope: float) -> None:
-    """Rays that lots are drawn for, over a surface that brightens across: by trial."""
+    """Rays that are reflected or not at random, over a surface that brightens across: by trial."""
     rng = np.random.default_rng(2)
     expected = (1 + slope * np.arange(14)) * np.ones((10, 1))
     sums, variances = [], []

@@ -16,10 +16,10 @@ from radarsim_addon.frame_worker import close, run_frame
 from radarsim_addon.signal import Burst, ProcessOptions, Radar, Waveform, process_run
 from radarsim_addon.signal.distributed.local_workers import LocalWorkers
 from radarsim_addon.signal.pipeline import main
+from scripts.benchmarks.worker_costs import dask_cluster
 from tests.signal.synthetic import Setup, points, write_run
 from tests.worker_processes import (
     children,
-    dask_cluster,
     differences,
     finished,
     products,
