@@ -260,13 +260,13 @@ class PathsRecord:
 
     objects names the numbers in the table's object columns, from 1. Fractions are of total_power_w:
     truncated_reflections in orders above max_reflections (probed by few rays: see its standard
-    error, and its upper bound at 95 % confidence; None in tables of earlier versions),
-    truncated_transparency in gates that were not rendered, mixed_power in rows whose pixel held
-    several paths even so, unranged_power in rows without a usable range. relative_error is over
-    error_scope: "both", "ranges" or "objects". small_objects are in view before refinement and have
-    few pixels; small_objects_tiled of them got tiles of their own. column_groups describes the
-    table (none: that of radarsim 0.1), flags gives the values that its column flags sums up. images
-    names the numbers of its columns transmitter_image and receiver_image, from 1.
+    error, and its upper bound at 95 % confidence), truncated_transparency in gates that were not
+    rendered, mixed_power in rows whose pixel held several paths even so, unranged_power in rows
+    without a usable range. relative_error is over error_scope: "both", "ranges" or "objects".
+    small_objects are in view before refinement and have few pixels; small_objects_tiled of them
+    got tiles of their own. column_groups describes the table, flags gives the values that its
+    column flags sums up. images names the numbers of its columns transmitter_image and
+    receiver_image, from 1.
     """
 
     frame: int

@@ -67,7 +67,7 @@ def add_arguments(
 ) -> None:
     """Add an option for each setting of `names` (none: all), in their order.
 
-    Values that are given are in SI, see :func:`given`. Former options are accepted and not shown.
+    Values that are given are in SI, see :func:`given`.
     With `defaults` the help tells the defaults: they hold where an option is left out.
     """
     for name in names or settings:
@@ -80,8 +80,6 @@ def add_arguments(
         options = {"dest": name, "default": argparse.SUPPRESS, **_reading(item)}
         # argparse takes % for a format
         parser.add_argument(item.flag, help=shown.replace("%", "%%"), **options)
-        if item.of.old_flags:
-            parser.add_argument(*item.of.old_flags, help=argparse.SUPPRESS, **options)
 
 
 def _reading(item: Declared) -> dict[str, Any]:

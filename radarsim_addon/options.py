@@ -82,8 +82,6 @@ class Setting:
         Whether the window gives this value at first, where the default is None.
     hint
         What to do about a wrong value: one sentence at the end of the error.
-    old_flags
-        Former options of the same meaning and unit, still accepted.
     flag
         Option, where it cannot follow from the field's name.
     metavar
@@ -111,7 +109,6 @@ class Setting:
     initial: Any = None
     on: bool = False
     hint: str = ""
-    old_flags: tuple[str, ...] = ()
     flag: str = ""
     metavar: str = ""
     parse: Callable[[str], Any] | None = None

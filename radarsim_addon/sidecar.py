@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 from . import contract
 from .atomic_files import write_json
 from .errors import FrameFileError, SchemaError
-from .old_names import todays_numbers
 from .options import Setting
 from .typed_json import from_json, read_json
 
@@ -92,9 +91,7 @@ def read_record(path: Path, kind: type[Record]) -> Record:
             f"{path} has schema version {version!r:.60}; this radarsim reads up to "
             f"{contract.SCHEMA_VERSION}. Update radarsim to process this run."
         )
-    return from_json(
-        kind, todays_numbers(data), str(path), FrameFileError, unknown="ignore", limits=_limit
-    )
+    return from_json(kind, data, str(path), FrameFileError, unknown="ignore", limits=_limit)
 
 
 def _limit(name: str) -> Setting:

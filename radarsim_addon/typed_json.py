@@ -21,7 +21,6 @@ from typing import Any, NoReturn, TypeVar
 from .errors import ConfigError
 from .findings import Finding
 from .findings import from_json as finding_from_json
-from .old_names import todays_name
 from .options import Declared, Setting, declared, value_type
 from .textfile import TextTooLongError, read_text
 
@@ -60,7 +59,7 @@ def from_json(
     unknown: typing.Literal["refuse", "ignore"] = "refuse",
     limits: Callable[[str], Setting] | None = None,
 ) -> Record:
-    """Make a dataclass instance from parsed JSON; names of former versions are read too.
+    """Make a dataclass instance from parsed JSON.
 
     Errors of the class `error` begin with `where`. Records ignore unknown fields: later versions
     may add some. `limits` bounds numbers that are no settings, by the names of their fields.
@@ -84,13 +83,12 @@ class _Reader:
         fields, known = _fields(kind), _known(kind, self.limits)
         values: dict[str, Any] = {}
         for key, value in data.items():
-            name = todays_name(key, fields)
-            if name in fields:
-                hint, plain, setting = known[name]
+            if key in fields:
+                hint, plain, setting = known[key]
                 if type(value) is plain and _fits(value, setting):
-                    values[name] = value
+                    values[key] = value
                 else:
-                    values[name] = self._value(hint, value, f"{where}: {key}", setting)
+                    values[key] = self._value(hint, value, f"{where}: {key}", setting)
             elif self.strict:
                 near = difflib.get_close_matches(key[:60], fields, 1)
                 guess = f" Do you mean {near[0]!r}?" if near else ""

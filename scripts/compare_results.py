@@ -6,7 +6,7 @@
     python scripts/compare_results.py OLD_CHECKOUT --record FILE
     python scripts/compare_results.py NEW_CHECKOUT --against FILE
 
-Both render and process the same scenes (tests/data/version_0_1); every number in their files is
+Both render and process the same scenes (tests/data/compare); every number in their files is
 compared, to the last bit. What is called otherwise in the new version is said in
 scripts/comparison/renames.json, see the README there. A record is of one version of Blender.
 

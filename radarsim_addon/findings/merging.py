@@ -111,7 +111,7 @@ def exit_code(findings: Iterable[Finding], frames: Sequence[int]) -> int:
 
 def _group(item: Finding) -> tuple[str, ...]:
     """Return what findings that become one have in common."""
-    if item.code not in CATALOGUE or item.code == "note":
+    if item.code not in CATALOGUE:
         return item.code, item.message
     return (item.code,)
 

@@ -127,12 +127,12 @@ def to_json(item: Finding) -> dict[str, Any]:
 
 
 def from_json(data: Any, where: str) -> Finding:
-    """Read a finding; a plain text, as radarsim 0.1 wrote it, becomes one of the code "note".
+    """Read a finding.
 
     Parameters
     ----------
     data
-        What :func:`to_json` gave, or a text.
+        What :func:`to_json` gave.
     where
         File and place, for error messages.
 
@@ -146,8 +146,6 @@ def from_json(data: Any, where: str) -> Finding:
     FrameFileError
         Something of it is of a wrong type, or its severity is unknown.
     """
-    if isinstance(data, str):
-        return finding("note", note=data)
     if not isinstance(data, dict):
         raise FrameFileError(f"{where} is {data!r:.60}; expected a JSON object (a finding).")
     texts = {}

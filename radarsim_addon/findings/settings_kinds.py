@@ -150,10 +150,4 @@ RUNS = {
         "Wait for them before you process the run. If one of them fails, start the same command "
         "again.",
     ),
-    "note": Kind(
-        "caution",
-        "{note}",
-        "",
-        "",
-    ),
 }

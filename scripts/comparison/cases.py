@@ -6,15 +6,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-DATA = Path(__file__).resolve().parents[2] / "tests" / "data" / "version_0_1"
+DATA = Path(__file__).resolve().parents[2] / "tests" / "data" / "compare"
 
 
 @dataclass(frozen=True)
 class Processing:
     """One ``process`` over a run, into a folder of this name.
 
-    Options are those of version 0.1, as ``--name`` or ``--name=value``; ``{data}`` is the folder of
-    the input files. What a version calls otherwise is looked up in ``renames.json``.
+    Options are ``--name`` or ``--name=value``; ``{data}`` is the folder of the input files. What a
+    version calls otherwise is looked up in ``renames.json``.
     """
 
     name: str
@@ -57,7 +57,7 @@ CASES: tuple[Case, ...] = (
             Processing("products", ("--hdf5", "--sigmf")),
             Processing(
                 "products_paper",
-                ("--weighting=paper", "--mti=2", "--window=hann", "--speckle-seed=none"),
+                ("--amplitude-model=paper", "--mti=2", "--range-taper=hann", "--speckle-seed=none"),
             ),
         ),
     ),
@@ -66,7 +66,7 @@ CASES: tuple[Case, ...] = (
         "two reflections, two penetrable walls, error target, range encoding of materials",
         (
             Processing("products", ("--hdf5",)),
-            Processing("products_stepped", ("--radar={data}/radar_stepped.json", "--hdf5")),
+            Processing("products_stepped", ("--waveform={data}/waveform_stepped.json", "--hdf5")),
         ),
     ),
     Case(
@@ -75,16 +75,23 @@ CASES: tuple[Case, ...] = (
         (
             Processing(
                 "products",
-                ("--noise", "--noise-seed=7", "--cfar=os", "--cfar-train=3,6", "--hdf5", "--sigmf"),
+                (
+                    "--thermal-noise",
+                    "--noise-seed=7",
+                    "--cfar=os",
+                    "--cfar-train=3,6",
+                    "--hdf5",
+                    "--sigmf",
+                ),
             ),
             Processing(
                 "products_other_system",
                 (
-                    "--system={data}/system.json",
+                    "--link-budget={data}/link_budget.json",
                     "--adc-bits=10",
                     "--phase-noise={data}/phase_noise.csv",
-                    "--window=blackman",
-                    "--doppler-window=hann",
+                    "--range-taper=blackman",
+                    "--doppler-taper=hann",
                     "--mti=3",
                     "--cfar=ca",
                     "--pfa=1e-5",
@@ -98,7 +105,9 @@ CASES: tuple[Case, ...] = (
         "24 GHz PMCW, one replicate, a van recedes",
         (
             Processing("products", ("--hdf5", "--cfar=ca")),
-            Processing("products_direct", ("--synthesis=direct", "--method=direct")),
+            Processing(
+                "products_direct", ("--slow-time-transform=direct", "--nufft-backend=direct")
+            ),
         ),
     ),
     Case(
@@ -109,7 +118,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "paths_orthographic",
         "orthographic receiver, a thin pane, horizontal polarisation",
-        (Processing("products", ("--hdf5", "--noise-figure-db=5", "--range=2:40")),),
+        (Processing("products", ("--hdf5", "--noise-figure-db=5", "--range-limits=2:40")),),
     ),
     Case(
         "paths_equirectangular",
@@ -119,7 +128,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "paths_bursts",
         "three renders a burst, a door and instances move, Barker pulse",
-        (Processing("products", ("--hdf5", "--receiver-gain-db=3")),),
+        (Processing("products", ("--hdf5", "--receive-antenna-gain-dbi=3")),),
     ),
     Case("demo", "the paper's experiment as `make demo` runs it", slow=True),
 )

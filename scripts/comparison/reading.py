@@ -31,8 +31,11 @@ class Place(NamedTuple):
         return f"{self.file}: {self.key}" if self.key else self.file
 
 
-#: Files whose numbers are in other files too, or that hold none.
+#: Columns of a table of paths, as the checkout's own reader gives them.
+COLUMNS_FILE = "path_columns.npz"
+#: Files whose numbers are in other files too, or that hold none: their endings.
 NOT_READ = {
+    "paths.npy": f"table of paths; its columns are in {COLUMNS_FILE}",
     ".blend": "scene that a script built; what was measured of it is compared",
     ".png": "picture of numbers that are compared",
     ".gif": "picture of numbers that are compared",
@@ -196,7 +199,7 @@ def read_folder(folder: Path) -> dict[Place, Values]:
     found: dict[Place, Values] = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
-        if path.suffix in NOT_READ:
+        if path.name.endswith(tuple(NOT_READ)):
             continue
         reader = _READERS.get(path.suffix)
         if reader is None:

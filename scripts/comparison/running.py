@@ -15,7 +15,7 @@ from pathlib import Path
 
 from scripts.comparison.cases import DATA, Case, Processing
 from scripts.comparison.names import Renames, compared
-from scripts.comparison.reading import Place, Values, read_folder
+from scripts.comparison.reading import COLUMNS_FILE, Place, Values, read_folder
 
 #: Longest time of one command [s]; a case takes seconds, the demo a minute or two.
 TIMEOUT_S = 1800
@@ -23,6 +23,15 @@ _PROBE = """
 import json, sys, numpy, bpy, radarsim_addon
 print(json.dumps({"package": radarsim_addon.__file__, "blender": bpy.app.version_string,
                   "python": sys.version.split()[0], "numpy": numpy.__version__}))
+"""
+#: Writes the columns of each table of paths next to it, whatever the form of its file.
+_COLUMNS = """
+import pathlib, sys, numpy
+from radarsim_addon.signal.paths import open_frame_table
+for sidecar in pathlib.Path(sys.argv[1]).glob("frames/*/paths.json"):
+    table = open_frame_table(sidecar.parent, int(sidecar.parent.name.removeprefix("frame_")))[1]
+    names = getattr(table, "dtype", None) and table.dtype.names or tuple(table)
+    numpy.savez(sidecar.with_name(sys.argv[2]), **{name: table[name] for name in names})
 """
 
 
@@ -125,7 +134,7 @@ def listed_options(help_text: str) -> dict[str, frozenset[str]]:
 def option_words(
     given: tuple[str, ...], known: Mapping[str, frozenset[str]], renames: Renames, data: Path
 ) -> list[str]:
-    """Options of version 0.1 as another version calls them.
+    """Options of a case as another version calls them.
 
     Parameters
     ----------
@@ -185,6 +194,8 @@ def run_case(case: Case, checkout: Checkout, folder: Path, renames: Renames) -> 
         environment,
         folder,
     )
+    columns = [checkout.python, "-c", _COLUMNS, str(run), COLUMNS_FILE]
+    _call(columns, environment, folder)
     for processing in case.processings:
         _process(processing, checkout, run, folder / processing.name, renames)
     return time.perf_counter() - start

@@ -50,7 +50,7 @@ def run_case(folder: Path, seed: int, number: int) -> Case:
     rng = random.Random(f"{seed}/{number}")
     place = folder / "case"
     shutil.rmtree(place, ignore_errors=True)
-    run = rng.choice(["rings", "paths", "paths", "old"])
+    run = rng.choice(["rings", "paths", "paths"])
     shutil.copytree(folder / "corpus" / run, place / "run")
     shutil.copytree(folder / "corpus" / "files", place / "files")
     command, words = _words(rng, place, run)
@@ -163,7 +163,7 @@ def _render_arguments(words: list[str]) -> int:
 
 _PROCESS = _process_flags()
 _RENDER = [item.flag for item in render_settings().values()] + [
-    "--frames", "--resolution", "--bounces", "--order", "--passes", "--delta-t", "--scene",
+    "--frames", "--resolution", "--scene",
 ]  # fmt: skip
 
 

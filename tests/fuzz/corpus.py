@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -24,16 +23,14 @@ from radarsim_addon.signal.radar import waveform_to_dict
 from tests.signal import path_runs, synthetic
 from tests.signal.waveform_kinds import ALL
 
-OLD_RUN = Path(__file__).parents[1] / "data" / "version_0_1" / "run_paths"
 SPAN_S = 0.1
 IDENTITY = np.eye(4)
 
 
 def make_corpus(folder: Path) -> None:
-    """Folders of runs: rings, paths, paths of version 0.1; and the files that options name."""
+    """Folders of runs, rings and paths; and the files that options name."""
     _rings(folder / "rings")
     _paths(folder / "paths")
-    shutil.copytree(OLD_RUN, folder / "old")
     _files(folder / "files")
 
 

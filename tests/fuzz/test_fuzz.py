@@ -46,7 +46,7 @@ def run(inputs: Path, tmp_path: Path) -> Path:
 
 def test_the_inputs_are_valid_before_they_are_changed(inputs: Path) -> None:
     files = inputs / "corpus" / "files"
-    for name in ("rings", "paths", "old"):
+    for name in ("rings", "paths"):
         folder = shutil.copytree(inputs / "corpus" / name, inputs / "valid" / name)
         assert main(["process", str(folder), "--no-plots"]) == 0
         assert main(["info", str(folder)]) == 0

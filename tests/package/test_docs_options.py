@@ -56,11 +56,6 @@ def test_options_in_the_pages_exist(
     assert not unknown, sorted(unknown)
 
 
-def test_hidden_names_are_unknown(capsys: pytest.CaptureFixture[str]) -> None:
-    assert "--max-reflections" in (shown := _shown_options(capsys))
-    assert "--order" not in shown
-
-
 def test_links_of_the_readme_lead_somewhere() -> None:
     """Each link leads to a file or another site; every picture has a text in its place."""
     text = (REPOSITORY / "README.md").read_text("utf-8")

@@ -189,14 +189,10 @@ def test_units_and_words_of_spans() -> None:
     assert "bandwidth of 2 kHz to 5 MHz" in cells[0].text
 
 
-def test_notes_and_unknown_codes_are_one_where_texts_are_equal() -> None:
-    other = Finding("of-a-later-version", "info", text="So it is.")
-    notes = [finding("note", note=text) for text in ("a", "b", "a")]
-    assert [item.text for item in merge([*notes, other, other.in_frame(2)])] == [
-        "a",
-        "b",
-        "So it is.",
-    ]
+def test_unknown_codes_are_one_where_texts_are_equal() -> None:
+    others = [Finding("of-a-later-version", "info", text=text) for text in ("a", "b", "a")]
+    merged = merge([*others, others[1].in_frame(2)])
+    assert [item.text for item in merged] == ["a", "b"]
 
 
 def test_numbers_of_another_version_keep_its_texts() -> None:
@@ -245,11 +241,6 @@ def test_json_gives_the_same_finding_back() -> None:
         assert from_json(stored, "run.json: findings[0]") == found
 
 
-def test_texts_of_old_runs_become_notes() -> None:
-    found = from_json("The rings end at 5 m {here}.", "run.json: warnings[0]")
-    assert (found.code, found.text) == ("note", "The rings end at 5 m {here}.")
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -282,7 +273,7 @@ def test_codes_are_declared_once_and_have_texts() -> None:
         assert code == code.lower() and set(code) <= set(
             string.ascii_lowercase + string.digits + "-"
         )
-        assert kind.text and (code == "note" or (kind.cause and kind.remedy)), code
+        assert kind.text and kind.cause and kind.remedy, code
         for text in (kind.text, kind.cause, kind.remedy):
             assert not text or text[-1] in ".}", code
             assert not set("\n\t") & set(text)
@@ -317,20 +308,6 @@ def test_the_package_uses_every_code_and_no_other() -> None:
 
 
 # -- where they are shown --------------------------------------------------------------------------
-def test_old_runs_are_read(tmp_path: Path) -> None:
-    """Their warnings were sentences."""
-    path = tmp_path / "run.json"
-    write_record(path, run_record(Setup()))
-    data = json.loads(path.read_text())
-    del data["findings"]
-    path.write_text(json.dumps(data | {"warnings": ["The rings end at 5 m.", "No Doppler."]}))
-    record = read_record(path, RunRecord)
-    assert [(item.code, item.text) for item in record.findings] == [
-        ("note", "The rings end at 5 m."),
-        ("note", "No Doppler."),
-    ]
-
-
 def test_records_hold_findings(tmp_path: Path) -> None:
     found = merge([finding("single-snapshot"), finding("no-radar-material", "Wall")])
     path = tmp_path / "run.json"

@@ -43,7 +43,6 @@ class Example:
         above=0.0,
         maximum=1e13,
         hint="Check the unit.",
-        old_flags=("--freq-ghz",),
     )
     max_standard_error: float = setting(
         "Max standard error", "Stop below this", 0.0, shown_in="%", minimum=0.0
@@ -137,7 +136,7 @@ def test_json_there_and_back() -> None:
     assert from_json(Example, dataclasses.asdict(record), "a.json") == record
     read = from_json(
         Example,
-        {"carrier_hz": 77000000000, "delta_t_s": 1, "pulses": 64.0, "gain_dbi": None},
+        {"carrier_hz": 77000000000, "snapshot_interval_s": 1, "pulses": 64.0, "gain_dbi": None},
         "a.json",
     )
     assert read == Example(77e9, pulses=64, snapshot_interval_s=1.0)
@@ -154,7 +153,10 @@ def test_json_there_and_back() -> None:
         ({"carrier_hz": "1 GHz"}, "a.json: carrier_hz: Carrier is '1 GHz'"),
         ({"carrier_hz": 1e9, "pulses": 1.5}, "a.json: pulses: Pulses is 1.5"),
         ({"carrier_hz": 1e9, "not_a_setting": 3}, "not_a_setting is 3; expected text"),
-        ({"carrier_hz": 1e9, "delta_t_s": "a"}, "a.json: delta_t_s: Snapshot interval is 'a'"),
+        (
+            {"carrier_hz": 1e9, "snapshot_interval_s": "a"},
+            "a.json: snapshot_interval_s: Snapshot interval is 'a'",
+        ),
     ],
 )
 def test_json_that_does_not_fit_is_named(data: Any, message: str) -> None:
@@ -169,7 +171,7 @@ def test_options_are_in_si_and_only_those_given() -> None:
         "max_standard_error": 0.025,
         "real_adc": False,
     }
-    found = parsed("--freq-ghz=24", "--kind", "fmcw", "--snapshots=1")
+    found = parsed("--carrier-ghz=24", "--kind", "fmcw", "--snapshots=1")
     assert found == {"carrier_hz": 24e9, "kind": "fmcw", "snapshots": 1}
 
 
@@ -217,6 +219,5 @@ def test_help_and_table_tell_the_same_sentence() -> None:
     for item in declared(Example).values():
         assert item.of.help + (" [" if item.name != "carrier_hz" else "") in shown
         assert f"{item.of.help}." in table
-    assert "freq-ghz" not in shown
     assert "--carrier-ghz GHZ" in shown
     assert "| `carrier_hz` | `--carrier-ghz` | must be given | above 0, at most" in table

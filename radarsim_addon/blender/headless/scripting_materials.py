@@ -18,7 +18,7 @@ from ..materials import (  # noqa: F401
     set_scattered_lobe,
 )
 from ..nodes import assign_to
-from ..rig_settings import RADAR_PROPERTY, carrier_hz, migrate_file, register, unregister
+from ..rig_settings import RADAR_PROPERTY, carrier_hz, register, unregister
 from ..scene import replace_material, suggest_materials
 from ..state import evaluated_depsgraph
 
@@ -30,7 +30,6 @@ def ensure_registered() -> None:
         register()
         # Blender 4.5 as a module hangs at exit with properties that have functions of Python.
         atexit.register(unregister)
-        migrate_file()  # of a file that was opened before
 
 
 def material(

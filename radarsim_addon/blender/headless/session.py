@@ -20,7 +20,7 @@ from ...processes import keep_freed_memory, own_folder, remove_abandoned_folders
 from ...textfile import refusal_to_open
 from ..materials import set_mirrors
 from ..plan import given_settings
-from ..rig_settings import RADAR_PROPERTY, migrate_scene, output_folder, register
+from ..rig_settings import RADAR_PROPERTY, output_folder, register
 from ..run import MeasurementJob
 from ..run.devices import Device, choose_device
 from ..scene import active_radar, radars
@@ -54,7 +54,6 @@ def open_scene(
 def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
     """Scene and radar of a command line."""
     scene = _find_scene(arguments.scene)
-    migrate_scene(scene)  # opened before the settings were registered: blender -b FILE -P
     radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
     return scene, radar
 

@@ -121,7 +121,6 @@ class Measurement:
             ("1", "One", "At t alone: no Doppler"),
             ("2", "Two", "At t and after the snapshot interval, for Doppler (Eq. 12)"),
         ),
-        old_flags=("--passes",),
     )
     snapshot_interval_s: float = setting(
         "Snapshot interval",

@@ -35,7 +35,6 @@ class PathOptions:
         minimum=1,
         maximum=10_000,
         soft_maximum=64,
-        old_flags=("--shifts",),
     )
     max_standard_error: float = setting(
         "Max standard error",
@@ -46,7 +45,6 @@ class PathOptions:
         minimum=0.0,
         maximum=10.0,
         digits=2,
-        old_flags=("--error",),
     )
     refine_for: str = setting(
         "Refine for",
@@ -57,11 +55,10 @@ class PathOptions:
             ("ranges", "Ranges", "Range bins, weighed by the root of their power"),
             ("objects", "Objects", "The power of each object, all alike: small targets"),
         ),
-        old_flags=("--error-of",),
     )
     time_limit_s: float = setting(
         "Time limit", "Stop refining a frame after this time. 0: no limit", 0.0, unit="s",
-        minimum=0.0, maximum=1e9, digits=1, old_flags=("--budget",),
+        minimum=0.0, maximum=1e9, digits=1,
     )  # fmt: skip
     max_refinement_level: int = setting(
         "Max refinement level", "Set the most halvings of the pixel pitch", 12,
@@ -102,7 +99,6 @@ class PathOptions:
         minimum=1,
         maximum=1000,
         soft_maximum=16,
-        old_flags=("--renders-per-burst",),
     )
     mirror_images: int = setting(
         "Mirror images",
@@ -122,7 +118,6 @@ class PathOptions:
             ("materials", "Materials", "Only objects with a Radar Material echo"),
             ("world", "World Volume", "Objects of any material echo"),
         ),
-        old_flags=("--code",),
     )
     amplitude_channel: str = setting(
         "Amplitude channel",
@@ -134,7 +129,6 @@ class PathOptions:
             ("G", "Green", "Green channel"),
             ("B", "Blue", "Blue channel"),
         ),
-        old_flags=("--amplitude",),
     )
 
     def __post_init__(self) -> None:

@@ -12,7 +12,6 @@ from ...option_arguments import (
     CommandParser,
     add_arguments,
     add_share_arguments,
-    finite_number,
     given,
 )
 from ...options import Declared, declared
@@ -134,15 +133,7 @@ def parse_render_arguments(
     parser.add_argument(
         "--plan-only", action="store_true", help="Write run.json for --shard, and render nothing"
     )
-    # Options of 0.1 in other units, or of one sampling mode.
-    hidden: dict[str, Any] = {"help": argparse.SUPPRESS}
-    parser.add_argument("--frame-worker", action="store_true", **hidden)
-    parser.add_argument("--auto-rings", action="store_true", **hidden)
-    parser.add_argument(
-        "--delta-t", "--snapshot-interval", dest="delta_t", type=finite_number, **hidden
-    )
-    parser.add_argument("--order", type=int, **hidden)
-    parser.add_argument("--bounces", type=int, **hidden)
+    parser.add_argument("--frame-worker", action="store_true", help=argparse.SUPPRESS)
     return parser.parse_args(words)
 
 
@@ -172,12 +163,6 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
         Options that exclude one another.
     """
     values = given(arguments, render_settings())
-    if "rings" in values and arguments.auto_rings:
-        raise ConfigError("--rings and --auto-rings are both given; expected one of them.")
-    if arguments.auto_rings:
-        values["rings"] = 0
-    if arguments.delta_t is not None:
-        values["snapshot_interval_s"] = arguments.delta_t
     if arguments.frames is not None:
         values["frames"] = parse_frames(arguments.frames)
     if arguments.resolution is not None:
@@ -185,14 +170,6 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
     mode = _sampling_mode(arguments, values)
     if mode is not None:
         values["sampling_mode"] = mode
-    # Reflections in both modes: they choose none.
-    counts = [n for n in (arguments.order, arguments.bounces) if n is not None]
-    if len(counts) + ("max_reflections" in values) > 1:
-        raise ConfigError(
-            "--max-reflections, --order and --bounces say the same; expected one of them."
-        )
-    if counts:
-        values["max_reflections"] = counts[0] + (arguments.bounces is not None)
     return values
 
 

@@ -35,7 +35,6 @@ class RunSettings:
         "",
         path="FILE",
         flag="--waveform",
-        old_flags=("--radar",),
     )
     use_link_budget: bool = setting(
         "Use link budget",
@@ -51,7 +50,6 @@ class RunSettings:
             ("rings", "Rings", "The paper's: shells of range, all paths of a shell in a pixel"),
             ("paths", "Paths", "One path per pixel: exact ranges, standard error reported"),
         ),
-        old_flags=("--acquisition",),
     )
     extinction: str = setting(
         "Extinction",

@@ -7,7 +7,6 @@ In: the settings that dataclasses declare. Out: property groups on the radar rig
 
 from .groups import Settings
 from .material import MATERIAL_PROPERTY, choose_medium
-from .migration import migrate_file, migrate_scene
 from .presets import apply_preset, load_preset, read_preset, save_preset, set_values
 from .radar import (
     RADAR_PROPERTY,
@@ -39,8 +38,6 @@ __all__ = [
     "carrier_hz",
     "choose_medium",
     "load_preset",
-    "migrate_file",
-    "migrate_scene",
     "output_folder",
     "own_link_budget",
     "read_link_budget",

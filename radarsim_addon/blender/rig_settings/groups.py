@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 import bpy
 
 from ...errors import ConfigError, SettingNameError
-from ...old_names import todays_name
 from ...options import Declared, declared
 from ..plan import shortest_decimal
 
@@ -173,7 +172,7 @@ class Settings:
     def _declaration(self, name: str) -> Declared | Mapping[str, Declared]:
         found: Declared | Mapping[str, Declared] | None = self._declarations.get(name)
         if found is None:
-            near = difflib.get_close_matches(todays_name(name, ()), self._declarations, 3, 0.5)
+            near = difflib.get_close_matches(name, self._declarations, 3, 0.5)
             hint = f"did you mean {' or '.join(near)}?" if near else "docs/settings.md lists them."
             raise SettingNameError(f"There is no setting {name!r}; {hint}")
         return found

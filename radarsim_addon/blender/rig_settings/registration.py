@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Registration of the settings with Blender, and of the handler that migrates older files."""
+"""Registration of the settings with Blender."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from ..materials.library import READY
 from ..nodes import PRESETS
 from ..scene import ACTIVE_RADAR_PROPERTY
 from .material import MATERIAL_PROPERTY, MaterialSettings
-from .migration import migrate_file
 from .radar import RADAR_PROPERTY, AntennaGroup, RadarGroup, active_radar_property
 
 PROGRESS_PROPERTY = "radarsim"
@@ -143,16 +142,12 @@ def register() -> None:
         setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
     setattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY, active_radar_property())
     setattr(bpy.types.Object, MIRROR_PROPERTY, mirror_property())
-    bpy.app.handlers.load_post.append(migrate_file)
-    if hasattr(bpy.data, "scenes"):  # not while Blender starts: it opens the file afterwards
-        migrate_file()
 
 
 def unregister() -> None:
     """Remove them; a second call changes nothing."""
     if not AntennaGroup.is_registered:
         return
-    bpy.app.handlers.load_post.remove(migrate_file)
     delattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY)
     delattr(bpy.types.Object, MIRROR_PROPERTY)
     for group, owner, name, _ in reversed(_GROUPS):

@@ -20,7 +20,6 @@ from ..plan import radar_preset
 from ..rig_settings import (
     PROGRESS_PROPERTY,
     apply_preset,
-    migrate_scene,
     output_folder,
     settings,
 )
@@ -56,9 +55,7 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
             if pose is not None:
                 empty.location, empty.rotation_euler = pose
-            # Settings of 0.1 that had no radar to go to: what they do not name is as it was then.
-            if not migrate_scene(context.scene):
-                apply_preset(context.scene, empty, radar_preset(self.preset))
+            apply_preset(context.scene, empty, radar_preset(self.preset))
             for item in context.selected_objects:
                 item.select_set(False)
             empty.select_set(True)

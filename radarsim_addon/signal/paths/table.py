@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from ...atomic_files import replaced
 from ...contract import ColumnGroupRecord, ColumnRecord
 from ...errors import FrameFileError
-from ...old_names import todays_name
 from ...sidecar import file_sha256
 
 PathRows = NDArray[np.void]
@@ -262,7 +261,7 @@ def open_table(
 
 
 def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
-    """Shape, columns by today's names, and first byte of the rows."""
+    """Shape, columns, and first byte of the rows."""
     try:
         with open(path, "rb") as stream:
             version = npy_format.read_magic(stream)
@@ -270,9 +269,6 @@ def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
                 raise ValueError(f"NPY format {version}")
             shape, fortran, dtype = npy_format.read_array_header_1_0(stream)
             start = stream.tell()
-            names = [todays_name(name, PATH_DTYPE.names or ()) for name in dtype.names or ()]
-            if names:
-                dtype.names = tuple(names)
     except FileNotFoundError as error:
         raise FrameFileError(
             f"{path} is missing. Render the run again: it resumes where files are missing."
@@ -284,6 +280,7 @@ def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
             "again: it resumes where files are missing."
         ) from error
+    names = dtype.names or ()
     if not names or fortran or len(shape) != 1 or not 0 <= shape[0] <= MAX_ROWS:
         raise FrameFileError(
             f"{path} holds an array of shape {shape} and {len(names)} columns; expected a table of "

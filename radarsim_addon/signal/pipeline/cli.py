@@ -71,8 +71,6 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         exit code of the named error.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words[:1] == ["rcs"]:  # its name in 0.1
-        words[0] = "objects"
     for stream in (sys.stdout, sys.stderr):
         # a console that cannot show a path's letters must not end a run
         if hasattr(stream, "reconfigure"):

@@ -53,32 +53,28 @@ class ProcessOptions:
         spectrogram.
     """
 
-    amplitude_model: AmplitudeModel | None = setting(
-        default=None, **AMPLITUDE_MODEL, old_flags=("--weighting",)
-    )
+    amplitude_model: AmplitudeModel | None = setting(default=None, **AMPLITUDE_MODEL)
     receive_antenna_gain_dbi: float = setting(
         "Receive antenna gain", "Set the gain of the receive antenna of a run without link budget",
-        0.0, unit="dBi", old_flags=("--receiver-gain-db",),
+        0.0, unit="dBi",
     )  # fmt: skip
     range_taper: str = setting(
         "Range taper", f"Choose the window over the band: {_TAPERS}", "hamming", metavar="NAME",
-        old_flags=("--window",),
     )  # fmt: skip
     doppler_taper: str = setting(
         "Doppler taper", f"Choose the window over the pulses: {_TAPERS}", "hamming", metavar="NAME",
-        old_flags=("--doppler-window",),
     )  # fmt: skip
     range_limits_m: tuple[float, float] | None = setting(
         "Range limits", "Set the one-way ranges of the profile. None: those of the run", None,
-        unit="m", metavar="A:B", old_flags=("--range",),
+        unit="m", metavar="A:B",
     )  # fmt: skip
     max_range_rate_mps: float = setting(
         "Max range rate", "Set the limit of a believable range rate between the snapshots",
-        MAX_RANGE_RATE_MPS, unit="m/s", minimum=0.0, old_flags=("--max-speed",),
+        MAX_RANGE_RATE_MPS, unit="m/s", minimum=0.0,
     )  # fmt: skip
     nufft_backend: Backend = setting(
         "NUFFT backend", "Choose the library of the non-uniform FFT", "auto",
-        choices=choices_from(get_args(Backend)), old_flags=("--method",),
+        choices=choices_from(get_args(Backend)),
     )  # fmt: skip
     tolerance: float = setting(
         "Tolerance", "Set the relative error of the echoes' spectrum", TOLERANCE,
@@ -86,7 +82,7 @@ class ProcessOptions:
     )  # fmt: skip
     slow_time_transform: Method = setting(
         "Slow-time transform", "Choose the transform of moving paths", "auto",
-        choices=choices_from(get_args(Method)), old_flags=("--synthesis",),
+        choices=choices_from(get_args(Method)),
     )  # fmt: skip
     speckle_seed: int | None = setting(
         "Speckle seed", "Set the seed of the random phases of rough scatterers. none: no phases", 0,
@@ -94,7 +90,7 @@ class ProcessOptions:
     )  # fmt: skip
     speckle_cell_size_m: float | None = setting(
         "Speckle cell size", "Set the size of a scatterer's cell. None: by the pixels' footprints",
-        None, unit="m", above=0.0, old_flags=("--speckle-cell",),
+        None, unit="m", above=0.0,
     )  # fmt: skip
     products: bool = setting("Products", "Write the four EXR products", True)
     plots: bool | None = setting(
@@ -109,13 +105,13 @@ class ProcessOptions:
     )  # fmt: skip
     link_budget: LinkBudget | None = setting(
         "Link budget", "Read the link budget (JSON, see docs/system.md). None: the run's own", None,
-        parse=read_system, metavar="FILE", old_flags=("--system",),
+        parse=read_system, metavar="FILE",
     )  # fmt: skip
     radar: Radar | None = None
     receiver: Receiver = dataclasses.field(default_factory=Receiver)
     weather: Weather | None = None
     thermal_noise: bool = setting(
-        "Thermal noise", "Add the thermal noise of the link budget", False, old_flags=("--noise",)
+        "Thermal noise", "Add the thermal noise of the link budget", False
     )
     mti: int = setting(
         "MTI canceller", "Cancel stationary echoes over 2 or 3 pulses. 0: none", 0,

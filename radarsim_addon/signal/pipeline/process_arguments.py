@@ -60,7 +60,6 @@ def add_process_parser(commands: Subcommands) -> None:
     group.add_argument(
         "--waveform", metavar="FILE", help="Read another waveform and burst (JSON) [the run's own]"
     )
-    group.add_argument("--radar", dest="waveform", metavar="FILE", help=argparse.SUPPRESS)
     add_arguments(group, options, *of_radar, defaults=True)
     add_arguments(group, receiver, defaults=True)
     group = process.add_argument_group("weather (docs/weather.md)")

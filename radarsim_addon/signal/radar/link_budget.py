@@ -18,7 +18,6 @@ from typing import Any
 
 from ...contract import LinkBudget
 from ...errors import ConfigError
-from ...old_names import todays_names
 from ...options import check_settings
 from ...physics.noise import noise_power_w
 from ...physics.radar_equation import from_db
@@ -116,7 +115,7 @@ def read_system(path: str | Path) -> LinkBudget:
     path = Path(path)
     data: Any = read_json(path, _MAX_BYTES, "Give a JSON file with a link budget.", ConfigError)
     if data.get("schema") == "radarsim/run":
-        data = todays_names(data, ()).get("link_budget")
+        data = data.get("link_budget")
         if data is None:
             raise ConfigError(
                 f"{path} is a run without a link budget; expected one with a link budget."

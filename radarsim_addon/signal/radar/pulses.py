@@ -140,7 +140,6 @@ class Waveform(PulseNumbers):
         shown_in="us",
         above=0.0,
         initial=2.5e-6,
-        old_flags=("--chirp-us",),
     )
     sampling_rate_hz: float = setting(**SAMPLING_RATE)
 

@@ -37,7 +37,6 @@ SAMPLING_RATE: dict[str, Any] = {
     "shown_in": "MHz",
     "above": 0.0,
     "initial": 60e6,
-    "old_flags": ("--sampling-mhz",),
 }
 
 

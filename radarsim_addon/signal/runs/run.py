@@ -34,7 +34,6 @@ from ...contract import (
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
 from ...findings import frames_text
-from ...old_names import GROUND_TRUTH_FILE_0_1
 from ...sidecar import file_sha256, read_record
 from ...textfile import refusal_to_open
 from ...typed_json import from_json
@@ -162,10 +161,7 @@ class RadarFrame:
 
     def scene(self) -> GroundTruthRecord | None:
         """Return the ground truth of the objects, or None if the run holds no such record."""
-        folder = self.run.path / frame_dir(self.number)
-        path = folder / GROUND_TRUTH_FILE
-        if not path.exists() and (folder / GROUND_TRUTH_FILE_0_1).exists():
-            path = folder / GROUND_TRUTH_FILE_0_1
+        path = self.run.path / frame_dir(self.number) / GROUND_TRUTH_FILE
         return read_record(path, GroundTruthRecord) if path.is_file() else None
 
     def image(self, ring: int, snapshot_index: int = 0) -> tuple[RenderRecord, dict[str, Single]]:

@@ -100,7 +100,7 @@ def test_renders_with_the_files_own_settings(blend: Path, tmp_path: Path) -> Non
 
 def test_paths_are_measured_where_asked_for(here: Command, blend: Path, tmp_path: Path) -> None:
     """Named, or implied by an option of theirs; the same command again renders nothing."""
-    for number, words in enumerate((("--acquisition", "paths"), ("--shifts", "2"))):
+    for number, words in enumerate((("--sampling-mode", "paths"), ("--replicates", "2"))):
         folder = tmp_path / str(number)
         done = here(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
         assert done.returncode == 0, done.stderr
@@ -122,7 +122,16 @@ def test_who_finishes_last_processes_a_shared_run(
 ) -> None:
     """Another process holds frame 2: this one leaves the processing to it, and does not fail."""
     folder = tmp_path / "run"
-    words = ["--frames", "1:2", "--sampling-mode", "paths", "--shifts", "1", "--resolution", "8x8"]
+    words = [
+        "--frames",
+        "1:2",
+        "--sampling-mode",
+        "paths",
+        "--replicates",
+        "1",
+        "--resolution",
+        "8x8",
+    ]
     assert here(blend, "--out", folder, *words).returncode == 0
     for frame in (1, 2):
         (folder / contract.frame_dir(frame) / contract.PATHS_FILE).unlink()
@@ -140,9 +149,10 @@ def test_who_finishes_last_processes_a_shared_run(
 
 def test_options_override_the_file(here: Command, blend: Path, tmp_path: Path) -> None:
     words = (
-        "--frames 2:4:2 --rings 2 --ring-step 6 --delta-t 0.02 --samples 2 --resolution 24x16 "
-        "--bounces 1 --carrier-ghz 77 --bandwidth-mhz 150 --chirp-us 12.5 --sampling-mhz 160 "
-        "--prf-hz 4000 --pulses 64 --seed 5 --process"
+        "--frames 2:4:2 --rings 2 --ring-step 6 --snapshot-interval-ms 20 --samples 2 "
+        "--resolution 24x16 --max-reflections 2 --carrier-ghz 77 --bandwidth-mhz 150 "
+        "--chirp-duration-us 12.5 --sampling-rate-mhz 160 --prf-hz 4000 --pulses 64 "
+        "--seed 5 --process"
     )
     done = here(blend, "--out", tmp_path / "run", *words.split())
     assert done.returncode == 0, done.stderr
@@ -187,16 +197,6 @@ def test_the_installed_command_renders_too(blend: Path, tmp_path: Path) -> None:
     assert "SceneError: The scene has no radar 'Mast'; it has 'Radar'." in done.stderr
 
 
-def test_a_file_of_0_1_is_rendered_with_its_settings(here: Command, tmp_path: Path) -> None:
-    old = Path(__file__).parents[2] / "data" / "version_0_1" / "paths_pmcw_moving.blend"
-    done = here(old, "--out", tmp_path / "run", "--resolution", "8x6")
-    assert done.returncode == 0, done.stderr
-    run = read_record(tmp_path / "run" / "run.json", contract.RunRecord)
-    assert run.waveform["kind"] == "pmcw"
-    assert (run.waveform["code_degree"], run.burst) == (6, {"prf_hz": 50000.0, "pulses": 32})
-    assert run.extra["unsaved_changes"] is False
-
-
 def test_help(tmp_path: Path) -> None:
     done = start("--help")
     assert done.returncode == 0
@@ -214,7 +214,6 @@ def test_help(tmp_path: Path) -> None:
         (["--frames", "1:2:3:4"], 2, "ConfigError: Frames '1:2:3:4'"),
         (["--resolution", "10"], 2, "ConfigError: Resolution '10'"),
         (["--prf-hz", "1e6"], 2, "ConfigError: Chirp of 2.5e-06 s is longer"),
-        (["--rings", "2", "--auto-rings"], 2, "ConfigError: --rings and --auto-rings"),
         (["--scene", "None"], 1, "SceneError: The file has no scene 'None'"),
     ],
 )
@@ -371,7 +370,7 @@ def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
     """Exit code 130, nothing half-written, and the same command finishes the run."""
     # Automatic rings follow from the frames: stated, the run is the same with fewer of them.
     stated = ["--rings", "3"] if sampling_mode == "rings" else []
-    words = [blend, "--out", tmp_path / "run", "--acquisition", sampling_mode, *stated]
+    words = [blend, "--out", tmp_path / "run", "--sampling-mode", sampling_mode, *stated]
     words += ["--frames", "1:40"]
     process = subprocess.Popen(
         [sys.executable, str(SCRIPT), *map(str, words)],

@@ -47,14 +47,16 @@ def test_cross_sections_are_right_and_powers_are_off_by_r2(tmp_path: Path, kind:
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-@pytest.mark.parametrize("noise", [[], ["--noise-figure-db", "3"], ["--system", "--noise"]])
+@pytest.mark.parametrize(
+    "noise", [[], ["--noise-figure-db", "3"], ["--link-budget", "--thermal-noise"]]
+)
 def test_process_says_that_powers_are_not_received_watts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, noise: list[str]
 ) -> None:
     folder = plate_run(tmp_path / "run", kind)
     system = tmp_path / "system.json"
     system.write_text('{"transmit_power_w": 100.0}')
-    given = [f"{word}={system}" if word == "--system" else word for word in noise]
+    given = [f"{word}={system}" if word == "--link-budget" else word for word in noise]
     assert main(["process", str(folder), "--no-plots", *given]) == 0
     said = "[orthographic-power]" in capsys.readouterr().out
     assert said == (kind == "orthographic")
@@ -64,7 +66,7 @@ def test_process_says_that_powers_are_not_received_watts(
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_rcs_says_it_once(tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str) -> None:
-    assert main(["rcs", str(plate_run(tmp_path / "run", kind))]) == 0
+    assert main(["objects", str(plate_run(tmp_path / "run", kind))]) == 0
     assert capsys.readouterr().out.count("[orthographic-power]") == (kind == "orthographic")
 
 
@@ -72,7 +74,7 @@ def test_names_do_not_steer_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = plate_run(tmp_path / "run", "perspective", "a\x1b[31m\nb")
-    assert main(["rcs", str(folder)]) == 0
+    assert main(["objects", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert r"a\x1b[31m\nb" in printed
     assert "\x1b" not in printed

@@ -32,18 +32,6 @@ from radarsim_addon.signal.paths import (
 from tests.signal.path_runs import camera, plate, pose, trace, write_run
 from tests.signal.paths.test_table import random_rows
 
-VERSION_0_1 = Path(__file__).parents[2] / "data" / "version_0_1" / "run_paths"
-#: Columns that radarsim 0.1 called otherwise.
-NAMES_0_1 = {
-    "first_scatterer_m": "first_m",
-    "last_scatterer_m": "last_m",
-    "last_object": "object",
-    "last_body": "body",
-    "last_surface_point": "track",
-    "first_surface_point": "first_track",
-    "replicate": "shift",
-}
-
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
@@ -169,26 +157,8 @@ def test_columns_of_another_type_are_refused(tmp_path: Path) -> None:
         open_table(tmp_path / "paths.npy")
 
 
-def test_tables_of_version_0_1_open() -> None:
-    """The numbers that version 0.1 itself read from this run."""
-    frame = open_run(VERSION_0_1).frame(1)
-    assert frame.max_reflections == 1  # "max_bounces": 0
-    raw = np.load(frame.path / contract.PATHS_TABLE)
-    record, table = open_frame_table(frame.path, 1)
-    assert not record.column_groups
-    assert set(table.dtype.names or ()) == set(PATH_DTYPE.names or ())
-    for name in PATH_DTYPE.names or ():
-        np.testing.assert_array_equal(table[name], raw[NAMES_0_1.get(name, name)])
-    paths = frame_paths(frame)
-    assert len(paths) == 115
-    assert float(paths.radiance.sum()) == 5224.168603867292
-    assert float(paths.length_m.sum()) == 2714.5608488556536
-    later_m = paths.lengths.lengths_m(np.array([3e-4]), slice(None))
-    assert float(later_m.sum()) == 2714.400393027043
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="files are not sparse unless asked for")
-def test_more_rows_than_32_bits_count(tmp_path: Path) -> None:
+def test_more_rows_than_32_bits_count(run: Path, tmp_path: Path) -> None:
     """A sparse file of 2^31 + 5 rows: the last ones are found, and numbered."""
     path = tmp_path / "paths.npy"
     last = random_rows(2)
@@ -206,7 +176,7 @@ def test_more_rows_than_32_bits_count(tmp_path: Path) -> None:
     table = open_table(path)
     assert table.size == rows
     np.testing.assert_array_equal(table[first:]["length_m"], last["length_m"])
-    record, _ = open_frame_table(VERSION_0_1 / contract.frame_dir(1), 1)
+    record, _ = open_frame_table(run / contract.frame_dir(1), 1)
     (paths,) = table_paths(record, table[first:], None, first_row=first)
     assert paths.row.tolist() == [2**31 + 3, 2**31 + 4]
     np.testing.assert_array_equal(table[paths.row]["length_m"], last["length_m"])

@@ -267,10 +267,15 @@ def test_named_errors_without_traceback(tmp_path: Path) -> None:
 def test_exit_code_of_bad_numbers_and_arguments(
     folder: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    assert main(["process", str(folder), "--window", "gauss"]) == 2
+    assert main(["process", str(folder), "--range-taper", "gauss"]) == 2
     assert "ConfigError: Window 'gauss'" in capsys.readouterr().err
-    assert main(["process", str(folder), "--range", "9:5"]) == 2
-    for bad in (["--frames", "x"], ["--frames", "5:1"], ["--weighting", "best"], ["--range", "5"]):
+    assert main(["process", str(folder), "--range-limits", "9:5"]) == 2
+    for bad in (
+        ["--frames", "x"],
+        ["--frames", "5:1"],
+        ["--amplitude-model", "best"],
+        ["--range-limits", "5"],
+    ):
         with pytest.raises(SystemExit) as stop:
             main(["process", str(folder), *bad])
         assert stop.value.code == 2

@@ -75,7 +75,7 @@ def test_levels_are_in_dbw_where_powers_are_watts(
         words = [
             "process",
             str(folder),
-            "--weighting",
+            "--amplitude-model",
             amplitude_model,
             "--cfar",
             "ca",
@@ -134,7 +134,6 @@ def sampling_mode(*words: str) -> object:
 def test_options_of_rings_and_paths_together_are_refused() -> None:
     assert sampling_mode() is None
     assert sampling_mode("--rings", "3") == "rings"
-    assert sampling_mode("--auto-rings") == "rings"
     assert sampling_mode("--max-standard-error", "0") == "paths"
     both = ("--rings", "3", "--max-standard-error", "1")
     assert sampling_mode("--sampling-mode", "paths", *both) == "paths"
@@ -142,35 +141,3 @@ def test_options_of_rings_and_paths_together_are_refused() -> None:
         sampling_mode(*both)
     with pytest.raises(ConfigError, match="--visibility-updates belongs to paths and --rings"):
         sampling_mode("--rings", "2", "--visibility-updates", "2")
-
-
-def test_options_of_0_1_are_accepted() -> None:
-    """In their own units: bounces beyond the first reflection, seconds between the snapshots."""
-    words = "--acquisition paths --delta-t 0.02 --order 3 --shifts 2 --error 5 --error-of objects"
-    words += " --budget 7 --code world --amplitude mean --renders-per-burst 2 --passes 1"
-    words += " --chirp-us 12.5 --sampling-mhz 160 --radar w.json"
-    assert given_settings(parse_render_arguments(["a.blend", *words.split()])) == {
-        "sampling_mode": "paths",
-        "snapshot_interval_s": 0.02,
-        "max_reflections": 3,
-        "replicates": 2,
-        "max_standard_error": 0.05,
-        "refine_for": "objects",
-        "time_limit_s": 7.0,
-        "range_encoding": "world",
-        "amplitude_channel": "mean",
-        "visibility_updates": 2,
-        "snapshots": 1,
-        "chirp_duration_s": 12.5e-6,
-        "sampling_rate_hz": 160e6,
-        "waveform_file": "w.json",
-    }
-    for words, reflections in (
-        (["--bounces", "0"], 1),
-        (["--bounces", "1"], 2),
-        (["--order", "2"], 2),
-    ):
-        found = given_settings(parse_render_arguments(["a.blend", *words]))
-        assert found == {"max_reflections": reflections}, "the sampling mode stays the file's"
-    with pytest.raises(ConfigError, match="expected one of them"):
-        given_settings(parse_render_arguments(["a.blend", "--bounces", "1", "--order", "2"]))

@@ -84,7 +84,8 @@ def test_receiver_and_detector_by_the_command_line(
     (tmp_path / "radar.json").write_text(json.dumps(radar))
     (tmp_path / "lo.csv").write_text("offset_hz,level_dbc_hz\n1e3,-90\n1e5,-110\n")
     code = main([
-        "process", str(folder), "--radar", str(tmp_path / "radar.json"), "--noise-figure-db", "3",
+        "process", str(folder), "--waveform", str(tmp_path / "radar.json"),
+        "--noise-figure-db", "3",
         "--adc-bits", "12", "--phase-noise", str(tmp_path / "lo.csv"), "--cfar", "os",
         "--pfa", "1e-6", "--hdf5", "--sigmf", "--no-plots", "--no-products",
     ])  # fmt: skip
@@ -208,7 +209,7 @@ def test_what_does_not_fit_is_named(folder: Path, capsys: pytest.CaptureFixture[
         result_of(folder, ProcessOptions(thermal_noise=True))
     with pytest.raises(ConfigError, match="MTI canceller"):
         result_of(folder, ProcessOptions(mti=4))
-    assert main(["process", str(folder), "--radar", "nowhere.json"]) == 1
+    assert main(["process", str(folder), "--waveform", "nowhere.json"]) == 1
     assert "FrameFileError" in capsys.readouterr().err
     assert main(["process", str(folder), "--cfar", "ca", "--pfa", "2"]) == 2
 

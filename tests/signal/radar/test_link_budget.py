@@ -48,7 +48,7 @@ def test_antennas_by_name_radiate_what_they_accept(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", [kind for kind in LOSSLESS if kind not in ("isotropic", "array")])
 def test_gain_dbi_sets_the_peak(kind: str) -> None:
-    parameters = {**LOSSLESS[kind], "gain_dbi": 5.0}
+    parameters = {**LOSSLESS[kind], "peak_gain_dbi": 5.0}
     antenna = make_antenna(AntennaRecord(kind, parameters), WAVELENGTH_M)
     assert float(antenna.gain(AHEAD)) == pytest.approx(10**0.5)
 
@@ -92,7 +92,7 @@ def test_a_table_is_kept_whole(tmp_path: Path) -> None:
         ("dish", {}, "dish.*expected one of isotropic"),
         ("gaussian", {"azimuth_beamwidth_deg": 10.0}, "lacks elevation_beamwidth_deg"),
         ("gaussian", {**LOSSLESS["gaussian"], "taper": "hann"}, "unknown field 'taper'"),
-        ("gaussian", {**LOSSLESS["gaussian"], "gain_dbi": 40.0}, "directivity of 17"),
+        ("gaussian", {**LOSSLESS["gaussian"], "peak_gain_dbi": 40.0}, "directivity of 17"),
         ("cosine", {"exponent": "3"}, "Exponent is '3'; expected a finite number"),
         ("cosine", {"exponent": 1, "beamwidth_deg": 3}, "one of them"),
         ("cosine", {"exponent": [1, 2]}, r"Exponent is \[1, 2\]; expected a finite number"),

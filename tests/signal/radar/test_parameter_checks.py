@@ -104,6 +104,6 @@ def test_process_warns_of_hertz_for_megahertz(
     fields |= {"chirp_duration_s": 2.5e-6, "sampling_rate_hz": 60e6}
     radar = tmp_path / "radar.json"
     radar.write_text(json.dumps({"waveform": fields, "burst": {"prf_hz": 1e3, "pulses": 16}}))
-    words = ["process", str(tmp_path / "run"), "--radar", str(radar), "--no-plots"]
+    words = ["process", str(tmp_path / "run"), "--waveform", str(radar), "--no-plots"]
     assert main(words) == 0
     assert "999.31 km (c / 2B), but ranges end at 1000 m" in capsys.readouterr().out

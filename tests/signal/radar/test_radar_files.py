@@ -87,7 +87,7 @@ def test_pickles_are_not_read(tmp_path: Path) -> None:
         ({**waveform_to_dict(FMCW), "ramp_s": 1e-6}, "ends before the ADC"),
         ({**waveform_to_dict(FMCW), "idle_s": -1.0}, "Idle time"),
         ({**waveform_to_dict(FMCW), "adc_samples": 1.5}, "ADC samples is 1.5"),
-        ({**waveform_to_dict(PMCW), "degree": 40}, "Code degree is 40"),
+        ({**waveform_to_dict(PMCW), "code_degree": 40}, "Code degree is 40"),
         ({**waveform_to_dict(BARKER13), "code_length": 6}, "Code length is 6"),
         ({**waveform_to_dict(STEPPED), "step_hz": math.nan}, "Frequency step"),
         ({"kind": "arbitrary", "carrier_hz": 1e9, "sampling_rate_hz": 1e6}, "needs"),

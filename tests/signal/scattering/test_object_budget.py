@@ -149,10 +149,10 @@ def test_groups_and_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     single = object_echoes(frame, pr.WAVEFORM.carrier_hz)
     (both,) = object_echoes(frame, pr.WAVEFORM.carrier_hz, None, {"all": ["Near", "Far"]})
     assert both.rcs_m2 == pytest.approx(sum(e.rcs_m2 for e in single))
-    assert main(["rcs", str(folder), "--object", "Plates"]) == 0
+    assert main(["objects", str(folder), "--object", "Plates"]) == 0
     printed = capsys.readouterr().out
     assert f"{both.rcs_dbsm:7.2f} dBsm" in printed
-    assert main(["rcs", str(folder), "--object", "Nothing"]) == 2
+    assert main(["objects", str(folder), "--object", "Nothing"]) == 2
 
 
 def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
@@ -186,8 +186,8 @@ def test_a_receiver_gain_beside_a_system_is_refused(tmp_path: Path) -> None:
 def test_system_file_overrides_the_runs_own(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
     file = tmp_path / "other.json"
-    file.write_text('{"transmit_power_w": 1e6, "weighting": "paper"}')
-    assert main(["process", str(folder), "--no-plots", "--system", str(file)]) == 0
+    file.write_text('{"transmit_power_w": 1e6, "amplitude_model": "paper"}')
+    assert main(["process", str(folder), "--no-plots", "--link-budget", str(file)]) == 0
     summary = json.loads((folder / "products" / "frame_0001_summary.json").read_text())
     assert summary["options"]["amplitude_model"] == "paper"
     assert summary["options"]["link_budget"]["transmit_power_w"] == 1e6
@@ -199,5 +199,5 @@ def test_cross_sections_of_rings_are_refused_by_name(
     setup = synthetic.Setup(rings=2)
     picture = synthetic.points(setup, [(2, 2, 300.0, 1.0, 0.0)])
     folder = synthetic.write_run(tmp_path / "run", setup, picture)
-    assert main(["rcs", str(folder)]) != 0
+    assert main(["objects", str(folder)]) != 0
     assert "measured by rings" in capsys.readouterr().err
