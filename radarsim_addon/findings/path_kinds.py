@@ -322,6 +322,14 @@ MOTION = {
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
     ),
+    "motion-jumps": Kind(
+        "caution",
+        "{subjects} jump by up to {size_m:.3g} m during the burst, first at frame {frame:.6g}.",
+        "A jump is no velocity: radarsim fits the motion before and after it. Range rates are "
+        "those at the time of the render.",
+        "In an F-curve's Cycles modifier, choose Repeat with Offset. Check drivers and scripts for "
+        "a modulo. Or choose frames whose burst has no jump.",
+    ),
     "driver-disabled": Kind(
         "caution",
         "Blender does not evaluate {count:#driver} of {subjects}.",

@@ -54,6 +54,8 @@ _MOST_AGAINST_ROUNDING = 257
 _MOST_AGAINST_BIAS = 1025
 #: After this time no more samples are added [s].
 _PATIENCE_S = 20.0
+#: How often samples are searched for jumps: each time, those found divide the burst.
+_MOST_SEARCHES = 4
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
 _CHECKS = (0.1381966011, 0.4472135955, 0.7639320225)
 #: Error bound above which phases are not reliable [wavelengths]: 0.13 rad two-way.
@@ -212,11 +214,7 @@ class BurstMotion:
             return self._stationary()
         sampler = Sampler(self._show, self._rig, self._touched, self._deformations, plan)
         start_s = time.monotonic()
-        checks = [plan.clear_at(plan.frame + fraction * plan.frames) for fraction in _CHECKS]
-        for moment in (*checks, plan.rendered):
-            sampler.take(*moment)
-        grid = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
-        count = min(_FIRST_SAMPLES, plan.max_samples)
+        sampler.take(*plan.rendered)
         smooth, smooth_surfaces = self._smooth_rows(), self._smooth_surfaces()
         if self._by_scripts:
             kinds, of_row = self._moving_items()
@@ -231,13 +229,33 @@ class BurstMotion:
             own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
             for moment in itertools.chain(whole, *own):
                 sampler.take(*moment)
-        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
-        moments = plan.grid(count, *plan.window)
+
+        def begin() -> tuple[Fits, set[float], list[tuple[float, Instant]]]:
+            """Return fits, and times and moments of the first samples, clear of the plan's keys."""
+            checks = [plan.clear_at(plan.frame + part * plan.frames) for part in _CHECKS]
+            for moment in checks:
+                sampler.take(*moment)
+            fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
+            times_s = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
+            return fits, times_s, plan.grid(count, *plan.window)
+
+        count = min(_FIRST_SAMPLES, plan.max_samples)
+        fits, grid, moments = begin()
+        jumps: dict[float, dict[str, float]] = {}
+        searches = _MOST_SEARCHES
         while True:
             for moment in moments:
                 sampler.take(*moment)
             grid.update(at_s for at_s, _ in moments)
             fits.fit(sorted(grid))
+            if searches and not (fits.resolved and fits.accurate):
+                found = sampler.jumps(sorted(grid))
+                searches -= 1
+                if found:
+                    jumps |= found
+                    plan = self._plan = sampler.plan = plan.with_jumps([*jumps])
+                    fits, grid, moments = begin()
+                    continue
             most = _MOST_AGAINST_BIAS if fits.biased else _MOST_AGAINST_ROUNDING
             most = plan.max_samples if not fits.resolved else most
             if fits.accurate or count >= min(most, plan.max_samples):
@@ -264,9 +282,23 @@ class BurstMotion:
         steps = [items[0].name for items in moving if any(map(in_steps, items))]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
+        self._say_jumps(jumps, {*steps})
         tracks = self._tracks(fits) if self._deformations.body else None
         self._bound_m = fits.displacement_error_bound_m
         return self._frame_motion(fits.motions, tracks)
+
+    def _say_jumps(self, jumps: dict[float, dict[str, float]], in_steps: set[str]) -> None:
+        """Name what jumps within the burst, unless it is meant to move in steps."""
+        first, last = self._plan.burst
+        within = {
+            frame: sizes
+            for frame, sizes in zip(self._plan.jumps, jumps.values(), strict=True)
+            if first <= frame <= last and not sizes.keys() <= in_steps
+        }
+        if within:
+            names = dict.fromkeys(name for sizes in within.values() for name in sizes)
+            size_m = max(size for sizes in within.values() for size in sizes.values())
+            self.findings.append(finding("motion-jumps", *names, frame=min(within), size_m=size_m))
 
     def _moving_items(self) -> tuple[list[list[Any]], Indices]:
         """Return which objects move rows of poses, once each, and which of these move each row.

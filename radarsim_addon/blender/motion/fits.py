@@ -38,6 +38,8 @@ _ON_FRAMES = 0.01
 _MAX_MISS = 8.0
 #: Number of samples of a cubic between two whole frames.
 _BETWEEN_FRAMES = 16
+#: Distance from a body's origin at which its turns count at least, as of antennas [m].
+_LEAST_REACH_M = 1e-3
 #: Larger scatter, in steps of float32, is motion and no rounding.
 _MAX_NOISE = 10.0
 #: Minimum number of samples for a fit of the burst without what is before and after it.
@@ -247,7 +249,7 @@ class Fits:
 
     def _rounding_m(self, index: int) -> float:
         """Return the step of float32 at the body's farthest point [m]."""
-        turn_m = self._reach_m(index) * float(np.spacing(np.float32(1.0)))
+        turn_m = max(self._reach_m(index), _LEAST_REACH_M) * float(np.spacing(np.float32(1.0)))
         return _rounding_step(self._farthest_m[index], self._plan.metres_per_unit) + turn_m
 
     def _vertex_target_m(self, name: str) -> float:
@@ -257,7 +259,7 @@ class Fits:
 
     def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
         """Return whether a fit leaves more than the rounding of poses."""
-        return motion.noise_m > 0 and motion.noise_m > self._rounding_m(index)
+        return motion.noise_m > max(self._rounding_m(index), self._target_m)
 
     def _is_accurate(self, index: int) -> bool:
         motion = self._motions.get(index)
@@ -280,7 +282,7 @@ class Fits:
             return motion
         # The origin and three points of the body: together they detect each rotation.
         start = motion.pose
-        arms = np.concatenate([np.zeros((1, 3)), np.eye(3) * max(reach_m, 1e-3)])
+        arms = np.concatenate([np.zeros((1, 3)), np.eye(3) * max(reach_m, _LEAST_REACH_M)])
         size = np.maximum(np.linalg.norm(start[:3, :3], axis=0), 1e-12)
         local = arms / size
         at_start = local @ start[:3, :3].T + start[:3, 3]
@@ -291,8 +293,9 @@ class Fits:
             # The rendered pose is that of a key nearby, which shifts all displacements alike.
             apart -= apart.mean(axis=1, keepdims=True)
         miss = float(np.linalg.norm(apart, axis=-1).max())
-        rounding = float(np.spacing(np.float32(max(self._farthest_m[index] + reach_m, 1e-6))))
-        if miss <= _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding) + rounding):
+        rounding_m = self._rounding_m(index)
+        allowed_m = _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding_m) + rounding_m)
+        if miss <= max(allowed_m, self._target_m):
             return motion
         self._missed[index] = miss
         return dataclasses.replace(
