@@ -31,6 +31,8 @@ _LEAST_BETWEEN_KEYS = 9
 _MIN_JUMP = 4.0
 #: Halvings of an interval after which a jump has more than half of its first size; motion has not.
 _HALVINGS = 3
+#: Steps of float32 up to which a step between two samples is its rounding.
+_ROUNDED = 16
 #: Maximum number of intervals in which jumps are located.
 _MOST_JUMPS = 8
 
@@ -310,12 +312,26 @@ class Sampler:
             if around is None:
                 continue
             size_m = self._steps_m(rows, *around)
-            found[self.plan.frame + sum(around) / 2 * self.plan.fps] = {
-                names[one]: float(size_m[one])
-                for one in jumping
-                if size_m[one] > steps_m[at, one] / 2
-            }
+            least_m = np.maximum(steps_m[at] / 2, self._least_jumps_m(rows, times_s[at]))
+            jumping = jumping[size_m[jumping] > least_m[jumping]]
+            if jumping.size:
+                frame = self.plan.frame + sum(around) / 2 * self.plan.fps
+                found[frame] = {names[one]: float(size_m[one]) for one in jumping}
         return found
+
+    def _least_jumps_m(self, rows: Indices, at_s: float) -> Real:
+        """Return sizes of which steps may be float32's, as `_steps_m` has them [m]."""
+        places = [np.abs(self.poses(at_s, rows)[:, :3, 3]).max(axis=1), self._reaches_m(rows)]
+        surfaces = [sampled[at_s] for sampled in self.vertices.values()]
+        sizes = [0.0 if one is None else np.abs(one).max(initial=0.0) for one in surfaces]
+        largest = np.concatenate([np.nan_to_num(np.maximum(*places)), sizes])
+        return _ROUNDED * np.spacing(np.maximum(largest, 1e-6).astype(np.float32))
+
+    def _reaches_m(self, rows: Indices) -> Real:
+        """Return the largest distance of the surface of each row of poses from its origin [m]."""
+        return np.array(
+            [self.parts[row - 2].instance.reach_m if row > 1 else 0.0 for row in rows.tolist()]
+        )
 
     def _around_jump(
         self, rows: Indices, one: int, low_s: float, high_s: float
@@ -340,8 +356,7 @@ class Sampler:
     def _steps_m(self, rows: Indices, one_s: float, other_s: float) -> Real:
         """Return how far rows of poses, then all surfaces, move between two samples, (n,) [m]."""
         apart = np.nan_to_num(self.poses(other_s, rows) - self.poses(one_s, rows))
-        reach_m = [self.parts[row - 2].instance.reach_m if row > 1 else 0.0 for row in rows.tolist()]
-        turned_m = np.array(reach_m) * np.abs(apart[:, :3, :3]).max(axis=(1, 2), initial=0.0)
+        turned_m = self._reaches_m(rows) * np.abs(apart[:, :3, :3]).max(axis=(1, 2), initial=0.0)
         moved_m = [np.linalg.norm(apart[:, :3, 3], axis=1) + turned_m]
         for sampled in self.vertices.values():
             pair = sampled[one_s], sampled[other_s]
