@@ -303,11 +303,23 @@ NO_ECHO = {
 }
 
 MOTION = {
-    "vertex-count-changes": Kind(
+    "surface-not-followed": Kind(
         "caution",
-        "The number of vertices of {subjects} changes during the burst.",
-        "radarsim moves these objects by their matrix only.",
-        "Use modifiers that keep the vertices, or a shorter burst.",
+        "The vertices of {subjects} are not the same points of the surface during the burst.",
+        "radarsim moves the points of these objects by their matrix only. At the end of the burst "
+        "these points are up to {apart_m:.2g} m from the surface that Blender evaluates, so "
+        "range rates may be wrong by up to about {speed_mps:.2g} m/s.",
+        "Apply modifiers that make vertices (Decimate, Remesh, Boolean, Build), or move them above "
+        "Armature and other modifiers that deform. Convert metaballs to a mesh. Replace an "
+        "animated Bevel Start or End by keyframes of the object.",
+    ),
+    "surface-changes": Kind(
+        "info",
+        "The vertices of {subjects} are not the same points of the surface during the burst.",
+        "radarsim moves the points of these objects by their matrix only. Until the end of the "
+        "burst they stay within {apart_m:.2g} m of the surface that Blender evaluates.",
+        "If the surface moves along itself, apply modifiers that make vertices (Decimate, Remesh, "
+        "Boolean), or move them above those that deform.",
     ),
     "motion-sampling-slow": Kind(
         "caution",

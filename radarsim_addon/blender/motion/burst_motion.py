@@ -33,7 +33,13 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Rig, evaluated_poses, may_move_at_whole_frames, pose_in_metres
+from ..scene import (
+    Rig,
+    check_particles_are_baked,
+    evaluated_poses,
+    may_move_at_whole_frames,
+    pose_in_metres,
+)
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
@@ -42,7 +48,17 @@ from .animation import (
 )
 from .bodies import Bodies, Parts
 from .body_records import write_bodies
-from .deforming import Deformations, DeformingSurface, may_deform, points_within, vertex_positions
+from .deforming import (
+    Deformations,
+    DeformingSurface,
+    are_same_points,
+    marked_points,
+    may_change_points,
+    may_deform,
+    points_within,
+    surface_points,
+    vertex_positions,
+)
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 from .whole_frames import stepped_at_frames
@@ -107,6 +123,8 @@ class BurstMotion:
         self._approximated_w = self._unknown_w = self._power_w = 0.0
         self._seen: set[int] = set()
         self._samples, self._bound_m = 0, 0.0
+        #: Distance from their surfaces of points that do not follow them [m].
+        self._apart_m = 0.0
 
     # -- before the renders ------------------------------------------------------------------------
 
@@ -117,6 +135,10 @@ class BurstMotion:
         self._measured_scene = depsgraph.scene
         self.poses = evaluated_poses(depsgraph, self._units)
         wanted = set(self._names)
+        if not self._frozen:
+            assert self.poses.snapshot is not None
+            instancers = self.poses.snapshot.layout.instancers
+            check_particles_are_baked([*self.poses.rendered.values(), *instancers])
         candidates = {
             name: item
             for name, item in self.poses.rendered.items()
@@ -137,7 +159,7 @@ class BurstMotion:
 
     def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
-        changing: list[str] = []
+        changing: dict[str, Any] = {}
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
         items, deforming_points = list(candidates.values()), set[str]()
         within = points_within(depsgraph, items)
@@ -151,18 +173,65 @@ class BurstMotion:
             for name, item in list(candidates.items()):
                 now = vertex_positions(item, depsgraph)
                 if now.shape != before[name].shape:
-                    changing.append(name)
+                    changing[name] = item
                     deforming.pop(name, None)
                     del candidates[name]
                 elif not np.array_equal(now, before[name]):
                     deforming[name] = item
             now_within = points_within(depsgraph, items) if within else {}
             deforming_points |= {name for name, at in within.items() if now_within.get(name) != at}
-        if changing:
-            self.findings.append(finding("vertex-count-changes", *changing))
+        changing |= self._with_other_points(
+            {name: item for name, item in deforming.items() if may_change_points(item)},
+            [moment for _, moment in moments],
+        )
+        self._say_not_followed(changing)
         if deforming_points:
             self.findings.append(finding("points-deform-within", *sorted(deforming_points)))
-        return deforming
+        return {name: item for name, item in deforming.items() if name not in changing}
+
+    def _with_other_points(
+        self, items: dict[str, Any], moments: Sequence[Instant]
+    ) -> dict[str, Any]:
+        """Return the objects whose vertices are other points of the surface at some moment."""
+        found: dict[str, Any] = {}
+        if not items:
+            return found
+        with marked_points(items.values()):
+            depsgraph = self._show(self._plan.rendered[1])
+            first = {name: surface_points(item, depsgraph) for name, item in items.items()}
+            for moment in moments:
+                depsgraph = self._show(moment)
+                for name, item in items.items():
+                    now = surface_points(item, depsgraph)
+                    if name not in found and not are_same_points(first[name], now):
+                        found[name] = item
+        return found
+
+    def _say_not_followed(self, items: dict[str, Any]) -> None:
+        """Say of objects that move by their matrix only how far from their surface that leads."""
+        if not items:
+            return
+        last_s, instant = self._plan.at(1.0)
+        depsgraph = self._show(self._plan.rendered[1])
+        first = {
+            name: DeformingSurface(item, depsgraph, self._units) for name, item in items.items()
+        }
+        depsgraph = self._show(instant)
+        agree, apart = {}, {}
+        for name, item in items.items():
+            now = DeformingSurface(item, depsgraph, self._units)
+            scale = max(item.evaluated_get(depsgraph).matrix_world.to_scale(), key=abs)
+            apart_m = first[name].apart_m(now, abs(scale))
+            allowed_m = max(_WARN_WAVELENGTHS * self._plan.wavelength_m, first[name].rounding_m)
+            (agree if apart_m <= allowed_m else apart)[name] = apart_m
+        if agree:
+            self.findings.append(finding("surface-changes", *agree, apart_m=max(agree.values())))
+        if apart:
+            apart_m = self._apart_m = max(self._apart_m, *apart.values())
+            speed_mps = apart_m / max(last_s, 1e-12)
+            self.findings.append(
+                finding("surface-not-followed", *apart, apart_m=apart_m, speed_mps=speed_mps)
+            )
 
     # -- rows --------------------------------------------------------------------------------------
 
@@ -274,6 +343,7 @@ class BurstMotion:
             count = min(2 * count - 1, plan.max_samples)
             follows = fits.resolved and not fits.noisy
             moments = plan.grid(count, *(plan.window if follows else plan.burst))
+        self._say_not_followed({name: sampler.surfaces[name].item for name in sampler.changed})
         self._show(plan.rendered[1])
         self._samples = len(grid)
         self.findings += fits.findings()
@@ -412,8 +482,10 @@ class BurstMotion:
             receiver_kind=self._kind,
             antennas=antennas,
             bodies=bodies,
-            displacement_error_bound_m=self._bound_m,
-            displacement_error_bound_wavelengths=wavelengths,
+            displacement_error_bound_m=max(self._bound_m, self._apart_m),
+            displacement_error_bound_wavelengths=max(
+                wavelengths, self._apart_m / self._plan.wavelength_m
+            ),
             approximated_motion_fraction=self._approximated_w / total,
             unknown_motion_fraction=self._unknown_w / total,
             deforming_surfaces_file=tracks_file,

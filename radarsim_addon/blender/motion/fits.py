@@ -390,8 +390,6 @@ class Fits:
         if self._sampler.lost:
             names = {parts[index - 2].name for index in self._sampler.lost if index > 1}
             found.append(finding("instances-appear-or-vanish", *sorted(names)))
-        if self._sampler.changed:
-            found.append(finding("vertex-count-changes", *sorted(self._sampler.changed)))
         return found
 
 
