@@ -321,6 +321,13 @@ MOTION = {
         "If the surface moves along itself, apply modifiers that make vertices (Decimate, Remesh, "
         "Boolean), or move them above those that deform.",
     ),
+    "displacement-changes": Kind(
+        "caution",
+        "The shader displacement of {subjects} may change during the burst.",
+        "Cycles displaces these surfaces while it renders, and Blender has no vertices of them. "
+        "radarsim moves their points without this change, so phases and range rates lack it.",
+        "Use a Displace modifier, or Geometry Nodes with Set Position, for displacement that moves.",
+    ),
     "motion-sampling-slow": Kind(
         "caution",
         "radarsim took {samples:#motion sample} and stopped after {elapsed_s:.0f} s.",

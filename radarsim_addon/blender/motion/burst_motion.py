@@ -43,6 +43,7 @@ from ..scene import (
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
+    displacement_changes,
     is_linear_between_frames,
     moves_in_steps,
 )
@@ -349,6 +350,11 @@ class BurstMotion:
         self.findings += fits.findings()
         in_steps = cache(lambda item: moves_in_steps(item, *plan.burst))
         moving = self._moving_items()[0]
+        displaced = [
+            items[0].name for items in moving[2:] if displacement_changes(items[0], *plan.burst)
+        ]
+        if displaced:
+            self.findings.append(finding("displacement-changes", *dict.fromkeys(displaced)))
         steps = [items[0].name for items in moving if any(map(in_steps, items))]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))

@@ -72,7 +72,9 @@ class Fits:
         self._motions: dict[int, BodyMotion] = {}
         self._fitted = False
         self._missed: dict[int, float] = {}
+        #: Series of each surface, its noise and its error bound [m].
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
+        self._missed_surfaces: dict[str, float] = {}
 
     @property
     def displacement_error_bound_m(self) -> float:
@@ -146,13 +148,35 @@ class Fits:
             have = [at_s for at_s in times_s if sampled[at_s] is not None]
             size = len(sampler.surfaces[name].needed) * 12
             keep = have[:: max(1, -(-len(have) * size // _MAX_VERTEX_BYTES))]
-            self._vertices[name] = fit_vertices(
+            fitted = fit_vertices(
                 np.array(keep),
                 np.stack([sampled[at_s] for at_s in keep]),
                 plan.duration_s,
                 corners_s=plan.corners_s,
                 epoch_s=plan.rendered[0],
             )
+            self._vertices[name] = self._checked_vertices(name, *fitted)
+
+    def _checked_vertices(
+        self, name: str, series: VertexSeries, noise_m: float, bound_m: float
+    ) -> tuple[VertexSeries, float, float]:
+        """Return the fit of a surface, with its distance from Blender's at the checks in its bound.
+
+        Vertices are the same points of the surface, so their distance is that of the surface.
+        """
+        sampled = self._sampler.vertices[name]
+        times_s = [at_s for at_s in self._checks_s if sampled[at_s] is not None]
+        self._missed_surfaces.pop(name, None)
+        if not times_s:
+            return series, noise_m, bound_m
+        there_m = np.stack([sampled[at_s] for at_s in times_s])
+        every = np.arange(there_m.shape[1], dtype=np.int32)
+        miss_m = float(np.abs(series.positions(every, np.array(times_s)) - there_m).max(initial=0))
+        step_m = _rounding_step(there_m, self._plan.metres_per_unit)
+        if miss_m > max(_MAX_MISS * (noise_m + step_m), self._target_m):
+            self._missed_surfaces[name] = miss_m
+            bound_m = max(bound_m, miss_m)
+        return series, noise_m, bound_m
 
     def _smooth_series(self, name: str) -> tuple[VertexSeries, float, float]:
         """Return a cubic through the vertices at whole frames, as `fit_vertices` does."""
@@ -313,7 +337,7 @@ class Fits:
     @property
     def resolved(self) -> bool:
         """Whether all fits follow the motion between the samples, up to rounding."""
-        return not self._missed and all(
+        return not (self._missed or self._missed_surfaces) and all(
             index in self._smooth
             or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
             for index, motion in self._motions.items()
@@ -377,14 +401,17 @@ class Fits:
             off_mps = self._off_whole_frames_mps(points)
             if off_mps > 0:
                 found.append(finding("cache-between-frames", name, speed_mps=off_mps))
-        if self._missed:
-            bad = ["antennas" if index < 2 else parts[index - 2].name for index in self._missed]
+        missed = {
+            "antennas" if index < 2 else parts[index - 2].name: miss_m
+            for index, miss_m in self._missed.items()
+        } | self._missed_surfaces
+        if missed:
             found.append(
                 finding(
                     "motion-unresolved",
-                    *bad,
+                    *missed,
                     samples=len(self._sampler.times_s),
-                    miss_m=max(self._missed.values()),
+                    miss_m=max([*self._missed.values(), *self._missed_surfaces.values()]),
                 )
             )
         if self._sampler.lost:
