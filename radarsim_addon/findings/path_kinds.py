@@ -326,7 +326,7 @@ MOTION = {
         "The shader displacement of {subjects} may change during the burst.",
         "Cycles displaces these surfaces while it renders, and Blender has no vertices of them. "
         "radarsim moves their points without this change, so phases and range rates lack it.",
-        "Use a Displace modifier, or Geometry Nodes with Set Position, for displacement that moves.",
+        "Use a Displace modifier, or Geometry Nodes with Set Position.",
     ),
     "motion-sampling-slow": Kind(
         "caution",

@@ -206,11 +206,11 @@ def _changes(
         if node.type == "GROUP" and node.node_tree is not None:
             if _changes(node.node_tree, list(node.node_tree.nodes), item, moves, first, last):
                 return True
-        elif getattr(getattr(node, "image", None), "source", "") in ("MOVIE", "SEQUENCE"):
-            return True
-        elif node.type == "TEX_COORD" and node.object not in (None, item):
-            return True
-        elif node.type == "NEW_GEOMETRY" and node.outputs["Position"].is_linked and moves:
+        elif (
+            getattr(getattr(node, "image", None), "source", "") in ("MOVIE", "SEQUENCE")
+            or (node.type == "TEX_COORD" and node.object not in (None, item))
+            or (node.type == "NEW_GEOMETRY" and node.outputs["Position"].is_linked and moves)
+        ):
             return True
     return False
 

@@ -218,7 +218,8 @@ class BurstMotion:
             name: DeformingSurface(item, depsgraph, self._units) for name, item in items.items()
         }
         depsgraph = self._show(instant)
-        agree, apart = {}, {}
+        agree: dict[str, float] = {}
+        apart: dict[str, float] = {}
         for name, item in items.items():
             now = DeformingSurface(item, depsgraph, self._units)
             scale = max(item.evaluated_get(depsgraph).matrix_world.to_scale(), key=abs)

@@ -325,7 +325,7 @@ class Sampler:
         surfaces = [sampled[at_s] for sampled in self.vertices.values()]
         sizes = [0.0 if one is None else np.abs(one).max(initial=0.0) for one in surfaces]
         largest = np.concatenate([np.nan_to_num(np.maximum(*places)), sizes])
-        return _ROUNDED * np.spacing(np.maximum(largest, 1e-6).astype(np.float32))
+        return np.asarray(_ROUNDED * np.spacing(np.maximum(largest, 1e-6).astype(np.float32)))
 
     def _reaches_m(self, rows: Indices) -> Real:
         """Return the largest distance of the surface of each row of poses from its origin [m]."""
