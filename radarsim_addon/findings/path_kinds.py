@@ -303,11 +303,30 @@ NO_ECHO = {
 }
 
 MOTION = {
-    "vertex-count-changes": Kind(
+    "surface-not-followed": Kind(
         "caution",
-        "The number of vertices of {subjects} changes during the burst.",
-        "radarsim moves these objects by their matrix only.",
-        "Use modifiers that keep the vertices, or a shorter burst.",
+        "The vertices of {subjects} are not the same points of the surface during the burst.",
+        "radarsim moves the points of these objects by their matrix only. At the end of the burst "
+        "these points are up to {apart_m:.2g} m from the surface that Blender evaluates, so "
+        "range rates may be wrong by up to about {speed_mps:.2g} m/s.",
+        "Apply modifiers that make vertices (Decimate, Remesh, Boolean, Build), or move them above "
+        "Armature and other modifiers that deform. Convert metaballs to a mesh. Replace an "
+        "animated Bevel Start or End by keyframes of the object.",
+    ),
+    "surface-changes": Kind(
+        "info",
+        "The vertices of {subjects} are not the same points of the surface during the burst.",
+        "radarsim moves the points of these objects by their matrix only. Until the end of the "
+        "burst they stay within {apart_m:.2g} m of the surface that Blender evaluates.",
+        "If the surface moves along itself, apply modifiers that make vertices (Decimate, Remesh, "
+        "Boolean), or move them above those that deform.",
+    ),
+    "displacement-changes": Kind(
+        "caution",
+        "The shader displacement of {subjects} may change during the burst.",
+        "Cycles displaces these surfaces while it renders, and Blender has no vertices of them. "
+        "radarsim moves their points without this change, so phases and range rates lack it.",
+        "Use a Displace modifier, or Geometry Nodes with Set Position.",
     ),
     "motion-sampling-slow": Kind(
         "caution",
@@ -321,6 +340,14 @@ MOTION = {
         "{miss_m:.2g} m.",
         "These objects turn or vibrate too fast, so their Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
+    ),
+    "motion-jumps": Kind(
+        "caution",
+        "{subjects} jump by up to {size_m:.3g} m during the burst, first at frame {frame:.6g}.",
+        "A jump is no velocity: radarsim fits the motion before and after it. Range rates are "
+        "those at the time of the render.",
+        "In an F-curve's Cycles modifier, choose Repeat with Offset. Check drivers and scripts for "
+        "a modulo. Or choose frames whose burst has no jump.",
     ),
     "driver-disabled": Kind(
         "caution",

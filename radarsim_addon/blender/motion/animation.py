@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import bpy
@@ -154,6 +154,65 @@ def cache_frames(item: Any) -> tuple[float, float] | None:
         if modifier.type == "MESH_SEQUENCE_CACHE":
             return None if modifier.use_vertex_interpolation else (0.0, 1.0)
     return 0.0, 1.0
+
+
+def displacement_changes(item: Any, first: float, last: float) -> bool:
+    """Return whether the shader displacement of an object may change between two frames.
+
+    Cycles displaces while it renders: no vertex of Blender tells of it. Nodes before the
+    displacement change it by F-curves, drivers, movies, and places outside the object.
+    """
+    for material in (slot.material for slot in item.material_slots):
+        if material is None or material.displacement_method not in ("DISPLACEMENT", "BOTH"):
+            continue
+        tree = material.node_tree
+        if tree is None:
+            continue
+        outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL"]
+        starts = [node.inputs["Displacement"] for node in outputs if node.is_active_output]
+        moves = any(getattr(one.animation_data, "action", None) for one in driving_objects(item))
+        if _changes(tree, _before(starts), item, moves, first, last):
+            return True
+    return False
+
+
+def _before(inputs: Iterable[Any]) -> list[Any]:
+    """Return the nodes that inputs depend on."""
+    found: dict[Any, None] = {}
+    waiting = [link.from_node for one in inputs for link in one.links]
+    while waiting:
+        node = waiting.pop()
+        if node not in found:
+            found[node] = None
+            waiting += [link.from_node for one in node.inputs for link in one.links]
+    return list(found)
+
+
+def _changes(
+    tree: Any, nodes: Sequence[Any], item: Any, moves: bool, first: float, last: float
+) -> bool:
+    """Return whether nodes of a tree may give other values at other times between two frames."""
+    names = {f'nodes["{node.name}"]' for node in nodes}
+    animation = tree.animation_data
+    paths = [curve.data_path for curve in getattr(animation, "drivers", ())]
+    paths += [
+        curve.data_path
+        for curve in animation_curves(animation)
+        if len({curve.evaluate(frame) for frame in np.linspace(first, last, 9).tolist()}) > 1
+    ]
+    if any(path.startswith(name) for path in paths for name in names):
+        return True
+    for node in nodes:
+        if node.type == "GROUP" and node.node_tree is not None:
+            if _changes(node.node_tree, list(node.node_tree.nodes), item, moves, first, last):
+                return True
+        elif (
+            getattr(getattr(node, "image", None), "source", "") in ("MOVIE", "SEQUENCE")
+            or (node.type == "TEX_COORD" and node.object not in (None, item))
+            or (node.type == "NEW_GEOMETRY" and node.outputs["Position"].is_linked and moves)
+        ):
+            return True
+    return False
 
 
 def moves_in_steps(item: Any, first: float, last: float) -> bool:

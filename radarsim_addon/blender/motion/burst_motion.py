@@ -33,16 +33,33 @@ from ...signal.motion import (
 )
 from ...signal.paths import PathRows, motion_of_rows
 from ..plan import Instant
-from ..scene import Rig, evaluated_poses, may_move_at_whole_frames, pose_in_metres
+from ..scene import (
+    Rig,
+    check_particles_are_baked,
+    evaluated_poses,
+    may_move_at_whole_frames,
+    pose_in_metres,
+)
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
+    displacement_changes,
     is_linear_between_frames,
     moves_in_steps,
 )
 from .bodies import Bodies, Parts
 from .body_records import write_bodies
-from .deforming import Deformations, DeformingSurface, may_deform, points_within, vertex_positions
+from .deforming import (
+    Deformations,
+    DeformingSurface,
+    are_same_points,
+    marked_points,
+    may_change_points,
+    may_deform,
+    points_within,
+    surface_points,
+    vertex_positions,
+)
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 from .whole_frames import stepped_at_frames
@@ -54,6 +71,8 @@ _MOST_AGAINST_ROUNDING = 257
 _MOST_AGAINST_BIAS = 1025
 #: After this time no more samples are added [s].
 _PATIENCE_S = 20.0
+#: How often samples are searched for jumps: each time, those found divide the burst.
+_MOST_SEARCHES = 4
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
 _CHECKS = (0.1381966011, 0.4472135955, 0.7639320225)
 #: Error bound above which phases are not reliable [wavelengths]: 0.13 rad two-way.
@@ -105,6 +124,8 @@ class BurstMotion:
         self._approximated_w = self._unknown_w = self._power_w = 0.0
         self._seen: set[int] = set()
         self._samples, self._bound_m = 0, 0.0
+        #: Distance from their surfaces of points that do not follow them [m].
+        self._apart_m = 0.0
 
     # -- before the renders ------------------------------------------------------------------------
 
@@ -115,6 +136,10 @@ class BurstMotion:
         self._measured_scene = depsgraph.scene
         self.poses = evaluated_poses(depsgraph, self._units)
         wanted = set(self._names)
+        if not self._frozen:
+            assert self.poses.snapshot is not None
+            instancers = self.poses.snapshot.layout.instancers
+            check_particles_are_baked([*self.poses.rendered.values(), *instancers])
         candidates = {
             name: item
             for name, item in self.poses.rendered.items()
@@ -135,7 +160,7 @@ class BurstMotion:
 
     def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
-        changing: list[str] = []
+        changing: dict[str, Any] = {}
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
         items, deforming_points = list(candidates.values()), set[str]()
         within = points_within(depsgraph, items)
@@ -149,18 +174,66 @@ class BurstMotion:
             for name, item in list(candidates.items()):
                 now = vertex_positions(item, depsgraph)
                 if now.shape != before[name].shape:
-                    changing.append(name)
+                    changing[name] = item
                     deforming.pop(name, None)
                     del candidates[name]
                 elif not np.array_equal(now, before[name]):
                     deforming[name] = item
             now_within = points_within(depsgraph, items) if within else {}
             deforming_points |= {name for name, at in within.items() if now_within.get(name) != at}
-        if changing:
-            self.findings.append(finding("vertex-count-changes", *changing))
+        changing |= self._with_other_points(
+            {name: item for name, item in deforming.items() if may_change_points(item)},
+            [moment for _, moment in moments],
+        )
+        self._say_not_followed(changing)
         if deforming_points:
             self.findings.append(finding("points-deform-within", *sorted(deforming_points)))
-        return deforming
+        return {name: item for name, item in deforming.items() if name not in changing}
+
+    def _with_other_points(
+        self, items: dict[str, Any], moments: Sequence[Instant]
+    ) -> dict[str, Any]:
+        """Return the objects whose vertices are other points of the surface at some moment."""
+        found: dict[str, Any] = {}
+        if not items:
+            return found
+        with marked_points(items.values()):
+            depsgraph = self._show(self._plan.rendered[1])
+            first = {name: surface_points(item, depsgraph) for name, item in items.items()}
+            for moment in moments:
+                depsgraph = self._show(moment)
+                for name, item in items.items():
+                    now = surface_points(item, depsgraph)
+                    if name not in found and not are_same_points(first[name], now):
+                        found[name] = item
+        return found
+
+    def _say_not_followed(self, items: dict[str, Any]) -> None:
+        """Say of objects that move by their matrix only how far from their surface that leads."""
+        if not items:
+            return
+        last_s, instant = self._plan.at(1.0)
+        depsgraph = self._show(self._plan.rendered[1])
+        first = {
+            name: DeformingSurface(item, depsgraph, self._units) for name, item in items.items()
+        }
+        depsgraph = self._show(instant)
+        agree: dict[str, float] = {}
+        apart: dict[str, float] = {}
+        for name, item in items.items():
+            now = DeformingSurface(item, depsgraph, self._units)
+            scale = max(item.evaluated_get(depsgraph).matrix_world.to_scale(), key=abs)
+            apart_m = first[name].apart_m(now, abs(scale))
+            allowed_m = max(_WARN_WAVELENGTHS * self._plan.wavelength_m, first[name].rounding_m)
+            (agree if apart_m <= allowed_m else apart)[name] = apart_m
+        if agree:
+            self.findings.append(finding("surface-changes", *agree, apart_m=max(agree.values())))
+        if apart:
+            apart_m = self._apart_m = max(self._apart_m, *apart.values())
+            speed_mps = apart_m / max(last_s, 1e-12)
+            self.findings.append(
+                finding("surface-not-followed", *apart, apart_m=apart_m, speed_mps=speed_mps)
+            )
 
     # -- rows --------------------------------------------------------------------------------------
 
@@ -212,11 +285,7 @@ class BurstMotion:
             return self._stationary()
         sampler = Sampler(self._show, self._rig, self._touched, self._deformations, plan)
         start_s = time.monotonic()
-        checks = [plan.clear_at(plan.frame + fraction * plan.frames) for fraction in _CHECKS]
-        for moment in (*checks, plan.rendered):
-            sampler.take(*moment)
-        grid = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
-        count = min(_FIRST_SAMPLES, plan.max_samples)
+        sampler.take(*plan.rendered)
         smooth, smooth_surfaces = self._smooth_rows(), self._smooth_surfaces()
         if self._by_scripts:
             kinds, of_row = self._moving_items()
@@ -231,13 +300,33 @@ class BurstMotion:
             own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
             for moment in itertools.chain(whole, *own):
                 sampler.take(*moment)
-        fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
-        moments = plan.grid(count, *plan.window)
+
+        def begin() -> tuple[Fits, set[float], list[tuple[float, Instant]]]:
+            """Return fits, and times and moments of the first samples, clear of the plan's keys."""
+            checks = [plan.clear_at(plan.frame + part * plan.frames) for part in _CHECKS]
+            for moment in checks:
+                sampler.take(*moment)
+            fits = Fits(plan, sampler, [at_s for at_s, _ in checks], smooth, smooth_surfaces)
+            times_s = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
+            return fits, times_s, plan.grid(count, *plan.window)
+
+        count = min(_FIRST_SAMPLES, plan.max_samples)
+        fits, grid, moments = begin()
+        jumps: dict[float, dict[str, float]] = {}
+        searches = _MOST_SEARCHES
         while True:
             for moment in moments:
                 sampler.take(*moment)
             grid.update(at_s for at_s, _ in moments)
             fits.fit(sorted(grid))
+            if searches and not (fits.resolved and fits.accurate):
+                found = sampler.jumps(sorted(grid))
+                searches -= 1
+                if found:
+                    jumps |= found
+                    plan = self._plan = sampler.plan = plan.with_jumps([*jumps])
+                    fits, grid, moments = begin()
+                    continue
             most = _MOST_AGAINST_BIAS if fits.biased else _MOST_AGAINST_ROUNDING
             most = plan.max_samples if not fits.resolved else most
             if fits.accurate or count >= min(most, plan.max_samples):
@@ -256,17 +345,37 @@ class BurstMotion:
             count = min(2 * count - 1, plan.max_samples)
             follows = fits.resolved and not fits.noisy
             moments = plan.grid(count, *(plan.window if follows else plan.burst))
+        self._say_not_followed({name: sampler.surfaces[name].item for name in sampler.changed})
         self._show(plan.rendered[1])
         self._samples = len(grid)
         self.findings += fits.findings()
         in_steps = cache(lambda item: moves_in_steps(item, *plan.burst))
         moving = self._moving_items()[0]
+        displaced = [
+            items[0].name for items in moving[2:] if displacement_changes(items[0], *plan.burst)
+        ]
+        if displaced:
+            self.findings.append(finding("displacement-changes", *dict.fromkeys(displaced)))
         steps = [items[0].name for items in moving if any(map(in_steps, items))]
         if steps:
             self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
+        self._say_jumps(jumps, {*steps})
         tracks = self._tracks(fits) if self._deformations.body else None
         self._bound_m = fits.displacement_error_bound_m
         return self._frame_motion(fits.motions, tracks)
+
+    def _say_jumps(self, jumps: dict[float, dict[str, float]], in_steps: set[str]) -> None:
+        """Name what jumps within the burst, unless it is meant to move in steps."""
+        first, last = self._plan.burst
+        within = {
+            frame: sizes
+            for frame, sizes in zip(self._plan.jumps, jumps.values(), strict=True)
+            if first <= frame <= last and not sizes.keys() <= in_steps
+        }
+        if within:
+            names = dict.fromkeys(name for sizes in within.values() for name in sizes)
+            size_m = max(size for sizes in within.values() for size in sizes.values())
+            self.findings.append(finding("motion-jumps", *names, frame=min(within), size_m=size_m))
 
     def _moving_items(self) -> tuple[list[list[Any]], Indices]:
         """Return which objects move rows of poses, once each, and which of these move each row.
@@ -380,8 +489,10 @@ class BurstMotion:
             receiver_kind=self._kind,
             antennas=antennas,
             bodies=bodies,
-            displacement_error_bound_m=self._bound_m,
-            displacement_error_bound_wavelengths=wavelengths,
+            displacement_error_bound_m=max(self._bound_m, self._apart_m),
+            displacement_error_bound_wavelengths=max(
+                wavelengths, self._apart_m / self._plan.wavelength_m
+            ),
             approximated_motion_fraction=self._approximated_w / total,
             unknown_motion_fraction=self._unknown_w / total,
             deforming_surfaces_file=tracks_file,

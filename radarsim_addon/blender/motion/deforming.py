@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
@@ -22,6 +23,23 @@ from .bodies import Bodies, Part
 _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
 #: Types of objects without faces.
 _OF_POINTS = {"CURVES", "POINTCLOUD"}
+#: Modifiers that keep each vertex on the same point of the surface, whatever changes.
+_KEEP_POINTS = {
+    *("ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM"),
+    *("SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH", "CORRECTIVE_SMOOTH", "LAPLACIANSMOOTH", "WARP"),
+    *("SURFACE_DEFORM", "WAVE", "CLOTH", "SOFT_BODY", "COLLISION", "MESH_CACHE", "SURFACE"),
+    *("SUBSURF", "MULTIRES", "SOLIDIFY", "ARRAY", "MIRROR", "SCREW", "TRIANGULATE", "EDGE_SPLIT"),
+    *("NORMAL_EDIT", "WEIGHTED_NORMAL", "UV_PROJECT", "UV_WARP", "DATA_TRANSFER"),
+    *("VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "PARTICLE_SYSTEM"),
+}
+#: Attribute of meshes by which their points are recognised after all modifiers, while it is there.
+_MARKS = "radarsim_point"
+#: Part of the deformation by which vertices may slide along the surface.
+_MAX_SLIDE = 0.02
+#: Steps of float32 by which marks of one point may differ.
+_ROUNDED = 16
+#: Number of places at which the distance from another surface is taken.
+_PLACES = 512
 
 
 #: Column of the scatterer: columns of its body and surface point.
@@ -52,6 +70,88 @@ def vertex_positions(item: Any, depsgraph: Any) -> Single:
     if held is None:
         return np.empty((0, 3), dtype=np.float32)
     return read_numbers(held.data, "vector", 3)
+
+
+def may_change_points(item: Any) -> bool:
+    """Return whether an object's vertices may become other points of its surface."""
+    if item.type in ("META", "CURVE", "SURFACE", "FONT"):
+        return True
+    return any(
+        modifier.type not in _KEEP_POINTS
+        or (modifier.type == "MIRROR" and any(modifier.use_bisect_axis))
+        for modifier in item.modifiers
+        if modifier.show_viewport or modifier.show_render
+    )
+
+
+@contextlib.contextmanager
+def marked_points(items: Iterable[Any]) -> Iterator[None]:
+    """Give the corners of the meshes of objects their places as an attribute, for a time.
+
+    Modifiers interpolate attributes of corners where they make vertices.
+    """
+    meshes = {item.data: None for item in items if item.type == "MESH"}
+    try:
+        for mesh in meshes:
+            if not mesh.loops or mesh.is_editmode:
+                continue
+            marks = mesh.attributes.new(_MARKS, "FLOAT_VECTOR", "CORNER")
+            places = read_numbers(mesh.vertices, "co", 3)
+            corners = read_numbers(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
+            # At least 1: geometry that other objects bring has 0.
+            marks.data.foreach_set("vector", (places - places.min(axis=0) + 1)[corners].ravel())
+        yield
+    finally:
+        for mesh in meshes:
+            marks = mesh.attributes.get(_MARKS)
+            if marks is not None:
+                mesh.attributes.remove(marks)
+
+
+class SurfacePoints(NamedTuple):
+    """What tells the vertices of an evaluated mesh, while `marked_points`.
+
+    Vertices (n, 3), vertices of the corners of all faces, marks of the vertices (n, 3) if any
+    modifier left them, and the ends of a curve's bevel.
+    """
+
+    places: Single
+    corners: NDArray[np.int32]
+    marks: Single | None
+    ends: tuple[float, ...]
+    family: bool
+
+
+def surface_points(item: Any, depsgraph: Any) -> SurfacePoints:
+    """Return what tells the vertices of an object at the depsgraph's time."""
+    evaluated = item.evaluated_get(depsgraph)
+    ends = tuple(getattr(evaluated.data, f"bevel_factor_{end}", 0.0) for end in ("start", "end"))
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None:
+            none = np.empty(0, dtype=np.int32)
+            return SurfacePoints(vertex_positions(item, depsgraph), none, None, ends, False)
+        places = read_numbers(mesh.vertices, "co", 3)
+        corners = read_numbers(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
+        marks, held = None, mesh.attributes.get(_MARKS)
+        if held is not None and held.domain in ("CORNER", "POINT"):
+            marks = read_numbers(held.data, "vector", 3)
+            if held.domain == "CORNER":
+                of_corner, marks = marks, np.zeros_like(places)
+                np.maximum.at(marks, corners, of_corner)
+        return SurfacePoints(places, corners, marks, ends, item.type == "META")
+
+
+def are_same_points(one: SurfacePoints, other: SurfacePoints) -> bool:
+    """Return whether vertices are the same points of a surface at two times."""
+    if one.places.shape != other.places.shape or one.ends != other.ends:
+        return False
+    moved = float(np.abs(one.places - other.places).max(initial=0.0))
+    if one.marks is None or other.marks is None or not one.marks.any():
+        still = moved <= _ROUNDED * np.spacing(np.abs(one.places).max(initial=1e-30))
+        # Metaballs have vertices on a grid, whatever moves.
+        return still if one.family else np.array_equal(one.corners, other.corners)
+    slid = float(np.abs(one.marks - other.marks).max())
+    return slid <= max(_ROUNDED * float(np.spacing(one.marks.max())), _MAX_SLIDE * moved)
 
 
 def points_within(depsgraph: Any, items: Iterable[Any]) -> dict[str, bytes]:
@@ -88,28 +188,47 @@ class DeformingSurface:
                 np.arange(len(positions), dtype=np.int32)[:, None], 3, axis=1
             )
         self._vertices = positions.astype(np.float64)
-        self._nearest = self._finder(mesh is None)
+        self._find = self._finder(mesh is None)
         self.count = len(self._vertices)
         #: Vertices that surface points use: index in the mesh to index in the series.
         self.needed: dict[int, int] = {}
 
-    def _finder(self, points: bool) -> Callable[[Sequence[float]], int | None]:
-        """Return a function that finds the triangle, or point, that is nearest to a place."""
+    def _finder(self, points: bool) -> Callable[[Sequence[float]], tuple[int | None, float | None]]:
+        """Return a function that finds the nearest triangle or point, and its distance."""
         if not points:
             tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
-            return lambda place: tree.find_nearest(place)[2]
+            return lambda place: tree.find_nearest(place)[2:]
         balanced = KDTree(len(self._vertices))
         for number, point in enumerate(self._vertices.tolist()):
             balanced.insert(point, number)
         balanced.balance()
-        return lambda place: balanced.find(place)[1]
+        return lambda place: balanced.find(place)[1:]
+
+    @property
+    def rounding_m(self) -> float:
+        """Steps of float32 that a distance from the surface may be off [m]."""
+        largest = np.abs(self._vertices).max(initial=1e-30)
+        return _ROUNDED * float(np.spacing(np.float32(largest))) * self._units
+
+    def apart_m(self, later: DeformingSurface, scale: float) -> float:
+        """Return how far places of this surface are from a later one of the object at most [m].
+
+        `scale` is that of the object's axes.
+        """
+        some = self.triangles[:: 1 + len(self.triangles) // _PLACES]
+        places = self._vertices[some].mean(axis=1)
+        if len(later.triangles):
+            apart = max((later._find(place)[1] or 0.0 for place in places.tolist()), default=0.0)
+        else:
+            apart = float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
+        return apart * scale * self._units
 
     def attach(self, local_m: Real) -> tuple[NDArray[np.int32], Real]:
         """Return vertices (n, 3) and weights (n, 3) of the nearest surface points to (n, 3) [m]."""
         faces = np.zeros(len(local_m), dtype=np.intp)
         points = local_m / self._units
         for row, point in enumerate(points):
-            face = self._nearest(tuple(point))
+            face = self._find(tuple(point))[0]
             faces[row] = 0 if face is None else face
         corners = self.triangles[faces]
         weights = barycentric(points, self._vertices[corners])

@@ -38,6 +38,8 @@ _ON_FRAMES = 0.01
 _MAX_MISS = 8.0
 #: Number of samples of a cubic between two whole frames.
 _BETWEEN_FRAMES = 16
+#: Distance from a body's origin at which its turns count at least, as of antennas [m].
+_LEAST_REACH_M = 1e-3
 #: Larger scatter, in steps of float32, is motion and no rounding.
 _MAX_NOISE = 10.0
 #: Minimum number of samples for a fit of the burst without what is before and after it.
@@ -70,7 +72,9 @@ class Fits:
         self._motions: dict[int, BodyMotion] = {}
         self._fitted = False
         self._missed: dict[int, float] = {}
+        #: Series of each surface, its noise and its error bound [m].
         self._vertices: dict[str, tuple[VertexSeries, float, float]] = {}
+        self._missed_surfaces: dict[str, float] = {}
 
     @property
     def displacement_error_bound_m(self) -> float:
@@ -144,13 +148,35 @@ class Fits:
             have = [at_s for at_s in times_s if sampled[at_s] is not None]
             size = len(sampler.surfaces[name].needed) * 12
             keep = have[:: max(1, -(-len(have) * size // _MAX_VERTEX_BYTES))]
-            self._vertices[name] = fit_vertices(
+            fitted = fit_vertices(
                 np.array(keep),
                 np.stack([sampled[at_s] for at_s in keep]),
                 plan.duration_s,
                 corners_s=plan.corners_s,
                 epoch_s=plan.rendered[0],
             )
+            self._vertices[name] = self._checked_vertices(name, *fitted)
+
+    def _checked_vertices(
+        self, name: str, series: VertexSeries, noise_m: float, bound_m: float
+    ) -> tuple[VertexSeries, float, float]:
+        """Return the fit of a surface, with its distance from Blender's at the checks in its bound.
+
+        Vertices are the same points of the surface, so their distance is that of the surface.
+        """
+        sampled = self._sampler.vertices[name]
+        times_s = [at_s for at_s in self._checks_s if sampled[at_s] is not None]
+        self._missed_surfaces.pop(name, None)
+        if not times_s:
+            return series, noise_m, bound_m
+        there_m = np.stack([sampled[at_s] for at_s in times_s])
+        every = np.arange(there_m.shape[1], dtype=np.int32)
+        miss_m = float(np.abs(series.positions(every, np.array(times_s)) - there_m).max(initial=0))
+        step_m = _rounding_step(there_m, self._plan.metres_per_unit)
+        if miss_m > max(_MAX_MISS * (noise_m + step_m), self._target_m):
+            self._missed_surfaces[name] = miss_m
+            bound_m = max(bound_m, miss_m)
+        return series, noise_m, bound_m
 
     def _smooth_series(self, name: str) -> tuple[VertexSeries, float, float]:
         """Return a cubic through the vertices at whole frames, as `fit_vertices` does."""
@@ -247,7 +273,7 @@ class Fits:
 
     def _rounding_m(self, index: int) -> float:
         """Return the step of float32 at the body's farthest point [m]."""
-        turn_m = self._reach_m(index) * float(np.spacing(np.float32(1.0)))
+        turn_m = max(self._reach_m(index), _LEAST_REACH_M) * float(np.spacing(np.float32(1.0)))
         return _rounding_step(self._farthest_m[index], self._plan.metres_per_unit) + turn_m
 
     def _vertex_target_m(self, name: str) -> float:
@@ -257,7 +283,7 @@ class Fits:
 
     def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
         """Return whether a fit leaves more than the rounding of poses."""
-        return motion.noise_m > 0 and motion.noise_m > self._rounding_m(index)
+        return motion.noise_m > max(self._rounding_m(index), self._target_m)
 
     def _is_accurate(self, index: int) -> bool:
         motion = self._motions.get(index)
@@ -280,7 +306,7 @@ class Fits:
             return motion
         # The origin and three points of the body: together they detect each rotation.
         start = motion.pose
-        arms = np.concatenate([np.zeros((1, 3)), np.eye(3) * max(reach_m, 1e-3)])
+        arms = np.concatenate([np.zeros((1, 3)), np.eye(3) * max(reach_m, _LEAST_REACH_M)])
         size = np.maximum(np.linalg.norm(start[:3, :3], axis=0), 1e-12)
         local = arms / size
         at_start = local @ start[:3, :3].T + start[:3, 3]
@@ -291,8 +317,9 @@ class Fits:
             # The rendered pose is that of a key nearby, which shifts all displacements alike.
             apart -= apart.mean(axis=1, keepdims=True)
         miss = float(np.linalg.norm(apart, axis=-1).max())
-        rounding = float(np.spacing(np.float32(max(self._farthest_m[index] + reach_m, 1e-6))))
-        if miss <= _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding) + rounding):
+        rounding_m = self._rounding_m(index)
+        allowed_m = _MAX_MISS * (min(motion.noise_m, _MAX_NOISE * rounding_m) + rounding_m)
+        if miss <= max(allowed_m, self._target_m):
             return motion
         self._missed[index] = miss
         return dataclasses.replace(
@@ -310,7 +337,7 @@ class Fits:
     @property
     def resolved(self) -> bool:
         """Whether all fits follow the motion between the samples, up to rounding."""
-        return not self._missed and all(
+        return not (self._missed or self._missed_surfaces) and all(
             index in self._smooth
             or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
             for index, motion in self._motions.items()
@@ -374,21 +401,22 @@ class Fits:
             off_mps = self._off_whole_frames_mps(points)
             if off_mps > 0:
                 found.append(finding("cache-between-frames", name, speed_mps=off_mps))
-        if self._missed:
-            bad = ["antennas" if index < 2 else parts[index - 2].name for index in self._missed]
+        missed = {
+            "antennas" if index < 2 else parts[index - 2].name: miss_m
+            for index, miss_m in self._missed.items()
+        } | self._missed_surfaces
+        if missed:
             found.append(
                 finding(
                     "motion-unresolved",
-                    *bad,
+                    *missed,
                     samples=len(self._sampler.times_s),
-                    miss_m=max(self._missed.values()),
+                    miss_m=max([*self._missed.values(), *self._missed_surfaces.values()]),
                 )
             )
         if self._sampler.lost:
             names = {parts[index - 2].name for index in self._sampler.lost if index > 1}
             found.append(finding("instances-appear-or-vanish", *sorted(names)))
-        if self._sampler.changed:
-            found.append(finding("vertex-count-changes", *sorted(self._sampler.changed)))
         return found
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,14 @@ _LEAST_FRAMES = 2.0
 _MAX_CORNERS = 64
 #: Minimum number of samples between two keys.
 _LEAST_BETWEEN_KEYS = 9
+#: A jump moves a body this many times faster between two samples than before and after them.
+_MIN_JUMP = 4.0
+#: Halvings of an interval after which a jump has more than half of its first size; motion has not.
+_HALVINGS = 3
+#: Steps of float32 up to which a step between two samples is its rounding.
+_ROUNDED = 16
+#: Maximum number of intervals in which jumps are located.
+_MOST_JUMPS = 8
 
 
 @dataclass(frozen=True)
@@ -51,6 +59,8 @@ class SamplingPlan:
         Frames at which animation may have corners, ascending.
     stretch
         Frames of the scene for each frame of the animation.
+    jumps
+        Keys at which bodies jump: what Blender gives on them belongs to neither side.
     """
 
     frame: int
@@ -62,6 +72,7 @@ class SamplingPlan:
     rendered_fraction: float = 0.0
     keys: Sequence[float] = ()
     stretch: float = 1.0
+    jumps: Sequence[float] = ()
 
     @property
     def frames(self) -> float:
@@ -92,8 +103,19 @@ class SamplingPlan:
     def is_clear(self, at_s: float) -> bool:
         """Whether no key but one at this very time changes what Blender gives then."""
         frame = self.frame + at_s * self.fps
-        apart = abs(self._nearest_key(frame) - frame)
-        return apart > 0.9 * self._clear_of_keys or apart <= 2 * np.spacing(np.float32(frame))
+        key = self._nearest_key(frame)
+        if abs(key - frame) > 0.9 * self._clear_of_keys:
+            return True
+        return key not in self.jumps and abs(key - frame) <= 2 * np.spacing(np.float32(frame))
+
+    def with_jumps(self, frames: Sequence[float]) -> SamplingPlan:
+        """Return the plan with frames at which bodies jump; a jump next to a key is at the key."""
+        near = [self._nearest_key(frame) for frame in frames]
+        jumps = [
+            key if abs(key - frame) <= self._clear_of_keys else frame
+            for key, frame in zip(near, frames, strict=True)
+        ]
+        return replace(self, keys=sorted({*self.keys, *jumps}), jumps=jumps)
 
     @property
     def _clear_of_keys(self) -> float:
@@ -160,7 +182,11 @@ class SamplingPlan:
         self, one: tuple[float, Instant], other: tuple[float, Instant]
     ) -> tuple[float, Instant]:
         """Return the moment amid two others."""
-        return self._at_frame(self.frame + (one[0] + other[0]) / 2 * self.fps)
+        return self.moment((one[0] + other[0]) / 2)
+
+    def moment(self, at_s: float) -> tuple[float, Instant]:
+        """Return the moment that Blender evaluates at a time since the start of the burst."""
+        return self._at_frame(self.frame + at_s * self.fps)
 
     @property
     def corners_s(self) -> list[float]:
@@ -256,6 +282,87 @@ class Sampler:
         """Return the pose of one row in the sample of a time, (4, 4) [m]."""
         found: Real = self.poses(at_s, np.array([row]))[0]
         return found
+
+    def jumps(self, times_s: Sequence[float]) -> dict[float, dict[str, float]]:
+        """Find where bodies jump between samples at some times.
+
+        A jump keeps its size in the half of an interval that contains it, however often the
+        interval is halved; a motion does not.
+
+        Returns
+        -------
+        dict
+            By Blender frame: the sizes of the jumps [m] by the name of the object.
+        """
+        rows = self.changing
+        names = [*map(self._name, rows.tolist()), *self.surfaces]
+        if len(times_s) < 3 or not names:
+            return {}
+        steps_m = np.stack([self._steps_m(rows, *pair) for pair in itertools.pairwise(times_s)])
+        speed = steps_m / np.diff(times_s)[:, None]
+        before = np.concatenate([speed[1:2], speed[:-1]])
+        after = np.concatenate([speed[1:], speed[-2:-1]])
+        sudden_m = np.where(speed > _MIN_JUMP * np.maximum(before, after), steps_m, 0.0)
+        found: dict[float, dict[str, float]] = {}
+        for at in np.argsort(-sudden_m.max(axis=1))[:_MOST_JUMPS].tolist():
+            jumping = np.flatnonzero(sudden_m[at])
+            if not jumping.size:
+                break
+            around = self._around_jump(rows, int(sudden_m[at].argmax()), *times_s[at : at + 2])
+            if around is None:
+                continue
+            size_m = self._steps_m(rows, *around)
+            least_m = np.maximum(steps_m[at] / 2, self._least_jumps_m(rows, times_s[at]))
+            jumping = jumping[size_m[jumping] > least_m[jumping]]
+            if jumping.size:
+                frame = self.plan.frame + sum(around) / 2 * self.plan.fps
+                found[frame] = {names[one]: float(size_m[one]) for one in jumping}
+        return found
+
+    def _least_jumps_m(self, rows: Indices, at_s: float) -> Real:
+        """Return sizes of which steps may be float32's, as `_steps_m` has them [m]."""
+        places = [np.abs(self.poses(at_s, rows)[:, :3, 3]).max(axis=1), self._reaches_m(rows)]
+        surfaces = [sampled[at_s] for sampled in self.vertices.values()]
+        sizes = [0.0 if one is None else np.abs(one).max(initial=0.0) for one in surfaces]
+        largest = np.concatenate([np.nan_to_num(np.maximum(*places)), sizes])
+        return np.asarray(_ROUNDED * np.spacing(np.maximum(largest, 1e-6).astype(np.float32)))
+
+    def _reaches_m(self, rows: Indices) -> Real:
+        """Return the largest distance of the surface of each row of poses from its origin [m]."""
+        return np.array(
+            [self.parts[row - 2].instance.reach_m if row > 1 else 0.0 for row in rows.tolist()]
+        )
+
+    def _around_jump(
+        self, rows: Indices, one: int, low_s: float, high_s: float
+    ) -> tuple[float, float] | None:
+        """Return times just before and after a jump between two samples; None: it only moves."""
+        size_m = self._steps_m(rows, low_s, high_s)[one]
+        halvings = 0
+        while (high_s - low_s) * self.plan.fps > _CLEAR_OF_KEYS:
+            middle_s, instant = self.plan.moment((low_s + high_s) / 2)
+            if not low_s < middle_s < high_s:
+                break  # float32 has no time between them
+            self.take(middle_s, instant)
+            left_m, right_m = (
+                self._steps_m(rows, *pair)[one] for pair in ((low_s, middle_s), (middle_s, high_s))
+            )
+            low_s, high_s = (low_s, middle_s) if left_m > right_m else (middle_s, high_s)
+            halvings += 1
+            if halvings == _HALVINGS and max(left_m, right_m) < size_m / 2:
+                return None
+        return low_s, high_s
+
+    def _steps_m(self, rows: Indices, one_s: float, other_s: float) -> Real:
+        """Return how far rows of poses, then all surfaces, move between two samples, (n,) [m]."""
+        apart = np.nan_to_num(self.poses(other_s, rows) - self.poses(one_s, rows))
+        turned_m = self._reaches_m(rows) * np.abs(apart[:, :3, :3]).max(axis=(1, 2), initial=0.0)
+        moved_m = [np.linalg.norm(apart[:, :3, 3], axis=1) + turned_m]
+        for sampled in self.vertices.values():
+            pair = sampled[one_s], sampled[other_s]
+            there = all(one is not None and one.size for one in pair)
+            moved_m.append(np.array([np.abs(pair[1] - pair[0]).max() if there else 0.0]))
+        return np.concatenate(moved_m)
 
     def _may_differ(self, snapshot: Snapshot) -> Indices:
         """Return the rows whose pose may be another one than in the first sample, ascending."""

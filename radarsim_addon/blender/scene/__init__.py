@@ -52,6 +52,7 @@ from .rig import (
     setup_rig,
 )
 from .simulations import (
+    check_particles_are_baked,
     has_simulation_zone,
     is_simulated_body,
     renders_whole_frames_only,
@@ -85,6 +86,7 @@ __all__ = [
     "camera_kind",
     "check_meshes",
     "check_normals",
+    "check_particles_are_baked",
     "check_poses",
     "check_scale",
     "check_vertices",

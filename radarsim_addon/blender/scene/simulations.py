@@ -3,8 +3,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
+
+import bpy
+
+from ...errors import SceneError
 
 #: Types of modifiers with a cache that playing the animation fills.
 _CACHED_MODIFIERS = {"CLOTH", "PARTICLE_SYSTEM", "SOFT_BODY"}
@@ -53,6 +57,49 @@ def renders_whole_frames_only(item: Any) -> bool:
         elif modifier.type == "MESH_SEQUENCE_CACHE" and not modifier.use_vertex_interpolation:
             return True
     return False
+
+
+def check_particles_are_baked(items: Iterable[Any]) -> None:
+    """Check that particles that carry objects or pieces of a mesh have a baked cache.
+
+    Between two frames Blender writes states of particles that are not baked into the cache of
+    whole frames, so that places depend on the order in which times are shown.
+
+    Parameters
+    ----------
+    items : iterable of bpy.types.Object
+        Objects and emitters that are rendered.
+
+    Raises
+    ------
+    SceneError
+        A particle system is not baked.
+    """
+    for item in items if bpy.data.particles else ():
+        for owner, system in _carrying_particles(item):
+            cache, settings = system.point_cache, system.settings
+            moves = settings.type == "EMITTER" and settings.physics_type != "NO"
+            if moves and not (cache.is_baked or cache.use_external):
+                raise SceneError(
+                    f"The particle system {system.name!r} of {owner.name!r} is not baked. Between "
+                    "whole frames Blender then gives places of particles that depend on the "
+                    "frames shown before, so their range rates would be wrong. Bake it: select "
+                    f"{owner.name!r}, then Particle Properties > Cache > Bake. Without the "
+                    "motion of particles, set Motion to Off (--motion off)."
+                )
+
+
+def _carrying_particles(item: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield owner and particle system of all that carry instances, or pieces of an object."""
+    explodes = any(modifier.type == "EXPLODE" for modifier in item.modifiers)
+    for system in item.particle_systems:
+        if explodes or system.settings.render_type in ("OBJECT", "COLLECTION"):
+            yield item, system
+    for modifier in item.modifiers:
+        if modifier.type == "PARTICLE_INSTANCE" and modifier.object is not None:
+            systems = modifier.object.particle_systems
+            if modifier.particle_system_index <= len(systems):
+                yield modifier.object, systems[modifier.particle_system_index - 1]
 
 
 def _caches(scene: Any) -> Iterator[Any]:
