@@ -111,6 +111,14 @@ PATHS = {
         "The rays of the whole frame measure the others, with larger standard errors.",
         "Raise the resolution to measure more of them well.",
     ),
+    "glints-left-out": Kind(
+        "caution",
+        "{count:#specular point} of {subjects} got no tile of their own; the {traced} strongest "
+        "ones of the frame did.",
+        "The other specular points are smaller than a pixel, so that rays may miss them. Then the "
+        "power of these objects is too low, and its standard error does not show it.",
+        "Raise the resolution, or narrow the field of view.",
+    ),
     "object-error-above-target": Kind(
         "info",
         "The power of {subjects} has a standard error of {stderr_fraction:percent}, more than "

@@ -36,6 +36,7 @@ from .mirror_marks import (
 )
 from .mirrors import (
     LOBE_EXPONENT,
+    glint_slope,
     ground_mirror,
     is_mirror_like,
     lobe_width,
@@ -76,6 +77,7 @@ __all__ = [
     "doubled_panes",
     "fluctuation_of",
     "found_inside",
+    "glint_slope",
     "ground_mirror",
     "has_no_faces",
     "has_rough_facets",

@@ -30,8 +30,9 @@ from ..plan import FINEST_PITCH, PathOptions
 from ..views import ViewWindow
 from .clutter_weights import ClutterWeights
 from .error_budget import CellGrid, ErrorBudget, uncertain_objects
+from .glints import find_glints
 from .hit_points import HitPoints
-from .inset_tiles import add_inset_tiles
+from .inset_tiles import add_inset_tiles, lay_in_steps
 from .materials_in_use import by_surface
 from .measured_tiles import MeasuredTiles, NewTile
 from .mirror_paths import MirrorPaths
@@ -113,6 +114,7 @@ class FrameWork:
         self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
+        self._said: list[Finding] = []
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -130,6 +132,15 @@ class FrameWork:
         if self._options.refines:
             chosen = yield from self._choose(uniform)
             tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, self._options)
+        glints, self._said = find_glints(
+            self._mirrors.obstacles,
+            self._receiver,
+            np.vstack([self._tracer.transmitter_m, self._tracer.lamps_m]),
+            self._whole,
+            self._run.scene.hidden,
+        )
+        wanted = [(one.pitch, area) for one in glints for area in one.areas]
+        tiles = lay_in_steps(tiles, wanted, self._whole, self._options)
         planned = len(Tile(self._whole).split(self._options.tile_px))
         self._progress.add_tiles(len(tiles) - planned)
         for tile in tiles:
@@ -381,7 +392,7 @@ class FrameWork:
             findings.append(
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
-        findings += self._motion.findings + self._mirrors.findings
+        findings += self._said + self._motion.findings + self._mirrors.findings
         if self._moving:
             findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:
