@@ -272,9 +272,7 @@ class SpecularSearch:
         return np.asarray(angle <= spread + turned + 1e-6)
 
 
-def bisectors(
-    centre_m: Real, radius_m: Real, one_m: Real, other_m: Real
-) -> tuple[Real, Real]:
+def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tuple[Real, Real]:
     """Return the bisectors of the directions to two places, and how far they turn over spheres.
 
     Parameters

@@ -15,9 +15,10 @@ import numpy as np
 
 from ... import contract
 from ...array_types import Mask, Real
-from ...findings import Finding, finding, merge
+from ...findings import Finding, finding, finding_about, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import (
+    MOST_UNCERTAIN,
     PATH_DTYPE,
     PathRows,
     TableFile,
@@ -47,6 +48,7 @@ from .small_object_ranking import (
     rank_by_error,
     small_boxes,
 )
+from .smooth_faces import smooth_face_findings
 from .tile_checkpoints import TileCheckpoints
 from .tiles import Tile
 from .view_tracer import PathTask, Progress, ViewTracer
@@ -393,6 +395,23 @@ class FrameWork:
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
         findings += self._said + self._motion.findings + self._mirrors.findings
+        errors = self._budget.object_errors()
+        uncertain = {
+            scene.objects[number - 1]: {"stderr_fraction": error}
+            for number, error in errors.items()
+            if error > MOST_UNCERTAIN
+        }
+        if uncertain:
+            findings.append(finding_about("power-uncertain", uncertain))
+        mean = self._budget.totals()[0]
+        findings += smooth_face_findings(
+            self._mirrors.obstacles,
+            self._receiver,
+            self._tracer.transmitter,
+            self._whole,
+            self._run.measurement.waveform.carrier_hz,
+            {number: float(mean[number + self._budget.first_object]) for number in errors},
+        )
         if self._moving:
             findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:
@@ -404,5 +423,5 @@ class FrameWork:
             and self._budget.relative_error() <= target
             and self._options.refine_for != "ranges"
         ):
-            findings += uncertain_objects(self._budget.object_errors(), scene.objects, target)
+            findings += uncertain_objects(errors, scene.objects, target)
         return [item.in_frame(self._tracer.frame) for item in merge(findings)]

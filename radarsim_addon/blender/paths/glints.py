@@ -39,6 +39,8 @@ _FAINT = 0.1
 _PART = 0.3
 #: Pixels of a part of a surface above which it is halved, halvings, and parts of all surfaces.
 _LARGE_PX, _HALVINGS, _MOST_PARTS = 4096.0, 16, 1 << 18
+#: Halvings of parts that reach behind the receiver.
+_AHEAD = 6
 #: Parts are one area if that has at most so many times the parts' area, or so few pixels.
 _LOOSE, _FEW_PX = 4.0, 1024.0
 #: Glints that get tiles, and pixels of all of them (or of the frame, if it has more).
@@ -87,7 +89,7 @@ def find_glints(
     chosen = np.flatnonzero(shiny[bodies.shape] & ~np.isin(bodies.number, sorted(hidden)))
     if not chosen.size:
         return [], []
-    search = _Search(obstacles, receiver, window, slopes)
+    search = BrightParts(obstacles, receiver, window, slopes)
     chosen, skipped = search.affordable(search.in_view(chosen))
     found = [one for place in transmitters_m for one in search.glints(chosen, place)]
     room = float(max(_PIXELS_FOR_ALL, window.width_px * window.height_px))
@@ -118,7 +120,7 @@ class _Columns:
 
 
 @dataclass(frozen=True, eq=False)
-class _Parts(_Columns):
+class SurfaceParts(_Columns):
     """Triangles in the world: corners [m] and unit normals there, (n, 3, 3), RMS slope, index of
     the body, and whether the normals are those of a flat facet.
     """
@@ -129,7 +131,7 @@ class _Parts(_Columns):
     body: Indices
     flat: Mask
 
-    def halved(self, first: Indices) -> _Parts:
+    def halved(self, first: Indices) -> SurfaceParts:
         """Cut each at the middle of its side from corner `first` to the next one."""
         order = (first[:, None] + np.arange(3)) % 3
         halves = []
@@ -139,7 +141,7 @@ class _Parts(_Columns):
             corners = [(a, middle, c), (middle, b, c)]
             halves.append(np.concatenate([np.stack(one, axis=1) for one in corners]))
         others = (np.concatenate([one, one]) for one in (self.slope, self.body, self.flat))
-        return _Parts(*halves, *others)
+        return SurfaceParts(*halves, *others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +167,7 @@ class _Spots(_Columns):
     solid: Real
 
 
-class _Search:
+class BrightParts:
     """Finds the bright parts of surfaces; `slopes` are the RMS slopes of each shape's materials."""
 
     def __init__(
@@ -190,8 +192,11 @@ class _Search:
         if self._kind != "perspective":
             return chosen
         window = self._window
-        edge = max(abs(complex(u, v)) for u in (window.left, window.right)
-                   for v in (window.bottom, window.top))
+        edge = max(
+            math.hypot(u, v)
+            for u in (window.left, window.right)
+            for v in (window.bottom, window.top)
+        )
         local = (self._middle_m[chosen] - self._place_m) @ self._turn
         away_m = np.maximum(norms(local), 1e-300)
         angle = np.arccos(np.clip(-local[:, 2] / away_m, -1.0, 1.0))
@@ -214,7 +219,7 @@ class _Search:
         found: list[_Spots] = []
         for shape in np.unique(self._bodies.shape[chosen]).tolist():
             own = chosen[self._bodies.shape[chosen] == shape]
-            for parts in self._candidates(shape, own, transmitter_m):
+            for parts in self.candidates(shape, own, transmitter_m):
                 found += self._spots(parts, transmitter_m)
         if not found:
             return []
@@ -232,13 +237,15 @@ class _Search:
         """The glint of neighbouring spots of one body; none where the view resolves it."""
         window = self._window
         matters = group.weight >= _FAINT * group.weight.max()
-        deviation = float(group.deviation[matters].min())
+        deviation, pitch = float(group.deviation[matters].min()), _PITCH
         if group.flat[matters].all() and group.solid.sum() < _PART * self._box(group.body[0]):
             share = group.solid / group.solid.sum()
             off = group.centre - share @ group.centre
             spread = np.einsum("n,nij->ij", share, group.spread)
             spread += np.einsum("n,ni,nj->ij", share, off, off)
-            deviation = min(deviation, float(_least_deviation(spread[None])[0]))
+            across = float(_least_deviation(spread[None])[0])
+            if across < deviation:  # edges of facets need more pixels than a smooth spot
+                deviation, pitch = across, _PITCH / 2
         if window.pitch <= _RESOLVED * deviation:
             return []
         (left, bottom), (right, top) = group.low.min(axis=0), group.high.max(axis=0)
@@ -251,13 +258,19 @@ class _Search:
                     Area(low, high, max(bottom, window.bottom), min(top, window.top), stretch)
                 )
         name = self._bodies.name(int(self._bodies.number[group.body[0]]))
-        return [Glint(tuple(areas), _PITCH * deviation, name, float(group.echo.sum()))]
+        return [Glint(tuple(areas), pitch * deviation, name, float(group.echo.sum()))]
+
+    def area_m2(self, body: int) -> float:
+        """Return the area of a body's surface [m^2], as if it were scaled evenly."""
+        mesh = self._obstacles.mesh(body)
+        scale = abs(float(np.linalg.det(self._bodies.pose[body, :3, :3]))) ** (2 / 3)
+        return 0.0 if mesh is None else scale * float(np.nansum(mesh.areas_m2))
 
     def _box(self, body: int) -> float:
         """Area of the box of a body in the view; infinite where it is not all ahead."""
         pose, box = self._bodies.pose[body], self._bodies.box[body]
         corners = np.array(list(itertools.product(*box.T))) @ pose[:3, :3].T + pose[:3, 3]
-        places, ahead = self._project(corners[None])
+        places, ahead = self.project(corners[None])
         if not ahead.all():
             return math.inf
         stretch = math.cos(places[0, :, 1].mean()) if self._window.sphere else 1.0
@@ -265,8 +278,8 @@ class _Search:
 
     # -- surfaces ----------------------------------------------------------------------------------
 
-    def _candidates(self, shape: int, own: Indices, transmitter_m: Real) -> Iterator[_Parts]:
-        """Yield triangles of bodies of one shape that may be bright."""
+    def candidates(self, shape: int, own: Indices, transmitter_m: Real) -> Iterator[SurfaceParts]:
+        """Yield the triangles of bodies of one shape that may be bright."""
         mesh = self._obstacles.mesh(int(own[0]))
         if mesh is None:
             return
@@ -306,7 +319,7 @@ class _Search:
 
     def _in_world(
         self, mesh: BodyMesh, face: Indices, body: Indices, inverse: Real, slope: Real
-    ) -> _Parts:
+    ) -> SurfaceParts:
         pose = self._bodies.pose[body]
         corners_m = mesh.vertices_m[mesh.triangles[face]] @ pose[:, :3, :3].transpose(0, 2, 1)
         corners_m += pose[:, None, :3, 3]
@@ -322,7 +335,7 @@ class _Search:
             facet = np.einsum("ni,nij->nj", facet, inverse)
             normals = normals * np.where(dots(facet, towards) < 0, -1.0, 1.0)[:, None, None]
         normals = normals / np.linalg.norm(normals, axis=2)[:, :, None]
-        return _Parts(corners_m, normals, slope, body, flat)
+        return SurfaceParts(corners_m, normals, slope, body, flat)
 
     # -- the view ----------------------------------------------------------------------------------
 
@@ -332,8 +345,8 @@ class _Search:
             return np.asarray(points_m + _FAR_M * self._turn[:, 2])
         return np.broadcast_to(self._place_m, points_m.shape)
 
-    def _project(self, points_m: Real) -> tuple[Real, Mask]:
-        """Coordinates in the view of points (n, k, 3), (n, k, 2), and which are ahead, (n, k)."""
+    def project(self, points_m: Real) -> tuple[Real, Mask]:
+        """Return the places of points (n, k, 3) in the view, (n, k, 2), and which are ahead."""
         local = (points_m - self._place_m) @ self._turn
         across, up, depth = local[..., 0], local[..., 1], -local[..., 2]
         if self._kind == "equirectangular":
@@ -347,21 +360,21 @@ class _Search:
             across, up = across / safe, up / safe
         return np.stack([across, up], axis=2), ahead
 
-    def _spots(self, parts: _Parts, transmitter_m: Real) -> list[_Spots]:
+    def _spots(self, parts: SurfaceParts, transmitter_m: Real) -> list[_Spots]:
         """Return what is bright of triangles; large ones are halved until little else is left."""
         found = []
         for halving in range(_HALVINGS + 1):
-            places, ahead = self._project(parts.corners_m)
-            slopes, facing = self._slopes_of(parts, transmitter_m)
-            least = _least_slopes(slopes)
+            places, ahead = self.project(parts.corners_m)
+            slopes, facing = self.slopes_of(parts, transmitter_m)
+            least = least_slopes(slopes)
             kept = facing & ahead.any(axis=1) & (least <= _REACH * parts.slope)
             parts, places, ahead = parts.take(kept), places[kept], ahead[kept].all(axis=1)
             spots, longest = self._seen(parts, places, slopes[kept], least[kept], transmitter_m)
-            met = ~ahead | self._meets(spots)
+            met = ~ahead | self.meets(spots.low, spots.high)
             across = (spots.high - spots.low) * np.stack([spots.stretch, np.ones(met.size)], axis=1)
             pixels = np.prod(across, axis=1) / (_PITCH * spots.deviation) ** 2
             large = (pixels > _LARGE_PX) & (self._window.pitch > _RESOLVED * spots.deviation)
-            large = met & (large | ~ahead)
+            large = met & (large | (~ahead & (halving < _AHEAD)))
             if halving == _HALVINGS or met.size > _MOST_PARTS:
                 large[:] = False
             found.append(spots.take(met & ahead & ~large))
@@ -370,16 +383,16 @@ class _Search:
             parts = parts.take(large).halved(longest[large])
         return found
 
-    def _meets(self, spots: _Spots) -> Mask:
-        """Whether boxes are in the view."""
+    def meets(self, low: Real, high: Real) -> Mask:
+        """Return whether boxes of corners (n, 2) are in the view, (n,)."""
         window = self._window
-        met = np.zeros(spots.body.size, dtype=bool)
+        met = np.zeros(len(low), dtype=bool)
         for turn in (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,):
-            met |= (spots.high[:, 0] + turn > window.left) & (spots.low[:, 0] + turn < window.right)
-        return met & (spots.high[:, 1] > window.bottom) & (spots.low[:, 1] < window.top)
+            met |= (high[:, 0] + turn > window.left) & (low[:, 0] + turn < window.right)
+        return met & (high[:, 1] > window.bottom) & (low[:, 1] < window.top)
 
-    def _slopes_of(self, parts: _Parts, transmitter_m: Real) -> tuple[Real, Mask]:
-        """Slopes of the bisector at corners, (n, 3, 3), and which parts face both antennas."""
+    def slopes_of(self, parts: SurfaceParts, transmitter_m: Real) -> tuple[Real, Mask]:
+        """Return the slopes of the bisector at corners, (n, 3, 3), and which parts face it."""
         bisector = np.zeros_like(parts.corners_m)
         facing = np.ones(parts.body.size, dtype=bool)
         for antenna_m in (self._receiver_m(parts.corners_m), transmitter_m):
@@ -392,7 +405,7 @@ class _Search:
         return bisector / np.maximum(along, GRAZING)[:, :, None] - parts.normals, facing
 
     def _seen(
-        self, parts: _Parts, places: Real, slopes: Real, least: Real, transmitter_m: Real
+        self, parts: SurfaceParts, places: Real, slopes: Real, least: Real, transmitter_m: Real
     ) -> tuple[_Spots, Indices]:
         """Bright parts as the view shows them, and the first corner of the longest side of each."""
         stretch = np.ones(len(places))
@@ -432,8 +445,8 @@ class _Search:
         ), long  # fmt: skip
 
 
-def _least_slopes(slopes: Real) -> Real:
-    """Least length of slopes over triangles that are linear between corners (n, 3, 3), (n,)."""
+def least_slopes(slopes: Real) -> Real:
+    """Return the least length of slopes that are linear between corners (n, 3, 3), (n,)."""
     a, b, c = np.moveaxis(slopes, 1, 0)
     found = np.full(len(slopes), np.inf)
     for one, other in ((a, b), (b, c), (c, a)):

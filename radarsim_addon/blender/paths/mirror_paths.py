@@ -199,9 +199,7 @@ class MirrorPaths:
 
     def _find_ways_back(self, most: int) -> None:
         """Find the images of a receiver that stands apart from the transmitter."""
-        mirrors, findings = find_mirrors(
-            self.obstacles, self._receiver_m, self._wavelength_m, most
-        )
+        mirrors, findings = find_mirrors(self.obstacles, self._receiver_m, self._wavelength_m, most)
         told = {item.code for item in self._findings}
         self._findings += [item for item in findings if item.code not in told]
         chains, self._own_images = receiver_chains(
