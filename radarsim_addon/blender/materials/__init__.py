@@ -50,6 +50,7 @@ from .physical_materials import (
     is_physical,
     make_physical_material,
     refresh_materials,
+    surface_of,
     update_materials,
 )
 from .scattered_lobe import ScatteredLobe, scattered_lobe_of, set_scattered_lobe
@@ -111,6 +112,7 @@ __all__ = [
     "sharpen_edges",
     "slot_materials",
     "straight_interiors",
+    "surface_of",
     "table_files",
     "total_reflections",
     "update_materials",

@@ -142,7 +142,7 @@ class FrameWork:
             self._run.scene.hidden,
         )
         wanted = [(one.pitch, area) for one in glints for area in one.areas]
-        tiles = lay_in_steps(tiles, wanted, self._whole, self._options)
+        tiles = lay_in_steps(tiles, wanted, self._whole, self._options.tile_px)
         planned = len(Tile(self._whole).split(self._options.tile_px))
         self._progress.add_tiles(len(tiles) - planned)
         for tile in tiles:

@@ -53,14 +53,15 @@ def add_inset_tiles(
     most_px = max(_PIXELS_FOR_ALL, frame.width_px * frame.height_px) / max(len(small), 1)
     across = pixels_across(options)
     wanted = [(_affordable(area, frame.pitch, across, most_px), area) for area in small]
-    return lay_in_steps(tiles, wanted, frame, options)
+    return lay_in_steps(tiles, wanted, frame, options.tile_px, options.max_refinement_level)
 
 
 def lay_in_steps(
     tiles: Sequence[Tile],
     wanted: Sequence[tuple[float, Area]],
     frame: ViewWindow,
-    options: PathOptions,
+    most_px: int,
+    most_level: int = 40,
 ) -> list[Tile]:
     """Return the partition with tiles of these pitches, or finer, over areas."""
     # What is cut out of a tile is whole pixels of it: in steps, or a point would take many.
@@ -71,9 +72,7 @@ def lay_in_steps(
     found = list(tiles)
     # From coarse to fine: a small object in front of a less small one lies in its tile.
     for pitch, area in sorted(steps, key=lambda w: (-w[0], w[1].left, w[1].bottom, w[1].right)):
-        found = lay_in(
-            found, area, pitch, options.tile_px, FINEST_PITCH, options.max_refinement_level
-        )
+        found = lay_in(found, area, pitch, most_px, FINEST_PITCH, most_level)
     return found
 
 
