@@ -36,7 +36,7 @@ from .obstacles import Obstacles
 _ROUGH = 0.125 * (1 - 1e-4)
 #: RMS slopes from normal incidence within which a face returns most of its echo.
 _NEAR = 2.0
-#: Difference from the measured level that is worth a caution [dB].
+#: Difference from the measured level of a curved face that is worth a caution [dB].
 _DIFFERS_DB = 1.0
 #: Normals and heights over the size of the body up to which triangles are in one plane.
 _ALIKE, _LEVEL = 1e-4, 1e-5
@@ -52,7 +52,8 @@ _STEPS, _FEW = 8, 2000
 @dataclass(frozen=True)
 class _Face:
     """A face near normal incidence: index of its body, RMS slope, cross section of a conductor,
-    full width of the beam of its echo, angle from its normal, and a place on it.
+    full width of the beam of its echo, angle from its normal, and a place on it. The echo of a
+    curved face has a beam of all directions.
     """
 
     body: int
@@ -61,6 +62,10 @@ class _Face:
     beam_rad: float
     aspect_rad: float
     place_m: Real
+
+    @property
+    def curved(self) -> bool:
+        return self.beam_rad == math.pi
 
 
 def smooth_face_findings(
@@ -109,9 +114,8 @@ def smooth_face_findings(
         expected_dbsm, measured_dbsm = (
             10 * math.log10(one) for one in (rcs_m2, power_w[number] * scale)
         )
-        aside = face.aspect_rad > face.beam_rad / 2
-        if not aside and abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB:
-            continue
+        if face.curved and abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB:
+            continue  # all of its lobe is returned: the optical limit. A plane is right by chance
         height_m, known = _height_m(material, wavelength_m)
         code = "smooth-face-level" if known else "face-height-unknown"
         told.setdefault(code, {})[bodies.name(number)] = {
