@@ -84,7 +84,11 @@ def smooth_face_findings(
         return []
     bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
     wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
-    smooth = cache(lambda one: _height_m(one, wavelength_m)[0] < _ROUGH * wavelength_m)
+    smooth = cache(
+        lambda one: (
+            _reflectance(one) > 0 and _height_m(one, wavelength_m)[0] < _ROUGH * wavelength_m
+        )
+    )
     slopes = [
         np.array([glint_slope(one) if smooth(one) else 0.0 for one in shape.materials])
         for shape in shapes
@@ -107,7 +111,8 @@ def smooth_face_findings(
                 rcs_m2 = face.rcs_m2 * _reflectance(material)
                 if rcs_m2 > strongest.get(number, (0.0,))[0]:
                     strongest[number] = rcs_m2, face, material
-    told: dict[str, dict[str, dict[str, float]]] = {}
+    levels: dict[str, dict[str, float]] = {}
+    unknown: dict[str, dict[str, float]] = {}
     for number, (rcs_m2, face, material) in strongest.items():
         ways_m2 = math.prod(float(np.sum((face.place_m - one) ** 2)) for one in antennas_m)
         scale = (4 * math.pi) ** 3 * ways_m2 / (transmitter.eirp_w * wavelength_m**2)
@@ -117,8 +122,7 @@ def smooth_face_findings(
         if face.curved and abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB:
             continue  # all of its lobe is returned: the optical limit. A plane is right by chance
         height_m, known = _height_m(material, wavelength_m)
-        code = "smooth-face-level" if known else "face-height-unknown"
-        told.setdefault(code, {})[bodies.name(number)] = {
+        (levels if known else unknown)[bodies.name(number)] = {
             "height_m": height_m,
             "eighth_m": wavelength_m / 8,
             "aspect_deg": math.degrees(face.aspect_rad),
@@ -126,7 +130,12 @@ def smooth_face_findings(
             "measured_dbsm": measured_dbsm,
             "expected_dbsm": expected_dbsm,
         }
-    return [finding_about(code, found) for code, found in told.items()]
+    findings = []
+    if levels:
+        findings.append(finding_about("smooth-face-level", levels))
+    if unknown:
+        findings.append(finding_about("face-height-unknown", unknown))
+    return findings
 
 
 def _height_m(material: Any, wavelength_m: float) -> tuple[float, bool]:
@@ -138,11 +147,14 @@ def _height_m(material: Any, wavelength_m: float) -> tuple[float, bool]:
 
 
 def _reflectance(material: Any) -> float:
-    """Fraction of the power that the lobe of a material reflects at normal incidence."""
-    sockets = [group_input(material, name) for name in (INDEX, EXTINCTION)]
-    share = group_input(material, SPECULARITY)
-    n, kappa = (1e9 if one is None else float(one.default_value) for one in sockets)
-    found = float(unpolarised_reflectance(complex(n, kappa), 1.0))
+    """Fraction of the power that the lobe of a Radar Material reflects at normal incidence; 0 for
+    materials made for light, and where nodes set the index.
+    """
+    n, kappa, share = (group_input(material, one) for one in (INDEX, EXTINCTION, SPECULARITY))
+    if n is None or kappa is None:
+        return 0.0
+    index = complex(n.default_value, kappa.default_value)
+    found = float(unpolarised_reflectance(index, 1.0))
     return found if share is None else found * float(share.default_value)
 
 

@@ -93,11 +93,11 @@ def test_dielectric_plate_reflects_less(tmp_path: Path) -> None:
 
 
 def test_gently_curved_face(tmp_path: Path) -> None:
-    """A cap of 5 m radius, 2 m across: pi / (1/R_c + 1/R)^2, more than its lobe of 0.15 returns."""
+    """A cap of 5 m radius, 1 m across: pi / (1/R_c + 1/R)^2, more than its lobe of 0.15 returns."""
     carrier_hz, radius, range_m = 24e9, 5.0, 20.0
     scenes.new_scene(8.0)
     surface = material(name="Surface", **METAL, rms_slope=0.15)
-    grid = np.linspace(-1.0, 1.0, 41)
+    grid = np.linspace(-0.5, 0.5, 41)
     x, z = (one.ravel() for one in np.meshgrid(grid, grid))
     y = range_m + radius - np.sqrt(radius**2 - x**2 - z**2)
     corners = list(zip(x, y, z, strict=True))
@@ -111,7 +111,10 @@ def test_gently_curved_face(tmp_path: Path) -> None:
     item = found(tmp_path, carrier_hz)["face-height-unknown"]
     expected = 10 * math.log10(math.pi / (1 / radius + 1 / range_m) ** 2)
     assert item.numbers["expected_dbsm"] == pytest.approx(expected, abs=0.1)
-    assert item.numbers["measured_dbsm"] < expected - 1
+    # of the lobe, the normals of the cap are within 0.125 of the bisector along both axes
+    part = math.erf(0.5 * (1 / radius + 1 / range_m) / 0.15 / math.sqrt(2)) ** 2
+    measured = expected + 10 * math.log10(part)
+    assert item.numbers["measured_dbsm"] == pytest.approx(measured, abs=0.3)
 
 
 @pytest.mark.parametrize("kind", ["rough", "steep", "small", "facets", "sphere", "mirror", "aside"])
