@@ -111,6 +111,43 @@ PATHS = {
         "The rays of the whole frame measure the others, with larger standard errors.",
         "Raise the resolution to measure more of them well.",
     ),
+    "glints-left-out": Kind(
+        "caution",
+        "{count:#specular point} of {subjects} got no tile of their own; the {traced} strongest "
+        "ones of the frame did.",
+        "The other specular points are smaller than a pixel, so that rays may miss them. Then the "
+        "power of these objects is too low, and its standard error does not show it.",
+        "Raise the resolution, or narrow the field of view.",
+    ),
+    "power-uncertain": Kind(
+        "caution",
+        "The power of {subjects} has a standard error of {stderr_fraction:percent}.",
+        "Too few rays met the bright parts of these objects. Their level, cross section and SNR "
+        "can be wrong by tens of decibels.",
+        "Raise the resolution or the replicates, or set Max standard error.",
+    ),
+    "smooth-face-level": Kind(
+        "caution",
+        "Faces of {subjects} have an RMS height of {height_m:length}, less than an eighth of the "
+        "wavelength ({eighth_m:length}), so they reflect as a whole. Physical optics gives "
+        "{expected_dbsm:.1f} dBsm at normal incidence, the result has {measured_dbsm:.1f} dBsm at "
+        "{aspect_deg:.2g} degrees from it.",
+        "radarsim takes the level from the RMS slope, as if the heights were large. The echo of a "
+        "smooth face lies within {beam_deg:.2g} degrees and depends on its area and the "
+        "wavelength.",
+        "Use the level of physical optics near normal incidence, or raise the RMS height.",
+    ),
+    "face-height-unknown": Kind(
+        "caution",
+        "Faces of {subjects} have an RMS slope and no RMS height. The slope can stand for a "
+        "smooth surface (RMS height from {height_m:length} on; rough from {eighth_m:length} on). "
+        "If they are smooth, physical optics gives {expected_dbsm:.1f} dBsm at normal incidence; "
+        "the result has {measured_dbsm:.1f} dBsm at {aspect_deg:.2g} degrees from it.",
+        "radarsim takes the level from the RMS slope, as if the heights were large. The echo of a "
+        "smooth face lies within {beam_deg:.2g} degrees and depends on its area and the "
+        "wavelength.",
+        "Set the RMS Height of the material.",
+    ),
     "object-error-above-target": Kind(
         "info",
         "The power of {subjects} has a standard error of {stderr_fraction:percent}, more than "

@@ -160,8 +160,10 @@ PROCESSING = {
         "caution",
         "{fraction:percent} of the received power is a specular echo of smooth surfaces: "
         "{subjects}.",
-        "Echoes and maps contain this power as speckle: its mean is correct, its phase is random.",
-        "Rely on the expected power of these objects, or raise their RMS height.",
+        "Echoes and maps contain this power as speckle: its phase is random. Its level follows "
+        "from the RMS slope; that of a smooth face depends on area, curvature and wavelength.",
+        "For faces at normal incidence use the level of physical optics that smooth-face-level "
+        "states, or raise the RMS height.",
     ),
     "few-scatterers": Kind(
         "caution",

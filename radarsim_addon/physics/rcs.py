@@ -42,6 +42,44 @@ def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
     return np.asarray(4 * np.pi * area**2 / _length("Wavelength", wavelength_m) ** 2)
 
 
+def specular_face(
+    first_m: ArrayLike,
+    second_m: ArrayLike,
+    wavelength_m: ArrayLike,
+    first_per_m: ArrayLike = 0.0,
+    second_per_m: ArrayLike = 0.0,
+) -> Real:
+    """Return the cross section of a smooth face at normal incidence, 4 pi (l_1 l_2)^2/lambda^2.
+
+    l is the length of the face, or sqrt(lambda / (2 c)) if that is less: the part of a Fresnel zone
+    of curvature c that returns in phase (stationary phase; Ruck 2.2.2). This joins the closed forms
+    of a plate 4 pi A^2/lambda^2, a cylinder 2 pi a L^2/lambda, a curved face pi R_1 R_2, and at the
+    range R a plane that is larger than a Fresnel zone, pi R^2. Where a length and its zone are
+    alike, edges add up to 3 dB for each of both.
+
+    Parameters
+    ----------
+    first_m, second_m
+        Lengths of the face along both principal directions [m].
+    wavelength_m
+        lambda [m].
+    first_per_m, second_per_m
+        Principal curvatures, each plus 1/R at a finite range R [1/m].
+
+    Returns
+    -------
+    ndarray
+        Cross section of a perfect conductor [m^2].
+    """
+    wavelength = _length("Wavelength", wavelength_m)
+    area = np.ones(())
+    for length_m, bend in ((first_m, first_per_m), (second_m, second_per_m)):
+        with np.errstate(divide="ignore"):
+            zone_m = np.sqrt(wavelength / (2 * np.abs(real_array("Curvature", bend, "1/m"))))
+        area = area * np.minimum(_length("Length", length_m), zone_m)
+    return area_rcs_m2(area, wavelength)
+
+
 def sphere_optical(radius_m: ArrayLike) -> Real:
     """Return pi a^2, the limit for large ka.
 

@@ -95,6 +95,30 @@ def slope_from_roughness(roughness: ArrayLike) -> Real:
     return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
 
 
+def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
+    """Return m lambda / sqrt(2), the least RMS height that a slope can stand for.
+
+    It is that of a correlation length of one wavelength. The Kirchhoff model does not hold for
+    much shorter ones (`kirchhoff_limits`: k l > 6), and longer ones have larger heights. Slopes
+    from sqrt(2)/8 on (a Roughness of 0.5) have lambda/8 or more: these surfaces are rough. A
+    smaller slope does not tell whether a surface is rough.
+
+    Parameters
+    ----------
+    slope
+        RMS slope m.
+    wavelength_m
+        lambda [m].
+
+    Returns
+    -------
+    ndarray
+        RMS height [m].
+    """
+    wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
+    return np.asarray(real_array("Rms slope", slope, "", minimum=0.0) * wavelength / np.sqrt(2))
+
+
 def coherent_fraction(
     rms_height_m: ArrayLike, wavelength_m: ArrayLike, cos_incidence: ArrayLike = 1.0
 ) -> Real:

@@ -267,18 +267,37 @@ class SpecularSearch:
 
         The cones have a unit axis and half an opening angle; their points lie in spheres.
         """
-        bisector, off = np.zeros_like(centre_m), np.zeros(len(centre_m))
-        for end_m in (places_m, self._antenna_m):
-            away_m = np.maximum(distances(centre_m, end_m), 1e-300)
-            bisector += (end_m - centre_m) / away_m[:, None]
-            # how far the direction turns over the sphere: 2 sin(asin(x) / 2)
-            sine = np.minimum(radius_m / away_m, 1.0)
-            off += np.where(sine < 1, np.sqrt(2 - 2 * np.sqrt(1 - sine**2)), 2.0)
-        size = np.maximum(norms(bisector), 1e-300)
-        cosine = dots(bisector, axis) / size
-        turned = np.arcsin(np.minimum(off / size, 1.0))
-        angle = np.arccos(np.clip(cosine, -1.0, 1.0))
-        return np.asarray((off >= size) | (angle <= spread + turned + 1e-6))
+        bisector, turned = bisectors(centre_m, radius_m, places_m, self._antenna_m)
+        angle = np.arccos(np.clip(dots(bisector, axis), -1.0, 1.0))
+        return np.asarray(angle <= spread + turned + 1e-6)
+
+
+def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tuple[Real, Real]:
+    """Return the bisectors of the directions to two places, and how far they turn over spheres.
+
+    Parameters
+    ----------
+    centre_m, radius_m
+        Of the spheres, (n, 3) and (n,) [m].
+    one_m, other_m
+        Places, (3,) or (n, 3) [m].
+
+    Returns
+    -------
+    bisector, turned_rad
+        Unit vectors at the centres, (n, 3), and the largest angle to that of any point of the
+        sphere, (n,) [rad]; pi where any direction is possible.
+    """
+    bisector, off = np.zeros_like(centre_m), np.zeros(len(centre_m))
+    for end_m in (one_m, other_m):
+        away_m = np.maximum(distances(centre_m, end_m), 1e-300)
+        bisector += (end_m - centre_m) / away_m[:, None]
+        # how far the direction turns over the sphere: 2 sin(asin(x) / 2)
+        sine = np.minimum(radius_m / away_m, 1.0)
+        off += np.where(sine < 1, np.sqrt(2 - 2 * np.sqrt(1 - sine**2)), 2.0)
+    size = np.maximum(norms(bisector), 1e-300)
+    turned_rad = np.where(off >= size, np.pi, np.arcsin(np.minimum(off / size, 1.0)))
+    return np.asarray(bisector / size[:, None]), turned_rad
 
 
 def _first_of_each(found: SpecularPoints) -> Mask:

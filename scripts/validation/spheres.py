@@ -100,6 +100,28 @@ def error_against_time(bench: Bench) -> list[Check]:
     return checks
 
 
+def glints(bench: Bench) -> list[Check]:
+    """Spots of slope times radius, less than a pixel of 32 across the view."""
+    checks = []
+    for slope, radius_m, range_m, fov_deg in (
+        (0.05, 0.3, 20.0, 90.0),
+        (0.1, 0.3, 20.0, 90.0),
+        (0.2, 0.3, 20.0, 90.0),
+        (0.02, 0.1, 300.0, 40.0),
+    ):
+        new_scene(fov_deg)
+        add_sphere("Sphere", (0.0, range_m, 0.0), radius_m, metallic(INDEX, slope))
+        measured, spread = acquire(bench, 32).power_w("Sphere")
+        expected = sphere_power(range_m, radius_m, kirchhoff_coefficient(INDEX, slope))
+        name = f"slope {slope:g}, radius {radius_m:g} m, at {range_m:g} m, 32 x 32 pixels of "
+        name += f"{fov_deg:g} degrees"
+        source = "numerical integration of the Kirchhoff model"
+        checks.append(
+            power_check(name, expected, measured, BOUND_DB, source, relative_error=spread)
+        )
+    return checks
+
+
 GROUP = Group(
     "spheres",
     "Spheres",
@@ -107,6 +129,7 @@ GROUP = Group(
     (
         Case("Lambert sphere", lambert_sphere, 20.0, quick=True),
         Case("rough sphere", rough_sphere, 20.0),
+        Case("glints", glints, 20.0),
         Case("error against time", error_against_time, 40.0),
     ),
 )

@@ -159,3 +159,34 @@ def test_lambert_sphere_is_the_integral_of_its_patches() -> None:
 def test_bad_input(call, message) -> None:
     with pytest.raises(ConfigError, match=message):
         call()
+
+
+@pytest.mark.parametrize("wavelength", [0.003, 0.03, 0.117])
+def test_a_smooth_face_joins_the_closed_forms(wavelength: float) -> None:
+    """Plate, cylinder, curved face, and a plane larger than a Fresnel zone at a finite range."""
+    found = rcs.specular_face
+    assert found(0.267, 0.152, wavelength) == pytest.approx(rcs.plate(0.267, 0.152, wavelength))
+    radius, length = 40 * wavelength, 5 * wavelength
+    assert found(radius, length, wavelength, 1 / radius) == pytest.approx(
+        rcs.cylinder_broadside(radius, length, wavelength)
+    )
+    curved = found(1e3 * radius, 1e3 * radius, wavelength, 1 / radius, 1 / (3 * radius))
+    assert curved == pytest.approx(3 * np.pi * radius**2)
+    assert found(50.0, 90.0, wavelength, 1 / 20, 1 / 20) == pytest.approx(np.pi * 20**2)
+
+
+@pytest.mark.parametrize(("lengths", "bends"), [((0.1, 0.3), (2.0, 1.0)), ((3.0, 2.0), (5.0, 0.7))])
+def test_a_smooth_face_against_the_integral(
+    lengths: tuple[float, float], bends: tuple[float, float]
+) -> None:
+    """4 pi / lambda^2 |integral exp(j k (c_1 x^2 + c_2 y^2)) dx dy|^2 at 77 GHz: edges leave 1 dB
+    where lengths are far from those of the zones.
+    """
+    wavelength = 0.0039
+    amplitude = 1.0 + 0j
+    for length, bend in zip(lengths, bends, strict=True):
+        x = length * ((np.arange(400_000) + 0.5) / 400_000 - 0.5)
+        amplitude *= np.mean(np.exp(2j * np.pi / wavelength * bend * x**2)) * length
+    expected = 4 * np.pi / wavelength**2 * abs(amplitude) ** 2
+    measured = rcs.specular_face(*lengths, wavelength, *bends)
+    assert to_db(measured) == pytest.approx(float(to_db(expected)), abs=1.0)

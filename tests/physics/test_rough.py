@@ -183,3 +183,12 @@ def test_limits_of_kirchhoff() -> None:
 def test_bad_input(call, message) -> None:
     with pytest.raises(ConfigError, match=message):
         call()
+
+
+def test_least_height_of_a_slope_has_a_correlation_length_of_one_wavelength() -> None:
+    for slope, wavelength in ((0.02, 0.0039), (0.1, 0.03), (0.3, 0.117)):
+        height = rough.least_rms_height_m(slope, wavelength)
+        assert rough.rms_slope(height, wavelength) == pytest.approx(slope)
+    # a Roughness of 0.5 is the first with an eighth of the wavelength
+    slope = rough.slope_from_roughness(0.5)
+    assert rough.least_rms_height_m(slope, 0.03) == pytest.approx(0.03 / 8)

@@ -36,6 +36,7 @@ from .mirror_marks import (
 )
 from .mirrors import (
     LOBE_EXPONENT,
+    glint_slope,
     ground_mirror,
     is_mirror_like,
     lobe_width,
@@ -49,6 +50,7 @@ from .physical_materials import (
     is_physical,
     make_physical_material,
     refresh_materials,
+    surface_of,
     update_materials,
 )
 from .scattered_lobe import ScatteredLobe, scattered_lobe_of, set_scattered_lobe
@@ -76,6 +78,7 @@ __all__ = [
     "doubled_panes",
     "fluctuation_of",
     "found_inside",
+    "glint_slope",
     "ground_mirror",
     "has_no_faces",
     "has_rough_facets",
@@ -109,6 +112,7 @@ __all__ = [
     "sharpen_edges",
     "slot_materials",
     "straight_interiors",
+    "surface_of",
     "table_files",
     "total_reflections",
     "update_materials",

@@ -23,6 +23,8 @@ from .physical_materials import inputs_at, surface_of
 SHARP = 0.0037
 #: Index from which on a surface reflects all power at all angles but the most grazing.
 _METAL = 1000.0
+#: Albedo, or part of metal, below which the lobe of a Principled BSDF is most of a sphere's echo.
+_DARK = 0.2
 #: Glossy BSDFs of one lobe that depends on both directions alike.
 _RECIPROCAL = {"ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfMetallic"}
 #: Custom property of a material: exponent of its scattered lobe.
@@ -206,6 +208,36 @@ def lobe_width(material: Any) -> float:
     if exponent is not None:  # a facet turns the mirrored wave by twice its own angle
         return min(1 / math.sqrt(exponent), _lobe_width(material))
     return _lobe_width(material)
+
+
+def glint_slope(material: Any) -> float:
+    """Return the RMS slope of the narrowest lobe that can outshine the rest of a material.
+
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    float
+        0 for diffuse surfaces, clutter models, mirrors, and where a node sets the roughness.
+    """
+    if group_node(material) is not None:
+        width = lobe_width(material)
+        return width / math.sqrt(2) if SHARP**2 < width <= 1 else 0.0
+    widths = []
+    for shader in _foreign_shaders(material):
+        roughness = shader.inputs.get("Roughness")
+        if shader.bl_idname == "ShaderNodeBsdfPrincipled":
+            metallic, colour = shader.inputs["Metallic"], shader.inputs["Base Color"]
+            bright = not colour.is_linked and max(colour.default_value[:3]) > _DARK
+            if bright and not metallic.is_linked and metallic.default_value < _DARK:
+                continue  # the diffuse part returns 16 times what the lobe does, and more
+        elif shader.bl_idname not in _GLOSSY:
+            continue
+        if roughness is not None and not roughness.is_linked and roughness.default_value > SHARP:
+            widths.append(float(roughness.default_value) ** 2)
+    return min(widths, default=0.0) / math.sqrt(2)
 
 
 def reciprocal_lobe(material: Any) -> float:

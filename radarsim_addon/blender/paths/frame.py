@@ -15,9 +15,10 @@ import numpy as np
 
 from ... import contract
 from ...array_types import Mask, Real
-from ...findings import Finding, finding, merge
+from ...findings import Finding, finding, finding_about, merge
 from ...sidecar import file_sha256, write_record
 from ...signal.paths import (
+    MOST_UNCERTAIN,
     PATH_DTYPE,
     PathRows,
     TableFile,
@@ -30,8 +31,9 @@ from ..plan import FINEST_PITCH, PathOptions
 from ..views import ViewWindow
 from .clutter_weights import ClutterWeights
 from .error_budget import CellGrid, ErrorBudget, uncertain_objects
+from .glints import find_glints
 from .hit_points import HitPoints
-from .inset_tiles import add_inset_tiles
+from .inset_tiles import add_inset_tiles, lay_in_steps
 from .materials_in_use import by_surface
 from .measured_tiles import MeasuredTiles, NewTile
 from .mirror_paths import MirrorPaths
@@ -46,6 +48,7 @@ from .small_object_ranking import (
     rank_by_error,
     small_boxes,
 )
+from .smooth_faces import smooth_face_findings
 from .tile_checkpoints import TileCheckpoints
 from .tiles import Tile
 from .view_tracer import PathTask, Progress, ViewTracer
@@ -113,6 +116,7 @@ class FrameWork:
         self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
+        self._said: list[Finding] = []
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -130,6 +134,15 @@ class FrameWork:
         if self._options.refines:
             chosen = yield from self._choose(uniform)
             tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, self._options)
+        glints, self._said = find_glints(
+            self._mirrors.obstacles,
+            self._receiver,
+            np.vstack([self._tracer.transmitter_m, self._tracer.lamps_m]),
+            self._whole,
+            self._run.scene.hidden,
+        )
+        wanted = [(one.pitch, area) for one in glints for area in one.areas]
+        tiles = lay_in_steps(tiles, wanted, self._whole, self._options.tile_px)
         planned = len(Tile(self._whole).split(self._options.tile_px))
         self._progress.add_tiles(len(tiles) - planned)
         for tile in tiles:
@@ -381,7 +394,24 @@ class FrameWork:
             findings.append(
                 finding("small-objects-share-tiles", small=self._small, tiled=self._tiled)
             )
-        findings += self._motion.findings + self._mirrors.findings
+        findings += self._said + self._motion.findings + self._mirrors.findings
+        errors = self._budget.object_errors()
+        uncertain = {
+            scene.objects[number - 1]: {"stderr_fraction": error}
+            for number, error in errors.items()
+            if error > MOST_UNCERTAIN
+        }
+        if uncertain:
+            findings.append(finding_about("power-uncertain", uncertain))
+        mean = self._budget.totals()[0]
+        findings += smooth_face_findings(
+            self._mirrors.obstacles,
+            self._receiver,
+            self._tracer.transmitter,
+            self._whole,
+            self._run.measurement.waveform.carrier_hz,
+            {number: float(mean[number + self._budget.first_object]) for number in errors},
+        )
         if self._moving:
             findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:
@@ -393,5 +423,5 @@ class FrameWork:
             and self._budget.relative_error() <= target
             and self._options.refine_for != "ranges"
         ):
-            findings += uncertain_objects(self._budget.object_errors(), scene.objects, target)
+            findings += uncertain_objects(errors, scene.objects, target)
         return [item.in_frame(self._tracer.frame) for item in merge(findings)]

@@ -51,19 +51,28 @@ def add_inset_tiles(
     """Return the partition with finer tiles over the areas of objects that are small in it."""
     small = [area for area in areas if area.shorter > 0 and _least_px(area, frame) < SMALL_PX]
     most_px = max(_PIXELS_FOR_ALL, frame.width_px * frame.height_px) / max(len(small), 1)
-    wanted = []
-    for area in small:
-        pitch = _affordable(area, frame.pitch, pixels_across(options), most_px)
-        wanted.append((pitch, area))
-        # What is cut out of a tile is whole pixels of it: in steps, or a point would take many.
+    across = pixels_across(options)
+    wanted = [(_affordable(area, frame.pitch, across, most_px), area) for area in small]
+    return lay_in_steps(tiles, wanted, frame, options.tile_px, options.max_refinement_level)
+
+
+def lay_in_steps(
+    tiles: Sequence[Tile],
+    wanted: Sequence[tuple[float, Area]],
+    frame: ViewWindow,
+    most_px: int,
+    most_level: int = 40,
+) -> list[Tile]:
+    """Return the partition with tiles of these pitches, or finer, over areas."""
+    # What is cut out of a tile is whole pixels of it: in steps, or a point would take many.
+    steps = list(wanted)
+    for pitch, area in wanted:
         while (pitch := pitch * _STEP) < frame.pitch:
-            wanted.append((pitch, area))
+            steps.append((pitch, area))
     found = list(tiles)
     # From coarse to fine: a small object in front of a less small one lies in its tile.
-    for pitch, area in sorted(wanted, key=lambda w: (-w[0], w[1].left, w[1].bottom, w[1].right)):
-        found = lay_in(
-            found, area, pitch, options.tile_px, FINEST_PITCH, options.max_refinement_level
-        )
+    for pitch, area in sorted(steps, key=lambda w: (-w[0], w[1].left, w[1].bottom, w[1].right)):
+        found = lay_in(found, area, pitch, most_px, FINEST_PITCH, most_level)
     return found
 
 

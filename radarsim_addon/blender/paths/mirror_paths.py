@@ -92,11 +92,11 @@ class MirrorPaths:
         options: PathOptions,
         meshes: WeakKeyDictionary[Shape, BodyMesh | None],
     ) -> None:
-        self._obstacles = Obstacles(bodies, metres_per_unit, meshes)
+        self.obstacles = Obstacles(bodies, metres_per_unit, meshes)
         self._transmitter_m, self._polarisation = transmitter_m, measurement.polarisation
         self._receiver, self._hits = receiver, hits
         self._receiver_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
-        self._view = VertexView(hits, self._obstacles, receiver, self._receiver_m)
+        self._view = VertexView(hits, self.obstacles, receiver, self._receiver_m)
         self._read_materials(bodies)
         self._reflections = options.max_reflections
         self._wavelength_m = measurement.waveform.wavelength_m
@@ -134,13 +134,13 @@ class MirrorPaths:
     def _find_mirrors(self, most: int) -> CurvedMirrors | None:
         """Find the planar mirrors; return the curved ones, None without any."""
         if self._reflections == 1:
-            if names := mirroring_objects(self._obstacles):
+            if names := mirroring_objects(self.obstacles):
                 self._findings.append(finding("mirrors-need-reflections", *names))
             return None
         self.mirrors, self._findings = find_mirrors(
-            self._obstacles, self._transmitter_m, self._wavelength_m, most
+            self.obstacles, self._transmitter_m, self._wavelength_m, most
         )
-        curved, said = find_curved_mirrors(self._obstacles, self._wavelength_m)
+        curved, said = find_curved_mirrors(self.obstacles, self._wavelength_m)
         self._findings += said
         if self._reflections == 2 and (self.mirrors or curved is not None):
             names = [name for one in (*self.mirrors, curved) if one for name in one.objects]
@@ -171,12 +171,12 @@ class MirrorPaths:
             self._findings.append(finding("mirror-curved-orthographic", *curved.objects))
             return
         self._findings += curved.rounded(self._wavelength_m)
-        others = set(mirroring_objects(self._obstacles)).difference(curved.objects)
+        others = set(mirroring_objects(self.obstacles)).difference(curved.objects)
         if self._reflections > 2 and (others or curved.see_each_other):
             self._findings.append(finding("mirror-curved-in-a-row", *curved.objects))
         self._curved = CurvedPaths(
             curved,
-            self._obstacles,
+            self.obstacles,
             self._hits,
             self._plain_lobes,
             self._receiver_m,
@@ -199,9 +199,7 @@ class MirrorPaths:
 
     def _find_ways_back(self, most: int) -> None:
         """Find the images of a receiver that stands apart from the transmitter."""
-        mirrors, findings = find_mirrors(
-            self._obstacles, self._receiver_m, self._wavelength_m, most
-        )
+        mirrors, findings = find_mirrors(self.obstacles, self._receiver_m, self._wavelength_m, most)
         told = {item.code for item in self._findings}
         self._findings += [item for item in findings if item.code not in told]
         chains, self._own_images = receiver_chains(
@@ -210,7 +208,7 @@ class MirrorPaths:
         self.mirrors += mirrors
         self._back = WaysBack(
             chains,
-            self._obstacles,
+            self.obstacles,
             self._hits,
             self._lobes,
             self._receiver_m,
@@ -246,7 +244,7 @@ class MirrorPaths:
 
     def _name(self, body: int) -> str:
         """Name of the object of a body, from 1."""
-        bodies = self._obstacles.bodies
+        bodies = self.obstacles.bodies
         return str(bodies.originals[int(bodies.number[body - 1])].name_full)
 
     @property
@@ -287,7 +285,7 @@ class MirrorPaths:
         ways = ways_over(chain, take_rows(points_m, ranged))
         met = ranged[ways.rows]
         blocked, through = find_blocked(
-            chain, ways, take_rows(points_m, met), read["last_body"][met], self._obstacles
+            chain, ways, take_rows(points_m, met), read["last_body"][met], self.obstacles
         )
         through_w = float(read["power_w"][met[through]].sum())
         free = ~(blocked | through)

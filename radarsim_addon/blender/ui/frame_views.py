@@ -39,6 +39,7 @@ class Target(TypedDict):
     power_dbm: float | None
     rcs_dbsm: float | None
     snr_db: float | None
+    power_error: float
     lines_m: list[list[list[float]]]
 
 
@@ -77,6 +78,7 @@ class FrameView:
     objects: dict[str, Target]
     detections: list[Target] | None
     arrays: Mapping[str, Real]
+    uncertain: str = ""
     spectrogram_rows: Collection[int] = ()
 
     @property
@@ -107,6 +109,8 @@ def write_view(result: Any, folder: Path) -> None:
     later_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
     period_m = radar.unambiguous_range_m if radar.waveform.kind != "fmcw" else math.inf
 
+    errors = {echo.name: echo.power_error for echo in result.budget.objects}
+
     def of_object(echo: Any) -> Target:
         budget, rate = result.budget, echo.range_rate_mps
         place_m = echo.range_m + later_s * rate
@@ -120,6 +124,7 @@ def write_view(result: Any, folder: Path) -> None:
             power_dbm=_finite(echo.power_dbm),
             rcs_dbsm=_finite(echo.rcs_dbsm),
             snr_db=None if snr is None else snr.burst_db,
+            power_error=echo.power_error,
             lines_m=_lines(finder.of_object(echo.name, _MOST_PATHS)) if finder else [],
         )
 
@@ -136,6 +141,7 @@ def write_view(result: Any, folder: Path) -> None:
             power_dbm=item.level_db + 30 if watts else None,
             rcs_dbsm=None,
             snr_db=item.snr_db,
+            power_error=errors.get(found.object_name, 0.0) if found else 0.0,
             lines_m=_lines(found) if found else [],
         )
 
@@ -151,6 +157,7 @@ def write_view(result: Any, folder: Path) -> None:
         "wavelength_m": radar.waveform.wavelength_m,
         "azimuth_deg": math.degrees(math.atan2(ahead[0], ahead[1])),
         "width_deg": math.degrees(width),
+        "uncertain": result.budget.uncertain_text,
         "objects": {echo.name: of_object(echo) for echo in result.budget.objects},
         "detections": None
         if detections is None

@@ -60,6 +60,8 @@ class Shown:
 
     def __post_init__(self) -> None:
         frame = f"frame {self.view.frame}, t = {self.view.time_s:.4g} s"
+        if self.view.uncertain:
+            frame += f", {self.view.uncertain}"
         object.__setattr__(self, "title", frame)
         object.__setattr__(self, "power", f"Power [{self.view.unit}]")
 

@@ -18,6 +18,7 @@ from .shown_results import (
     show_frame,
     shown_run,
     shown_view,
+    uncertain_text,
 )
 from .translations import tr
 
@@ -174,7 +175,7 @@ def _draw_chosen(layout: Any) -> None:
     ):  # fmt: skip
         value = target[key]  # type: ignore[literal-required]
         if value is not None:
-            draw_number(column, label, f"{value:.1f} {unit}")
+            draw_number(column, label, f"{value:.1f} {unit}{uncertain_text(target)}")
 
 
 CLASSES: tuple[type, ...] = (

@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ...array_types import Single
+from ...signal.paths import MOST_UNCERTAIN
 from .frame_views import FrameView, Target
 from .picture_images import as_image, show_images
 from .result_pictures import KINDS, Kind, Shown
@@ -214,7 +215,13 @@ def target_text(item: Target) -> str:
         parts.append(f"{item['snr_db']:.0f} dB")
     if item["rcs_dbsm"] is not None:
         parts.append(f"{item['rcs_dbsm']:.0f} dBsm")
-    return "  ".join(parts)
+    return "  ".join(parts) + uncertain_text(item)
+
+
+def uncertain_text(item: Target) -> str:
+    """Return the standard error of a target's power if it is uncertain."""
+    error = item["power_error"]
+    return f" ±{100 * error:.0f} %" if error > MOST_UNCERTAIN else ""
 
 
 @bpy.app.handlers.persistent

@@ -27,6 +27,7 @@ from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput, as_input
 from ..paths import (
+    MOST_UNCERTAIN,
     GridPlaces,
     PathRows,
     Paths,
@@ -69,6 +70,16 @@ class ObjectEcho:
     def power_dbm(self) -> float:
         """Power over 1 mW [dB]."""
         return 10 * math.log10(self.power_w * 1e3) if self.power_w > 0 else -math.inf
+
+    @property
+    def power_error(self) -> float:
+        """Relative standard error of the power; 0 without power."""
+        return self.power_error_w / self.power_w if self.power_w > 0 else 0.0
+
+    @property
+    def uncertain(self) -> bool:
+        """Whether too few rays met the object to tell its power."""
+        return self.power_error > MOST_UNCERTAIN
 
     @property
     def rcs_dbsm(self) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ...contract import LinkBudget
-from ...findings import Finding, finding
+from ...findings import Finding, finding, finding_about
 from ...physics.noise import SnrPrediction, predict_snr
 from ...terminal_text import printable
 from ..decoding import FrameInput
@@ -123,6 +123,15 @@ class BudgetReport:
             ],
         }
 
+    @property
+    def uncertain_text(self) -> str:
+        """What a picture says of objects whose power is uncertain; empty without any."""
+        names = [printable(echo.name) for echo in self.objects if echo.uncertain]
+        if not names:
+            return ""
+        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+        return f"power of {names[0]:.24}{more} uncertain"
+
     def lines(self) -> list[str]:
         """Return text for people, one object per line."""
         found = []
@@ -139,7 +148,7 @@ class BudgetReport:
                 f"{_text(_dbm(echo.power_w))} dBm   RCS {_text(_db(echo.rcs_m2))} dBsm"
             )
             if echo.power_w > 0:
-                line += f" +- {100 * echo.power_error_w / echo.power_w:.2g} %"
+                line += f" +- {100 * echo.power_error:.2g} %{', uncertain' * echo.uncertain}"
             if echo.name in self.snr:
                 line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"
             line += self._clutter_text(echo.name)
@@ -257,6 +266,10 @@ class FrameBudget:
                 receiver_gain,
             )
         findings = [*projection_findings(self._input), *self._findings()]
+        if uncertain := {
+            echo.name: {"stderr_fraction": echo.power_error} for echo in objects if echo.uncertain
+        }:
+            findings.append(finding_about("power-uncertain", uncertain))
         return BudgetReport(received_w, noise_w, objects, snr, findings, absent, clutter)
 
     def _findings(self) -> list[Finding]:

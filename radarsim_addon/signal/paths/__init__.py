@@ -19,7 +19,7 @@ from .geometry import PathGeometry
 from .paths import PathCounts, Paths, make_paths, path_power_w
 from .pixel_spacing import GridPlaces, Places, joined_places
 from .range_bins import power_of_range_bins
-from .replicates import edge_variances, lone_variances, replicate_offset_px
+from .replicates import MOST_UNCERTAIN, edge_variances, lone_variances, replicate_offset_px
 from .rows import (
     AnyRows,
     Columns,
@@ -63,6 +63,7 @@ __all__ = [
     "COLUMN_GROUPS",
     "CURVED_IMAGE_DTYPE",
     "IMAGE_DTYPE",
+    "MOST_UNCERTAIN",
     "PATH_DTYPE",
     "PATH_FLAGS",
     "AnyRows",

@@ -24,6 +24,8 @@ from ...contract import ReceiverRecord
 from .pixel_spacing import Places, grid_places, placed
 from .table import PathRows
 
+#: Relative standard error of a power above which results say that it is uncertain.
+MOST_UNCERTAIN = 0.5
 #: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
 _R2 = (0.7548776662466927, 0.5698402909980532)
 #: Replicates whose pairs are summed up; the variance of more is taken to fall as their number does.

@@ -37,6 +37,8 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
         clutter ``_clutter.png``, where there is a spectrogram ``_spectrogram.png``, too.
     """
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
+    if uncertain := result.budget.uncertain_text:
+        title += f", {uncertain}"
     unit = power_unit(result.echoes.amplitude_model)
 
     def file(name: str) -> Path:

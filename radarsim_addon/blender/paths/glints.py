@@ -1,0 +1,487 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Glints: bright spots of rough surfaces that are smaller than a pixel, and the tiles for them.
+
+A surface of RMS slope m returns exp(-t^2 / 2 m^2), with t the tangent of the angle between its
+normal and the bisector of the directions to both antennas. On a sphere of radius a this is a spot
+of standard deviation m a, whatever pixels there are. Rays of a coarse grid miss it, and then no
+error estimate includes it. Normals are known without rays. Does not import bpy.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Self
+
+import numpy as np
+
+from ... import contract
+from ...array_types import Indices, Mask, Real
+from ...findings import Finding, finding
+from ...physics.specular_points import GRAZING, bisectors
+from ...vectors import dots, norms
+from ..materials import glint_slope
+from ..views import ViewWindow
+from .obstacles import BodyMesh, Obstacles
+from .tiles import Area
+
+#: Slopes from the specular one, over the RMS slope, within which a lobe has its power: exp(-18).
+_REACH = 6.0
+#: Pitch of the grid over a spot's standard deviation: the power of a Gaussian spot is then right to
+#: 1e-5. A grid of `_RESOLVED` is right to 3 %, and its replicates show the error.
+_PITCH, _RESOLVED = 1.25, 2.0
+#: Parts with less than this weight in the lobe, over that of the brightest, need no resolution.
+_FAINT = 0.1
+#: Bright flat facets are a glint if they cover less than this part of the object's box in the view.
+_PART = 0.3
+#: Pixels of a part of a surface above which it is halved, halvings, and parts of all surfaces.
+_LARGE_PX, _HALVINGS, _MOST_PARTS = 4096.0, 16, 1 << 18
+#: Halvings of parts that reach behind the receiver.
+_AHEAD = 6
+#: Parts are one area if that has at most so many times the parts' area, or so few pixels.
+_LOOSE, _FEW_PX = 4.0, 1024.0
+#: Glints that get tiles, and pixels of all of them (or of the frame, if it has more).
+MOST_GLINTS, _PIXELS_FOR_ALL = 64, 1 << 18
+#: Triangles of all bodies that are searched, largest bodies first, and those at a time.
+_MOST_SEARCHED, _AT_ONCE = 1 << 26, 1 << 20
+#: Distance that stands for infinity where the view is orthographic [m].
+_FAR_M = 1e9
+
+
+@dataclass(frozen=True)
+class Glint:
+    """Areas of a glint in the view, the pitch that resolves it, its object, and its echo up to a
+    factor.
+    """
+
+    areas: tuple[Area, ...]
+    pitch: float
+    name: str
+    echo: float
+
+    @property
+    def pixels(self) -> float:
+        """Pixels of the pitch in the areas."""
+        return sum((a.right - a.left) * a.stretch * (a.top - a.bottom) for a in self.areas) / (
+            self.pitch**2
+        )
+
+
+def find_glints(
+    obstacles: Obstacles,
+    receiver: contract.ReceiverRecord,
+    transmitters_m: Real,
+    window: ViewWindow,
+    hidden: Collection[int],
+) -> tuple[list[Glint], list[Finding]]:
+    """Find the glints that the pixels of a view do not resolve, strongest first.
+
+    `transmitters_m` (n, 3) are the transmitter and its images in mirrors, `hidden` the numbers of
+    objects that no ray meets. Returns at most `MOST_GLINTS`, and what to say of the others.
+    """
+    bodies = obstacles.bodies
+    slope = cache(glint_slope)
+    slopes = [np.array([slope(m) for m in shape.materials]) for shape in bodies.snapshot.shapes]
+    shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
+    chosen = np.flatnonzero(shiny[bodies.shape] & ~np.isin(bodies.number, sorted(hidden)))
+    if not chosen.size:
+        return [], []
+    search = BrightParts(obstacles, receiver, window, slopes)
+    chosen, skipped = search.affordable(search.in_view(chosen))
+    found = [one for place in transmitters_m for one in search.glints(chosen, place)]
+    room = float(max(_PIXELS_FOR_ALL, window.width_px * window.height_px))
+    kept: list[Glint] = []
+    left = [bodies.name(number) for number in bodies.number[skipped].tolist()]
+    for one in sorted(found, key=lambda one: -one.echo):
+        if len(kept) < MOST_GLINTS and one.pixels <= room:
+            kept.append(one)
+            room -= one.pixels
+        else:
+            left.append(one.name)
+    if not left:
+        return kept, []
+    names = dict.fromkeys(left)
+    return kept, [finding("glints-left-out", *names, count=len(left), traced=len(kept))]
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns:
+    """Columns of n rows each."""
+
+    def take(self, chosen: Indices | Mask) -> Self:
+        return type(self)(*(getattr(self, one.name)[chosen] for one in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceParts(_Columns):
+    """Triangles in the world: corners [m] and unit normals there, (n, 3, 3), RMS slope, index of
+    the body, and whether the normals are those of a flat facet.
+    """
+
+    corners_m: Real
+    normals: Real
+    slope: Real
+    body: Indices
+    flat: Mask
+
+    def halved(self, first: Indices) -> SurfaceParts:
+        """Cut each at the middle of its side from corner `first` to the next one."""
+        order = (first[:, None] + np.arange(3)) % 3
+        halves = []
+        for column in (self.corners_m, self.normals):
+            a, b, c = np.moveaxis(column[np.arange(len(order))[:, None], order], 1, 0)
+            middle = (a + b) / 2
+            corners = [(a, middle, c), (middle, b, c)]
+            halves.append(np.concatenate([np.stack(one, axis=1) for one in corners]))
+        others = (np.concatenate([one, one]) for one in (self.slope, self.body, self.flat))
+        return SurfaceParts(*halves, *others)
+
+
+@dataclass(frozen=True, eq=False)
+class _Spots(_Columns):
+    """Bright parts as the view shows them.
+
+    `low` and `high` (n, 2) bound them, in true lengths over `stretch`; `deviation` is the least
+    standard deviation of the spot on each, `weight` that of its brightest point in the lobe, `echo`
+    its echo up to a factor; `centre` (n, 2), `spread` (n, 2, 2) and `solid` are mean, covariance
+    and area of the part. These are true lengths.
+    """
+
+    body: Indices
+    flat: Mask
+    low: Real
+    high: Real
+    stretch: Real
+    deviation: Real
+    weight: Real
+    echo: Real
+    centre: Real
+    spread: Real
+    solid: Real
+
+
+class BrightParts:
+    """Finds the bright parts of surfaces; `slopes` are the RMS slopes of each shape's materials."""
+
+    def __init__(
+        self,
+        obstacles: Obstacles,
+        receiver: contract.ReceiverRecord,
+        window: ViewWindow,
+        slopes: Sequence[Real],
+    ) -> None:
+        self._obstacles, self._bodies = obstacles, obstacles.bodies
+        self._kind, self._window, self._slopes = receiver.kind, window, slopes
+        pose = np.array(receiver.matrix_world, dtype=np.float64)
+        self._turn, self._place_m = pose[:3, :3], pose[:3, 3]
+        turn, box = self._bodies.pose[:, :3, :3], self._bodies.box
+        self._middle_m = np.einsum("nij,nj->ni", turn, box.mean(axis=1))
+        self._middle_m += self._bodies.pose[:, :3, 3]
+        reach_m = np.abs(turn) @ ((box[:, 1] - box[:, 0]) / 2)[:, :, None]
+        self._radius_m = norms(reach_m[:, :, 0])
+
+    def in_view(self, chosen: Indices) -> Indices:
+        """Return those of some bodies that may be in the view."""
+        if self._kind != "perspective":
+            return chosen
+        window = self._window
+        edge = max(
+            math.hypot(u, v)
+            for u in (window.left, window.right)
+            for v in (window.bottom, window.top)
+        )
+        local = (self._middle_m[chosen] - self._place_m) @ self._turn
+        away_m = np.maximum(norms(local), 1e-300)
+        angle = np.arccos(np.clip(-local[:, 2] / away_m, -1.0, 1.0))
+        sine = self._radius_m[chosen] / away_m
+        near = np.where(sine < 1, np.arcsin(np.minimum(sine, 1.0)), math.pi)
+        return chosen[angle - near <= math.atan(edge)]
+
+    def affordable(self, chosen: Indices) -> tuple[Indices, Indices]:
+        """Return the bodies that are searched, those that look largest, and the others."""
+        snapshot = self._bodies.snapshot
+        faces = np.array([max(snapshot.face_count(one), 1) for one in snapshot.shapes])
+        away_m = norms(self._middle_m[chosen] - self._place_m)
+        order = chosen[np.argsort(away_m / np.maximum(self._radius_m[chosen], 1e-300))]
+        searched = np.cumsum(faces[self._bodies.shape[order]])
+        enough = int(np.searchsorted(searched, _MOST_SEARCHED)) + 1
+        return np.sort(order[:enough]), order[enough:]
+
+    def glints(self, chosen: Indices, transmitter_m: Real) -> list[Glint]:
+        """Return the glints of one transmitter on some bodies that the view does not resolve."""
+        found: list[_Spots] = []
+        for shape in np.unique(self._bodies.shape[chosen]).tolist():
+            own = chosen[self._bodies.shape[chosen] == shape]
+            for parts in self.candidates(shape, own, transmitter_m):
+                found += self._spots(parts, transmitter_m)
+        if not found:
+            return []
+        spots = _Spots.joined(found)
+        spots = spots.take(np.argsort(spots.body, kind="stable"))
+        edges = np.flatnonzero(np.diff(spots.body, prepend=-1, append=-1))
+        return [
+            glint
+            for first, stop in itertools.pairwise(edges.tolist())
+            for group in _groups(spots.take(np.arange(first, stop)))
+            for glint in self._glint(group)
+        ]
+
+    def _glint(self, group: _Spots) -> list[Glint]:
+        """The glint of neighbouring spots of one body; none where the view resolves it."""
+        window = self._window
+        matters = group.weight >= _FAINT * group.weight.max()
+        deviation, pitch = float(group.deviation[matters].min()), _PITCH
+        if group.flat[matters].all() and group.solid.sum() < _PART * self._box(group.body[0]):
+            share = group.solid / group.solid.sum()
+            off = group.centre - share @ group.centre
+            spread = np.einsum("n,nij->ij", share, group.spread)
+            spread += np.einsum("n,ni,nj->ij", share, off, off)
+            across = float(_least_deviation(spread[None])[0])
+            if across < deviation:  # edges of facets need more pixels than a smooth spot
+                deviation, pitch = across, _PITCH / 2
+        if window.pitch <= _RESOLVED * deviation:
+            return []
+        (left, bottom), (right, top) = group.low.min(axis=0), group.high.max(axis=0)
+        stretch = float(group.stretch.max())
+        areas = []
+        for turn in (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,):
+            low, high = max(left + turn, window.left), min(right + turn, window.right)
+            if low < high:
+                areas.append(
+                    Area(low, high, max(bottom, window.bottom), min(top, window.top), stretch)
+                )
+        name = self._bodies.name(int(self._bodies.number[group.body[0]]))
+        return [Glint(tuple(areas), pitch * deviation, name, float(group.echo.sum()))]
+
+    def area_m2(self, body: int) -> float:
+        """Return the area of a body's surface [m^2], as if it were scaled evenly."""
+        mesh = self._obstacles.mesh(body)
+        scale = abs(float(np.linalg.det(self._bodies.pose[body, :3, :3]))) ** (2 / 3)
+        return 0.0 if mesh is None else scale * float(np.nansum(mesh.areas_m2))
+
+    def _box(self, body: int) -> float:
+        """Area of the box of a body in the view; infinite where it is not all ahead."""
+        pose, box = self._bodies.pose[body], self._bodies.box[body]
+        corners = np.array(list(itertools.product(*box.T))) @ pose[:3, :3].T + pose[:3, 3]
+        places, ahead = self.project(corners[None])
+        if not ahead.all():
+            return math.inf
+        stretch = math.cos(places[0, :, 1].mean()) if self._window.sphere else 1.0
+        return float(stretch * np.prod(np.ptp(places[0], axis=0)))
+
+    # -- surfaces ----------------------------------------------------------------------------------
+
+    def candidates(self, shape: int, own: Indices, transmitter_m: Real) -> Iterator[SurfaceParts]:
+        """Yield the triangles of bodies of one shape that may be bright."""
+        mesh = self._obstacles.mesh(int(own[0]))
+        if mesh is None:
+            return
+        slopes = self._slopes[shape]
+        slope = slopes[np.minimum(mesh.slots, slopes.size - 1)]
+        faces = np.flatnonzero((slope > 0) & (mesh.areas_m2 > 0))
+        if not faces.size:
+            return
+        normals = mesh.normals[faces]
+        spread = np.arctan(_REACH * slope[faces])
+        if mesh.corner_normals is not None:
+            turned = np.einsum("tci,ti->tc", mesh.corner_normals[faces], normals).min(axis=1)
+            spread += np.arccos(np.clip(turned, -1.0, 1.0))
+        inverse = np.linalg.pinv(self._bodies.pose[own, :3, :3])
+        square = inverse @ inverse.transpose(0, 2, 1)
+        scale = np.trace(square, axis1=1, axis2=2) / 3
+        uneven = np.abs(square - scale[:, None, None] * np.eye(3)).max(axis=(1, 2)) > 1e-4 * scale
+        receiver_m = self._receiver_m(self._middle_m[own])
+        bisector, turns = bisectors(
+            self._middle_m[own], self._radius_m[own], receiver_m, transmitter_m
+        )
+        turns[uneven] = math.pi  # normals do not turn with the body
+        local = np.einsum("nij,nj->ni", inverse, bisector) / np.sqrt(scale)[:, None]
+        limit = np.cos(np.minimum(float(spread.max()) + turns, math.pi))
+        step = max(_AT_ONCE // faces.size, 1)
+        for start in range(0, own.size, step):
+            some = slice(start, start + step)
+            cosine = local[some] @ normals.T
+            if not mesh.closed:
+                np.abs(cosine, out=cosine)
+            body, face = np.nonzero(cosine >= limit[some, None])
+            angle = np.arccos(np.clip(cosine[body, face], -1.0, 1.0))
+            near = angle <= spread[face] + turns[some][body]
+            body, face = start + body[near], faces[face[near]]
+            if body.size:
+                yield self._in_world(mesh, face, own[body], inverse[body], slope[face])
+
+    def _in_world(
+        self, mesh: BodyMesh, face: Indices, body: Indices, inverse: Real, slope: Real
+    ) -> SurfaceParts:
+        pose = self._bodies.pose[body]
+        corners_m = mesh.vertices_m[mesh.triangles[face]] @ pose[:, :3, :3].transpose(0, 2, 1)
+        corners_m += pose[:, None, :3, 3]
+        flat = ~mesh.curved[face]
+        facet = np.repeat(mesh.normals[face][:, None], 3, axis=1)
+        normals = facet
+        if mesh.corner_normals is not None:
+            normals = np.where(flat[:, None, None], facet, mesh.corner_normals[face])
+        normals, facet = normals @ inverse, facet[:, 0]
+        if not mesh.closed:  # a sheet has two sides
+            middle_m = corners_m.mean(axis=1)
+            towards = self._receiver_m(middle_m) - middle_m
+            facet = np.einsum("ni,nij->nj", facet, inverse)
+            normals = normals * np.where(dots(facet, towards) < 0, -1.0, 1.0)[:, None, None]
+        normals = normals / np.linalg.norm(normals, axis=2)[:, :, None]
+        return SurfaceParts(corners_m, normals, slope, body, flat)
+
+    # -- the view ----------------------------------------------------------------------------------
+
+    def _receiver_m(self, points_m: Real) -> Real:
+        """Places to which waves go from points, (..., 3) [m]."""
+        if self._kind == "orthographic":
+            return np.asarray(points_m + _FAR_M * self._turn[:, 2])
+        return np.broadcast_to(self._place_m, points_m.shape)
+
+    def project(self, points_m: Real) -> tuple[Real, Mask]:
+        """Return the places of points (n, k, 3) in the view, (n, k, 2), and which are ahead."""
+        local = (points_m - self._place_m) @ self._turn
+        across, up, depth = local[..., 0], local[..., 1], -local[..., 2]
+        if self._kind == "equirectangular":
+            angle = np.arctan2(across, depth)
+            angle -= 2 * math.pi * np.rint((angle - angle[:, :1]) / (2 * math.pi))
+            latitude = np.arctan2(up, np.hypot(across, depth))
+            return np.stack([angle, latitude], axis=2), np.ones(depth.shape, dtype=bool)
+        ahead = depth > 0
+        if self._kind == "perspective":
+            safe = np.where(ahead, depth, 1.0)
+            across, up = across / safe, up / safe
+        return np.stack([across, up], axis=2), ahead
+
+    def _spots(self, parts: SurfaceParts, transmitter_m: Real) -> list[_Spots]:
+        """Return what is bright of triangles; large ones are halved until little else is left."""
+        found = []
+        for halving in range(_HALVINGS + 1):
+            places, ahead = self.project(parts.corners_m)
+            slopes, facing = self.slopes_of(parts, transmitter_m)
+            least = least_slopes(slopes)
+            kept = facing & ahead.any(axis=1) & (least <= _REACH * parts.slope)
+            parts, places, ahead = parts.take(kept), places[kept], ahead[kept].all(axis=1)
+            spots, longest = self._seen(parts, places, slopes[kept], least[kept], transmitter_m)
+            met = ~ahead | self.meets(spots.low, spots.high)
+            across = (spots.high - spots.low) * np.stack([spots.stretch, np.ones(met.size)], axis=1)
+            pixels = np.prod(across, axis=1) / (_PITCH * spots.deviation) ** 2
+            large = (pixels > _LARGE_PX) & (self._window.pitch > _RESOLVED * spots.deviation)
+            large = met & (large | (~ahead & (halving < _AHEAD)))
+            if halving == _HALVINGS or met.size > _MOST_PARTS:
+                large[:] = False
+            found.append(spots.take(met & ahead & ~large))
+            if not large.any():
+                break
+            parts = parts.take(large).halved(longest[large])
+        return found
+
+    def meets(self, low: Real, high: Real) -> Mask:
+        """Return whether boxes of corners (n, 2) are in the view, (n,)."""
+        window = self._window
+        met = np.zeros(len(low), dtype=bool)
+        for turn in (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,):
+            met |= (high[:, 0] + turn > window.left) & (low[:, 0] + turn < window.right)
+        return met & (high[:, 1] > window.bottom) & (low[:, 1] < window.top)
+
+    def slopes_of(self, parts: SurfaceParts, transmitter_m: Real) -> tuple[Real, Mask]:
+        """Return the slopes of the bisector at corners, (n, 3, 3), and which parts face it."""
+        bisector = np.zeros_like(parts.corners_m)
+        facing = np.ones(parts.body.size, dtype=bool)
+        for antenna_m in (self._receiver_m(parts.corners_m), transmitter_m):
+            way = antenna_m - parts.corners_m
+            way = way / np.linalg.norm(way, axis=2)[:, :, None]
+            cosine = np.einsum("nci,nci->nc", way, parts.normals)
+            facing &= cosine.max(axis=1, initial=-1.0) > GRAZING
+            bisector += way
+        along = np.einsum("nci,nci->nc", bisector, parts.normals)
+        return bisector / np.maximum(along, GRAZING)[:, :, None] - parts.normals, facing
+
+    def _seen(
+        self, parts: SurfaceParts, places: Real, slopes: Real, least: Real, transmitter_m: Real
+    ) -> tuple[_Spots, Indices]:
+        """Bright parts as the view shows them, and the first corner of the longest side of each."""
+        stretch = np.ones(len(places))
+        if self._window.sphere:
+            stretch = np.maximum(np.cos(places[:, :, 1]).max(axis=1), 1e-6)
+        true = places * np.stack([stretch, np.ones_like(stretch)], axis=1)[:, None]
+        sides, turned = true[:, 1:] - true[:, :1], slopes[:, 1:] - slopes[:, :1]
+        # slopes are linear over a part, so the spot is Gaussian: its covariance in the view
+        square = np.einsum("nai,nbi->nab", turned, turned)
+        room = 1e-9 * np.trace(square, axis1=1, axis2=2) + 1e-12 * parts.slope**2
+        inverse = np.linalg.inv(square + room[:, None, None] * np.eye(2))
+        spread = np.einsum("nai,nab,nbj->nij", sides, inverse, sides)
+        spread *= (parts.slope**2)[:, None, None]
+        relative = least / parts.slope
+        half = np.sqrt(np.maximum(_REACH**2 - relative**2, 0.0))[:, None]
+        half = half * np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
+        # where the slope vanishes on the plane of the part
+        weights = -np.einsum("nab,nbi,ni->na", inverse, turned, slopes[:, 0])
+        middle = true[:, 0] + np.einsum("na,nai->ni", weights, sides)
+        lowest, highest = true.min(axis=1), true.max(axis=1)
+        low = np.clip(middle - half, lowest, highest)
+        high = np.clip(middle + half, lowest, highest)
+        low[:, 0] /= stretch
+        high[:, 0] /= stretch
+        solid = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+        spot = 2 * math.pi * np.sqrt(np.maximum(np.linalg.det(spread), 0.0))
+        weight = np.exp(-(relative**2) / 2)
+        away_m = norms(parts.corners_m.mean(axis=1) - transmitter_m)
+        echo = weight * np.minimum(solid, spot) / (2 * parts.slope**2 * away_m**2)
+        centre = true.mean(axis=1)
+        around = true - centre[:, None]
+        own_spread = np.einsum("nci,ncj->nij", around, around) / 12
+        long = np.linalg.norm(np.roll(true, -1, axis=1) - true, axis=2).argmax(axis=1)
+        return _Spots(
+            parts.body, parts.flat, low, high, stretch, _least_deviation(spread), weight, echo,
+            centre, own_spread, weight * solid,
+        ), long  # fmt: skip
+
+
+def least_slopes(slopes: Real) -> Real:
+    """Return the least length of slopes that are linear between corners (n, 3, 3), (n,)."""
+    a, b, c = np.moveaxis(slopes, 1, 0)
+    found = np.full(len(slopes), np.inf)
+    for one, other in ((a, b), (b, c), (c, a)):
+        side = other - one
+        along = np.clip(-dots(one, side) / np.maximum(dots(side, side), 1e-300), 0.0, 1.0)
+        found = np.minimum(found, norms(one + along[:, None] * side))
+    across = np.cross(b - a, c - a)
+    size = np.maximum(norms(across), 1e-300)
+    # the origin is above the triangle if it is on the inner side of all three edges
+    inside = np.ones(len(slopes), dtype=bool)
+    for one, other in ((a, b), (b, c), (c, a)):
+        inside &= dots(np.cross(other - one, -one), across) >= 0
+    return np.where(inside, np.abs(dots(a, across)) / size, found)
+
+
+def _least_deviation(spread: Real) -> Real:
+    """Least standard deviation of covariances (n, 2, 2), (n,)."""
+    half = np.trace(spread, axis1=1, axis2=2) / 2
+    across = (spread[:, 0, 0] - spread[:, 1, 1]) / 2
+    least = half - np.hypot(across, spread[:, 0, 1])
+    # half - root loses its digits where the spot is long: the determinant keeps them
+    determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2
+    larger = np.maximum(half + np.hypot(across, spread[:, 0, 1]), 1e-300)
+    return np.sqrt(np.maximum(np.where(determinant > 0, determinant / larger, least), 0.0))
+
+
+def _groups(spots: _Spots) -> Iterator[_Spots]:
+    """Yield neighbouring spots that fill a box well, or of which the box has few pixels."""
+    low, high = spots.low.min(axis=0), spots.high.max(axis=0)
+    whole, own = np.prod(high - low), np.prod(spots.high - spots.low, axis=1).sum()
+    few = _FEW_PX * (_PITCH * spots.deviation.min()) ** 2
+    wider = int(np.argmax(high - low))
+    first = (spots.low + spots.high)[:, wider] <= (low + high)[wider]
+    if whole <= max(_LOOSE * own, few) or first.all() or not first.any():
+        yield spots
+        return
+    yield from _groups(spots.take(first))
+    yield from _groups(spots.take(~first))
