@@ -12,9 +12,10 @@ import numpy as np
 from ...array_types import Int32, Mask, Real
 from ...contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, ImageRecord, PathsRecord
 from ...errors import ConfigError, PathDataError, SchemaError
+from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
-from ...sidecar import MAX_LENGTH_M, file_sha256, read_record
+from ...sidecar import file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry

@@ -12,7 +12,7 @@ from ...errors import ConfigError
 from ...options import check_settings, choices_from, documented, setting
 from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
 from ..detection import Cfar
-from ..echoes import EchoOptions, Receiver, check_window
+from ..echoes import EchoOptions, Receiver, check_window, window_samples
 from ..maps import SpectrogramOptions
 from ..radar import WINDOW_NAMES, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
@@ -164,14 +164,17 @@ class ProcessOptions:
                 "budget, whose receiver antenna has one. Set gain_dbi there, or leave the receiver "
                 "gain out."
             )
+        radar = self.radar or run.radar
+        limits_m = check_window(self.range_limits_m or run.range_limits_m)
+        radar.check_size(window_samples(radar, limits_m))
         settled = {
             "amplitude_model": self.amplitude_model
             or (link_budget or LinkBudget()).amplitude_model,
             "link_budget": link_budget,
-            "radar": self.radar or run.radar,
+            "radar": radar,
             "receiver": self._receiver(link_budget),
             "weather": self.weather or run.weather,
-            "limits_m": check_window(self.range_limits_m or run.range_limits_m),
+            "limits_m": limits_m,
         }
         return ResolvedOptions(**(vars(self) | settled))
 
