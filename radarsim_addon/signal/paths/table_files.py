@@ -26,7 +26,7 @@ from .table import PathRows, iter_rows, open_table
 _ROWS_IN_CACHE = 1 << 13
 #: Bounds of quantities of a row, by column: least, most, and whether NaN (unknown) is allowed.
 _BOUNDS = {
-    "power_w": (0.0, 1e30, False),
+    "power_w": (-1e30, 1e30, False),  # estimates of differences are below 0 by chance
     "solid_angle_sr": (1e-30, 1e30, False),
     "length_m": (0.0, MAX_LENGTH_M, False),
     "length_sigma_m": (0.0, MAX_LENGTH_M, False),

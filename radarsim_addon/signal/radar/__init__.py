@@ -5,6 +5,7 @@ In: numbers in SI, or radar and link-budget files. Out: frozen, checked records 
 their pulses. Gains are linear, angles in radians.
 """
 
+from ...contract import AntennaRecord, LinkBudget
 from .antennas import PATTERNS, ConstantGain, PeakedAntenna, make_antenna, self_contained
 from .channels import SINGLE_CHANNEL, Channel, Element
 from .config import MAX_SAMPLES, Burst, Radar
@@ -46,6 +47,7 @@ __all__ = [
     "SINGLE_CHANNEL",
     "WAVEFORM_KINDS",
     "WINDOW_NAMES",
+    "AntennaRecord",
     "AnyWaveform",
     "ArbitraryPulse",
     "Burst",
@@ -57,6 +59,7 @@ __all__ = [
     "Element",
     "FmcwWaveform",
     "LineWaveform",
+    "LinkBudget",
     "Mount",
     "PeakedAntenna",
     "PhaseCodedPulse",
