@@ -6,7 +6,23 @@ Importing this package imports neither ``bpy`` nor numpy: the Blender half is lo
 ``import radarsim_addon.signal``.
 """
 
+from importlib import import_module as _import_module
+from typing import Any as _Any
+
 __version__ = "0.1.0"
+
+#: What scripts use; each part is loaded when it is first named.
+_PARTS = ("blender", "errors", "physics", "signal")
+
+
+def __getattr__(name: str) -> _Any:
+    if name in _PARTS:
+        return _import_module(f".{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({"__version__", "register", "unregister", *_PARTS})
 
 
 def register() -> None:

@@ -90,13 +90,17 @@ def _reading(item: Declared) -> dict[str, Any]:
         return {"type": item.kind, "choices": item.values}
     if item.of.parse is not None:
         return {"type": item.of.parse, "metavar": item.of.metavar}
-    reader: Callable[[str], Any] = item.number or str
-    if item.number is float:
+    reader: Callable[[str], Any] = str
+    if item.number:
 
         def reader(text: str) -> float:
-            return item.from_shown(finite_number(text))
+            value = int(text) if item.number is int else item.from_shown(finite_number(text))
+            if refusal := item.typed(text[:60], value):
+                raise argparse.ArgumentTypeError(refusal)
+            return value
 
-        reader.__name__ = "finite number"  # argparse names the type in its message
+        # argparse names the type in its message
+        reader.__name__ = "whole number" if item.number is int else "finite number"
     if item.number and item.kind is not item.number:
         return {"type": _pair_reader(reader, item.of.metavar), "metavar": item.of.metavar}
     unit = item.shown_unit.replace("%", "percent").upper()

@@ -40,6 +40,8 @@ _SHOWN_UNITS: dict[str, tuple[str, int, str]] = {
 _SILENT_ENDINGS = ("_m", "_s", "_mps", "_k", "_w", "_px")
 #: What no quantity exceeds, and no positive one falls below, in SI: its square is a number, too.
 _MOST, _LEAST = 1e30, 1e-30
+#: Largest length: beyond it, float64 holds no path to a metre [m].
+MAX_LENGTH_M = 1e15
 #: The same in decibels.
 _MOST_DB = 300.0
 _SMALL_WORDS = ("by", "for", "from", "of", "per")
@@ -249,14 +251,19 @@ class Declared:
     @property
     def bounds(self) -> str:
         """The bounds in words: " from 1 to 64", " above 0 Hz"; "" without any."""
-        of, unit = self.of, f" {self.of.unit}" if self.of.unit else ""
-        low, high = of.minimum, of.maximum
-        if of.above is not None:
-            upper = "" if high is None else f", at most {high:.12g}"
-            return f" above {of.above:.12g}{upper}{unit}"
+        return self._bounds_text(self.of.unit, lambda value: value)
+
+    def _bounds_text(self, unit: str, shown: Callable[[float], float]) -> str:
+        low, above, high = (
+            None if value is None else f"{shown(value):.12g}"
+            for value in (self.of.minimum, self.of.above, self.of.maximum)
+        )
+        unit = f" {unit}" if unit else ""
+        if above is not None:
+            return f" above {above}{'' if high is None else f', at most {high}'}{unit}"
         if low is not None:
-            return f" from {low:.12g}{'' if high is None else f' to {high:.12g}'}{unit}"
-        return "" if high is None else f" of at most {high:.12g}{unit}"
+            return f" from {low}{'' if high is None else f' to {high}'}{unit}"
+        return "" if high is None else f" of at most {high}{unit}"
 
     def check(self, value: Any) -> None:
         """Raise a ConfigError unless `value` (SI) has the type and is within the bounds."""
@@ -268,8 +275,31 @@ class Declared:
         hint = f" {self.of.hint}" if self.of.hint else ""
         none = ", or none" if self.optional else ""
         raise ConfigError(
-            f"{self.of.label} is {value!r:.60}{unit}; expected {self.expected}{none}.{hint}"
+            f"{self.of.label} is {value!r:.60}{unit}; expected {self._expected(value)}{none}.{hint}"
         )
+
+    def _expected(self, value: Any) -> str:
+        """What a value must be, where this one is not it."""
+        most, unit = self._most, f" {self.of.unit}" if self.of.unit else ""
+        huge = self.number is not None and isinstance(value, int | float) and abs(value) > most
+        return f"a number of at most {most:g}{unit}" if huge else self.expected
+
+    @property
+    def _most(self) -> float:
+        """What no value exceeds where no maximum is declared."""
+        return MAX_LENGTH_M if self.of.unit == "m" else _MOST
+
+    def typed(self, text: str, value: Any) -> str:
+        """Say why a number (SI) that was typed in the shown unit is refused; "" where it is not."""
+        if self._in_bounds(value):
+            return ""
+        expected = self._expected(value)
+        if expected == self.expected:
+            words = "whole number" if self.number is int else "number"
+            expected = f"a {words}{self._bounds_text(self.shown_unit, self.to_shown)}"
+        unit = f" {self.shown_unit}" if self.shown_unit else ""
+        hint = f" {self.of.hint}" if self.of.hint else ""
+        return f"{text}{unit} is out of bounds; expected {expected}.{hint}"
 
     def fits(self, value: Any) -> bool:
         """Whether a value (SI) has the type and is within the bounds."""
@@ -288,8 +318,8 @@ class Declared:
         kinds = int if self.number is int else (int, float)
         if isinstance(value, bool) or not isinstance(value, kinds):
             return False
-        low = -_MOST if of.minimum is None else of.minimum
-        high = _MOST if of.maximum is None else of.maximum
+        low = -self._most if of.minimum is None else of.minimum
+        high = self._most if of.maximum is None else of.maximum
         return low <= value <= high and (of.above is None or value > max(of.above, _LEAST))
 
 

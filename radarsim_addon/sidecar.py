@@ -15,14 +15,12 @@ from typing import Any, TypeVar
 from . import contract
 from .atomic_files import write_json
 from .errors import FrameFileError, SchemaError
-from .options import Setting
+from .options import MAX_LENGTH_M, Setting
 from .typed_json import from_json, read_json
 
 #: A record of a run with ten thousand frames stays far below this.
 _MAX_JSON_BYTES = 64 * 1024 * 1024
 
-#: Beyond this float64 holds no path to a metre.
-MAX_LENGTH_M = 1e15
 _POSES = ("matrix_world", "pose", "translation", "rotation_centre")
 _POSITIVE: dict[str, Any] = {"above": 0.0, "maximum": MAX_LENGTH_M}
 _COUNT: dict[str, Any] = {"minimum": 1, "maximum": 1 << 22}

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Blender half, and its interface for scripts.
 
-``add_radar``, ``settings``, ``material``, ``set_clutter``, ``set_clutter_fluctuation``,
-``set_mirror``, ``set_scattered_lobe``, ``assign_material``, ``assign_by_name``, ``measure``,
-``process``: see :mod:`.headless.scripting` and :mod:`.headless.scripting_materials`. They are
-loaded when they are first used: importing this package does not import bpy.
+``add_radar``, ``antennas``, ``settings``, ``material``, ``simple_material``, ``set_clutter``,
+``set_clutter_fluctuation``, ``set_mirror``, ``set_scattered_lobe``, ``assign_material``,
+``assign_by_name``, ``measure``, ``process``: see :mod:`.headless.scripting` and
+:mod:`.headless.scripting_materials`. They are loaded when they are first used: importing this
+package does not import bpy.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .headless.scripting import add_radar, measure, process, settings
+    from .headless.scripting import add_radar, antennas, measure, process, settings
     from .headless.scripting_materials import (
         assign_by_name,
         assign_material,
@@ -21,10 +22,12 @@ if TYPE_CHECKING:
         set_clutter_fluctuation,
         set_mirror,
         set_scattered_lobe,
+        simple_material,
     )
 
 __all__ = [
     "add_radar",
+    "antennas",
     "assign_by_name",
     "assign_material",
     "material",
@@ -35,6 +38,7 @@ __all__ = [
     "set_mirror",
     "set_scattered_lobe",
     "settings",
+    "simple_material",
 ]
 
 
@@ -47,3 +51,7 @@ def __getattr__(name: str) -> Any:
         value = globals()[name] = getattr(home, name)
         return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

@@ -255,12 +255,16 @@ def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
         ) from error
     except OSError as error:
         raise ConfigError(f"Table {path} cannot be read: {error.strerror}.") from error
-    rows = [
-        (number, row)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-        for row in csv.reader([line])
-    ]
+    rows = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            try:
+                rows += [(number, row) for row in csv.reader([line])]
+            except csv.Error as error:
+                raise ConfigError(
+                    f"{path.name}, line {number}, cannot be read as CSV: {error}. "
+                    "Correct or remove the line."
+                ) from None
     if not rows:
         raise ConfigError(f"{path.name} is empty; expected a header line: {wanted}.")
     header = [cell.strip().lower() for cell in rows[0][1]]

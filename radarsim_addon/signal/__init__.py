@@ -16,15 +16,16 @@ receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
 
 Radar
     Waveform (LFM pulse), FmcwWaveform, SteppedWaveform, PmcwWaveform, PhaseCodedPulse,
-    ArbitraryPulse, Burst, Radar; Channel, Element; waveform_from_dict, waveform_to_dict, load_radar
+    ArbitraryPulse, Burst, Radar; Channel, Element; waveform_from_dict, waveform_to_dict,
+    load_radar; LinkBudget, AntennaRecord
 Files
     open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; Run.missing -> MissingRender;
     read_exr, write_exr
 Pixels
     decode (Eq. 4) -> Decoded; pixel_grid -> PixelGrid; range_rate (Eq. 12)
 Paths
-    iter_path_chunks, frame_paths, make_paths, Paths.join -> Paths, PathCounts; path_power_w,
-    path_amplitude, amplitude; PathFlag
+    iter_path_chunks, frame_paths, make_paths, Paths.join -> Paths, PathCounts; Paths.lengths_at_m
+    (at the moments pulse_times_s(radar)); path_power_w, path_amplitude, amplitude; PathFlag
 Echoes (Eq. 9-14)
     synthesize -> Echoes; EchoSynthesizer, EchoOptions; path_phasors; nufft1; replica,
     replica_spectrum, matched_filter
@@ -101,6 +102,7 @@ if TYPE_CHECKING:
         Receiver,
         apply_receiver,
         load_phase_noise,
+        pulse_times_s,
         synthesize,
     )
     from .maps import (
@@ -140,11 +142,13 @@ if TYPE_CHECKING:
     )
     from .products import write_products
     from .radar import (
+        AntennaRecord,
         ArbitraryPulse,
         Burst,
         Channel,
         Element,
         FmcwWaveform,
+        LinkBudget,
         PhaseCodedPulse,
         PmcwWaveform,
         Radar,
@@ -173,6 +177,7 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "AntennaRecord",
     "ArbitraryPulse",
     "Burst",
     "Cfar",
@@ -192,6 +197,7 @@ __all__ = [
     "FrameStatistics",
     "FrequencyGrid",
     "LeadingEdge",
+    "LinkBudget",
     "MissingRender",
     "PathCounts",
     "PathFlag",
@@ -257,6 +263,7 @@ __all__ = [
     "power_to_db",
     "process_frame",
     "process_run",
+    "pulse_times_s",
     "range_doppler",
     "range_noise_gain",
     "range_process",

@@ -143,7 +143,7 @@ def test_lengths_that_overflow(run: Path, capsys: pytest.CaptureFixture[str], va
     np.save(path, rows)
     correct_hashes(run)
     assert main(["process", str(run), "--no-plots"]) == 1
-    assert re.search(r"Row \d of the paths has length .*; expected a fin", capsys.readouterr().err)
+    assert re.search(r"row 3 has length_m .*; expected numbers from 0", capsys.readouterr().err)
 
 
 def test_motion_beyond_sense(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,6 +95,7 @@ LOSSLESS: dict[str, Antenna] = {
     ),
     "odd weights": PlanarArray(3, 1, 0.07, 0.01, 0.06, 0.4, 0.0, (1.0, -0.2, 0.9)),
     "cos^0 elements": PlanarArray(5, 4, 0.03, 0.03, 0.06, element_exponent=0.0),
+    "cos^1000 elements": PlanarArray(3, 2, 0.5, 0.7, 1, 0.1, -0.05, element_exponent=1000.0),
 }
 
 
@@ -124,6 +125,10 @@ def test_directivity_closed_forms() -> None:
         assert line.peak_gain == pytest.approx(count, rel=1e-12)
     # Wide aperture: 4 pi A / lambda^2.
     assert Aperture(10, 5, 0.0566).peak_gain == pytest.approx(4 * np.pi * 50 / 0.0566**2, rel=1e-5)
+    # One element cos^q: 2 (q + 1), also where the gamma functions of its integral overflow.
+    for q in (0.0, 2.5, 341.0, 342.0, 1000.0):
+        element = PlanarArray(1, 1, 0.5, 0.5, 1.0, element_exponent=q)
+        assert element.peak_gain == pytest.approx(2 * (q + 1), rel=1e-11)
     # Narrow Gaussian beam: 16 ln2 / (widths).
     narrow = Gaussian(1 * DEG, 2 * DEG)
     assert narrow.peak_gain == pytest.approx(16 * np.log(2) / (2 * DEG**2), rel=2e-4)
@@ -320,6 +325,7 @@ def test_principal_cuts_are_multiplied(tmp_path: Path) -> None:
         ("azimuth_deg,elevation_deg,gain_db\n0,0,x\n", "line 2: gain_db is 'x'"),
         ("azimuth_deg,elevation_deg,gain_db\n0,0,1\n0,95,1\n5,0,1\n5,95,1\n", "-90 to 90 degrees"),
         ("cut,angle_deg,gain_db\nside,0,1\n", "line 2: cut is 'side'"),
+        (f"cut,angle_deg,gain_db\nazimuth,0,{'1' * 140_000}\n", "line 2, cannot be read as CSV"),
         ("cut,angle_deg,gain_db\nazimuth,-5,1\nazimuth,5,1\n", "elevation cut has 0 rows"),
         (
             "cut,angle_deg,gain_db\nazimuth,-5,1\nazimuth,5,1\nelevation,-5,9\nelevation,5,9\n",
@@ -350,6 +356,7 @@ def test_bad_tables(tmp_path: Path, text: str, message: str) -> None:
         ),
         (lambda: PlanarArray(4, 1, 0.5, 0.5, 1.0, column_taper="kaiser"), "uniform, hamming"),
         (lambda: PlanarArray(2, 1, 0.5, 0.5, 1.0, column_taper=(1.0, -1.0)), "add up to zero"),
+        (lambda: PlanarArray(2, 1, 0.5, 0.5, 1.0, element_exponent=1001.0), "up to 1000|to 1000"),
         (lambda: Isotropic().gain([0.0, 0.0, 0.0]), "length zero"),
         (lambda: Isotropic().gain([np.nan, 0.0, 1.0]), "Direction holds nan"),
         (lambda: Isotropic().gain([1.0, 0.0]), r"expected \[\.\.\., 3\]"),

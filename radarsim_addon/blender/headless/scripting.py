@@ -17,12 +17,13 @@ In the extension the first line is ``from bl_ext.user_default.radarsim import bl
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 import operator
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import bpy
 from mathutils import Vector
@@ -33,6 +34,7 @@ from ...signal.pipeline import FrameResult, ProcessOptions, process_run
 from ...signal.runs import Run, open_run
 from ..plan import DEFAULT_PRESET, PathOptions, radar_preset
 from ..rig_settings import (
+    PLACES,
     Settings,
     apply_preset,
     set_values,
@@ -115,6 +117,46 @@ def _look(rig: Any, target: Sequence[float]) -> None:
     rig.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
 
 
+class Antennas(NamedTuple):
+    """Objects of a radar's antennas.
+
+    Attributes
+    ----------
+    receiver : bpy.types.Object
+        Camera. It looks along its -Z, its +Y is up.
+    transmitter : bpy.types.Object
+        Point light. Its pattern has the same axes.
+    """
+
+    receiver: Any
+    transmitter: Any
+
+
+def antennas(rig: Any) -> Antennas:
+    """Return the antennas of a radar, for example to place them apart from one another.
+
+    Parameters
+    ----------
+    rig : bpy.types.Object
+        The radar.
+
+    Returns
+    -------
+    Antennas
+        Receiver and transmitter. Both are children of the radar: their locations and rotations are
+        in its axes, where -Z is boresight, +X right and +Y up.
+
+    Raises
+    ------
+    SceneError
+        The object is no radar, or an antenna is missing.
+    """
+    settings(rig)  # refuses other objects
+    scene = next(scene for scene in bpy.data.scenes if rig.name in scene.objects)
+    found = find_rig(scene, **antennas_of(scene, rig), any_projection=True)
+    return Antennas(found.camera, found.emitter)
+
+
 def settings(rig: Any) -> Settings:
     """Return the settings of a radar by their names, in SI and float64.
 
@@ -143,6 +185,22 @@ def settings(rig: Any) -> Settings:
         name = getattr(rig, "name", rig)
         raise SceneError(f"{name!r} is no radar; expected the object that add_radar returned.")
     return settings_of(rig)
+
+
+#: Functions and classes whose arguments are not settings of a radar, with those arguments.
+_ARGUMENTS = {
+    "add_radar": ("location", "look_at", "field_of_view_deg", "preset"),
+    "measure": ("folder", "frames", "overwrite"),
+    "material": (
+        "medium", "n", "kappa", "rms_height_m", "correlation_length_m", "rms_slope",
+        "sheet_thickness_m", "penetrable",
+    ),
+    "simple_material": ("specularity", "roughness"),
+    "signal.ProcessOptions": tuple(item.name for item in dataclasses.fields(ProcessOptions)),
+}  # fmt: skip
+PLACES.update(
+    {name: f"{function}({name}=...)" for function, names in _ARGUMENTS.items() for name in names}
+)
 
 
 def measure(

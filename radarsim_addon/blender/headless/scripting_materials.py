@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import atexit
+import difflib
 from collections.abc import Iterable
 from typing import Any
 
@@ -17,7 +18,7 @@ from ..materials import (  # noqa: F401
     set_mirror,
     set_scattered_lobe,
 )
-from ..nodes import assign_to
+from ..nodes import assign_to, make_material, preset_material
 from ..rig_settings import RADAR_PROPERTY, carrier_hz, register, unregister
 from ..scene import replace_material, suggest_materials
 from ..state import evaluated_depsgraph
@@ -42,9 +43,15 @@ def material(
     correlation_length_m: float = 0.0,
     rms_slope: float = 0.0,
     sheet_thickness_m: float = 0.0,
+    penetrable: bool | None = None,
     **parameters: Any,
 ) -> Any:
-    """Make a radar material from a medium of the library or from a complex index.
+    """Make a physical radar material from a medium of the library or from a complex index.
+
+    The medium is evaluated at the carrier of the active radar of the current scene, without one at
+    that of the paper's radar. A measurement evaluates it again, at its own carrier, so a carrier
+    that is changed later, or given to :func:`measure`, needs no new material. An index given by `n`
+    and `kappa` is the same at every carrier.
 
     Parameters
     ----------
@@ -58,6 +65,10 @@ def material(
         Roughness of the surface [m, m, 1]; all 0: smooth.
     sheet_thickness_m
         More than 0: a thin pane, one face with interference [m].
+    penetrable
+        Whether waves enter objects of the material, which must then be closed meshes. False: the
+        surface alone reflects. None: they enter, unless the medium is a conductor at the carrier
+        with which the material is made.
     **parameters
         Parameters of the medium, such as ``temperature_c``.
 
@@ -70,6 +81,9 @@ def material(
     ConfigError
         Neither or both of medium and n, an unknown medium or parameter, a number out of bounds.
     """
+    for key in parameters:
+        if near := difflib.get_close_matches(key, material.__kwdefaults__, 1, 0.8):
+            raise ConfigError(f"material has no argument {key!r}; did you mean {near[0]}?")
     if (medium is None) == (n is None):
         raise ConfigError("A material needs a medium or n (with kappa), and not both.")
     if medium is None:
@@ -93,8 +107,59 @@ def material(
         correlation_length_m=correlation_length_m,
         rms_slope=rms_slope,
         sheet_thickness_m=sheet_thickness_m,
+        penetrable=penetrable,
         **parameters,
     )
+
+
+def simple_material(
+    preset: str | None = None,
+    *,
+    name: str | None = None,
+    n: float | None = None,
+    kappa: float = 0.0,
+    specularity: float = 0.5,
+    roughness: float = 0.5,
+    penetrable: bool | None = None,
+) -> Any:
+    """Make a simple radar material: the node group Radar Material with four inputs.
+
+    Its index does not follow the carrier, and its roughness is no length.
+
+    Parameters
+    ----------
+    preset
+        Name of a ready material: "metal", "paper_object", "concrete", "ground", "wood" or "glass".
+        The file's own is returned where it is unchanged.
+    name
+        Name of the material in Blender; None: "Radar Material".
+    n, kappa
+        Index n (from 1) and normalised extinction (from 0), in place of a preset.
+    specularity
+        Fraction of the reflected power in the specular lobe, 0 to 1.
+    roughness
+        Width of the specular lobe, 0 to 1, as in Blender.
+    penetrable
+        Whether waves enter objects of the material. None: they do, unless it is a conductor.
+
+    Returns
+    -------
+    bpy.types.Material
+
+    Raises
+    ------
+    ConfigError
+        Neither or both of preset and n, an unknown preset, or a number out of bounds.
+    """
+    if (preset is None) == (n is None):
+        raise ConfigError("A simple material needs a preset or n (with kappa), and not both.")
+    ensure_registered()
+    if preset is None:
+        label = name or "Radar Material"
+        return make_material(label, n, kappa, specularity, roughness, penetrable=penetrable)
+    if (name, kappa, specularity, roughness, penetrable) != (None, 0.0, 0.5, 0.5, None):
+        raise ConfigError("A preset has all numbers. Give n and the others in place of the preset.")
+    return preset_material(preset)
 
 
 def assign_material(objects: Any, material: Any) -> list[Any]:

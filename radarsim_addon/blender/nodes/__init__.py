@@ -17,6 +17,7 @@ from .materials import (
     assign_to,
     is_radar_material,
     make_material,
+    preset_material,
 )
 from .transmitter_light import setup_emitter
 
@@ -31,6 +32,7 @@ __all__ = [
     "group_version",
     "is_radar_material",
     "make_material",
+    "preset_material",
     "refresh_groups",
     "setup_emitter",
 ]

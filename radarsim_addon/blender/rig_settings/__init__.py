@@ -5,7 +5,7 @@ In: the settings that dataclasses declare. Out: property groups on the radar rig
 :func:`settings`, which reads and sets them in SI and float64; checked records of the plan.
 """
 
-from .groups import Settings
+from .groups import PLACES, Settings
 from .material import MATERIAL_PROPERTY, choose_medium
 from .presets import apply_preset, load_preset, read_preset, save_preset, set_values
 from .radar import (
@@ -28,6 +28,7 @@ from .registration import MIRROR_PROPERTY, PROGRESS_PROPERTY, register, unregist
 __all__ = [
     "MATERIAL_PROPERTY",
     "MIRROR_PROPERTY",
+    "PLACES",
     "PROGRESS_PROPERTY",
     "RADAR_PROPERTY",
     "RADAR_SETTINGS",

@@ -23,6 +23,8 @@ Change = Callable[[Any], None]
 
 #: From 4.5 on Blender warns of // paths in properties that do not declare them.
 _RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else {"ANIMATABLE"}
+#: Where names belong that are no settings of a radar; the interface for scripts fills it.
+PLACES: dict[str, str] = {}
 #: Least number that a field of the window takes, where a value must be above 0.
 _LEAST_SHOWN = 1e-6
 
@@ -172,7 +174,19 @@ class Settings:
     def _declaration(self, name: str) -> Declared | Mapping[str, Declared]:
         found: Declared | Mapping[str, Declared] | None = self._declarations.get(name)
         if found is None:
-            near = difflib.get_close_matches(name, self._declarations, 3, 0.5)
-            hint = f"did you mean {' or '.join(near)}?" if near else "docs/settings.md lists them."
-            raise SettingNameError(f"There is no setting {name!r}; {hint}")
+            raise SettingNameError(f"There is no setting {name!r}; {self._hint(name)}")
         return found
+
+    def _hint(self, name: str) -> str:
+        """Where a name belongs, or which it resembles."""
+        groups = [key for key, item in self._declarations.items() if not isinstance(item, Declared)]
+        for group in groups:
+            inner = self._declarations[group]
+            assert not isinstance(inner, Declared)
+            if name in inner:
+                owners = " and ".join(f"settings(rig).{key}" for key in groups)
+                return f"it is one of {owners}, such as settings(rig).{group}.{name}."
+        if name in PLACES:
+            return f"it is an argument: {PLACES[name]}."
+        near = difflib.get_close_matches(name, self._declarations, 3, 0.6)
+        return f"did you mean {' or '.join(near)}?" if near else "docs/settings.md lists them."

@@ -16,6 +16,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from ...array_files import read_npz
 from ...array_types import Real
 from .pictures import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, cell_edges, resample_max
 
@@ -94,8 +95,8 @@ def _file(folder: Path, frame: int, ending: str) -> Path:
 def read_view(folder: Path, frame: int) -> FrameView:
     """Read what `write_view` wrote."""
     record = json.loads(_file(folder, frame, "json").read_text(encoding="utf-8"))
-    with np.load(_file(folder, frame, "npz"), allow_pickle=False) as data:
-        arrays = {name: data[name].astype(np.float64) for name in data.files}
+    found = read_npz(_file(folder, frame, "npz"))
+    arrays = {name: array.astype(np.float64) for name, array in found.items()}
     return FrameView(arrays=arrays, **record)
 
 

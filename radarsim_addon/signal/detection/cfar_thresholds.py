@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from ...array_types import Complex, Mask, Real
 from ...errors import ConfigError
 from ..maps import RangeDopplerMap, line_weights
-from ..radar import LineWaveform, matched_filter, replica_count, slow_time_window
+from ..radar import LineWaveform, matched_filter, slow_time_window
 
 #: Maximum number of training cells with an exact Pfa of the mean: eigenvalues of such a matrix.
 _MAX_EXACT = 512
@@ -157,7 +157,7 @@ def noise_correlation(rd_map: RangeDopplerMap, lags: tuple[int, int]) -> tuple[C
         density = weight if waveform.kind == "pmcw" else weight**2
         position = np.arange(weight.size) / weight.size
     else:
-        size = 4 * replica_count(waveform)
+        size = 4 * waveform.sample_count
         density = np.abs(matched_filter(waveform, size, rd_map.range_taper)) ** 2
         position = np.fft.fftfreq(size)
     step_m = rd_map.range_m[1] - rd_map.range_m[0] if rd_map.range_m.size > 1 else 1.0

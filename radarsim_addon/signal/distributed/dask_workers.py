@@ -6,10 +6,11 @@ Each worker process keeps the run open between its frames, and does one frame at
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -19,6 +20,10 @@ from .schedule import Reply
 #: Frames under way per thread of the cluster: the next one is there when one ends.
 _DEPTH = 2
 _TIMEOUT_S = 30.0
+#: Time without any worker after which the run ends: batch systems start workers late [s].
+_PATIENCE_S = 300.0
+#: Time between two looks for answers [s].
+_POLL_S = 0.01
 _LOCK = threading.Lock()
 
 
@@ -49,19 +54,52 @@ class DaskWorkers:
             ) from error
         self._frames: dict[Any, int] = {}
         self._answers = self._dask.as_completed(loop=self._client.loop, raise_errors=False)
-        self._slots, self._counted_s = 0, -float("inf")
+        self._address, self._slots = address, 0
+        self._counted_s, self._seen_s = -float("inf"), time.monotonic()
 
     def open(self) -> Reply:
-        """Return what one of the workers answers about the run."""
-        reply: Reply = self._client.submit(do_frame, *self._task, None, pure=False).result()
+        """Return what one of the workers answers about the run.
+
+        Dask gives it to the next worker where one ends without an answer.
+        """
+        future = self._client.submit(do_frame, *self._task, None, pure=False)
+        self._wait_for(future.done)
+        reply = self._reply(future)
+        if reply is None:
+            last = getattr(getattr(future.exception(), "last_worker", None), "address", "unknown")
+            raise WorkerError(
+                f"Workers of the Dask cluster at {self._address!r} ended while they opened the "
+                f"run; the last one was {last}. Look into its log, or run the same command without "
+                "--dask to see why."
+            )
         return reply
 
     def free(self) -> int:
         """Return how many frames more may be given out."""
-        if time.monotonic() > self._counted_s + 1.0:  # workers come and go
-            self._slots = max(1, _DEPTH * sum(self._client.nthreads().values()))
-            self._counted_s = time.monotonic()
-        return self._slots - len(self._frames)
+        self._count()
+        return max(1, self._slots) - len(self._frames)
+
+    def _count(self) -> None:
+        """Count the threads of the cluster, once a second: workers come and go."""
+        now_s = time.monotonic()
+        if now_s > self._counted_s + 1.0:
+            with contextlib.suppress(OSError, TimeoutError):  # of a scheduler that is gone
+                self._slots = _DEPTH * sum(self._client.nthreads().values())
+            self._counted_s = now_s
+            if self._slots:
+                self._seen_s = now_s
+
+    def _wait_for(self, ready: Callable[[], bool]) -> None:
+        """Wait; WorkerError where the cluster has no worker for too long."""
+        while not ready():
+            time.sleep(_POLL_S)
+            self._count()
+            if time.monotonic() > self._seen_s + _PATIENCE_S:
+                raise WorkerError(
+                    f"The Dask cluster at {self._address!r} had no worker for {_PATIENCE_S:g} s. "
+                    "The frames that are done are whole: start workers with dask worker, look into "
+                    "the logs of those that ended, and give the same command again."
+                )
 
     def submit(self, frame: int) -> None:
         """Give out a frame."""
@@ -74,6 +112,7 @@ class DaskWorkers:
         return [(self._frames.pop(future), self._reply(future)) for future in self._batch()]
 
     def _batch(self) -> list[Any]:
+        self._wait_for(self._answers.has_ready)
         found: list[Any] = self._answers.next_batch(block=True)
         return found
 

@@ -6,13 +6,13 @@ In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impa
 
 from .burst_interpolation import interpolate_renders, pulses_of_render, render_times_s
 from .echoes import (
-    MAX_SAMPLES,
     Echoes,
     EchoOptions,
     check_window,
     one_channel,
     only_channel,
     pulse_times_s,
+    window_samples,
 )
 from .frequency_grid import line_times_s
 from .phase_noise import PhaseNoise, load_phase_noise
@@ -21,7 +21,6 @@ from .receiver import ReceivedSignal, Receiver, apply_receiver
 from .synthesizer_factory import synthesize, synthesizer_for
 
 __all__ = [
-    "MAX_SAMPLES",
     "EchoOptions",
     "EchoSynthesizer",
     "Echoes",
@@ -40,4 +39,5 @@ __all__ = [
     "render_times_s",
     "synthesize",
     "synthesizer_for",
+    "window_samples",
 ]

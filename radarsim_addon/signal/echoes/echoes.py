@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -12,15 +13,14 @@ import numpy as np
 from ...array_types import Complex, Real
 from ...contract import AmplitudeModel
 from ...errors import ConfigError
+from ...options import MAX_LENGTH_M
+from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import Paths
 from ..radar import Channel, Radar
 from ..scattering import Link, amplitude_history
 from ..spectrum import TOLERANCE, AmplitudeHistory, Backend, Method, SynthesisReport
 
 Values = TypeVar("Values", Real, Complex)
-
-#: Largest matrix of echoes, in complex samples (4 GiB).
-MAX_SAMPLES = 2**28
 
 
 @dataclass(frozen=True)
@@ -166,14 +166,37 @@ def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
     Raises
     ------
     ConfigError
-        Not 0 <= start < stop, or an infinite stop.
+        Not 0 <= start < stop, or a stop above 1e15 m.
     """
     start_m, stop_m = float(range_limits_m[0]), float(range_limits_m[1])
-    if not (np.isfinite(stop_m) and 0 <= start_m < stop_m):
+    if not 0 <= start_m < stop_m <= MAX_LENGTH_M:
         raise ConfigError(
-            f"Range limits from {start_m!r} to {stop_m!r} m; expected 0 <= start < stop."
+            f"Range limits from {start_m!r} to {stop_m!r} m; expected 0 <= start < stop, at most "
+            f"{MAX_LENGTH_M:g} m."
         )
     return start_m, stop_m
+
+
+def window_samples(radar: Radar, range_limits_m: tuple[float, float]) -> int:
+    """Return the samples that the receiver records of each pulse.
+
+    Parameters
+    ----------
+    radar
+        Pulses record their range limits; other waveforms a sample for each frequency.
+    range_limits_m
+        One-way ranges (start, stop) [m].
+
+    Returns
+    -------
+    int
+        Number of samples.
+    """
+    waveform = radar.waveform
+    if waveform.family == "line":
+        return waveform.sample_count
+    start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in range_limits_m)
+    return math.ceil((stop_s - start_s) * waveform.sampling_rate_hz) + waveform.sample_count + 1
 
 
 @dataclass(frozen=True)

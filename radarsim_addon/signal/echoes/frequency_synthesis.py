@@ -23,7 +23,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...array_types import Complex, Mask
-from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion
 from ..paths import Paths
@@ -38,7 +37,7 @@ from ..spectrum import (
     check_finite,
 )
 from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_unformed
-from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window
+from .echoes import DEFAULT_OPTIONS, Echoes, EchoOptions, check_window
 from .frequency_grid import Oscillator, line_grid, line_ramp, line_times_s, line_waveform
 
 #: A delay of 0 is received, too.
@@ -73,12 +72,6 @@ class StretchSynthesizer:
         self._waveform = line_waveform(radar)
         self._options = options
         self._grid = line_grid(self._waveform)
-        count, rows = self._grid.count, line_times_s(radar).size * len(radar.channels)
-        if count * rows > MAX_SAMPLES:
-            raise ConfigError(
-                f"{rows} rows of {count} samples are more than {MAX_SAMPLES}. "
-                "Choose fewer pulses or fewer samples."
-            )
         self._filtered = isinstance(self._waveform, FmcwWaveform)
         self._code: CodeShape | None = None
         if isinstance(self._waveform, PmcwWaveform) and options.motion_within_pulse:
@@ -87,7 +80,7 @@ class StretchSynthesizer:
         self._source = ChannelPaths(radar, options, link, antennas, wanted)
         self._sums = ChannelSums(self._source, self._accumulator)
         rows = line_times_s(radar).size
-        self._noisy = [NoisyPathAccumulator(rows, count) for _ in oscillators or ()]
+        self._noisy = [NoisyPathAccumulator(rows, self._grid.count) for _ in oscillators or ()]
         self._added, self._beyond = 0, 0
 
     def _accumulator(self, channel: Channel) -> SpectrumAccumulator:

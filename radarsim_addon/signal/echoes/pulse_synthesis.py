@@ -13,15 +13,21 @@ from __future__ import annotations
 import numpy as np
 
 from ...array_types import Mask
-from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion
 from ..paths import Paths
-from ..radar import Channel, Radar, replica, replica_count, replica_spectrum
+from ..radar import Channel, Radar, replica, replica_spectrum
 from ..scattering import Link
 from ..spectrum import FrequencyGrid, PulseShape, ReceiveWindow, SpectrumAccumulator, smooth_size
 from .channel_sums import ChannelPaths, ChannelSums, joined_report, silence_unformed
-from .echoes import DEFAULT_OPTIONS, MAX_SAMPLES, Echoes, EchoOptions, check_window, pulse_times_s
+from .echoes import (
+    DEFAULT_OPTIONS,
+    Echoes,
+    EchoOptions,
+    check_window,
+    pulse_times_s,
+    window_samples,
+)
 
 #: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
 _GUARD_SAMPLES = 64
@@ -67,18 +73,13 @@ class EchoSynthesizer:
         self.radar = radar
         self._options = options
         rate_hz = radar.waveform.sampling_rate_hz
-        chirp = replica_count(radar.waveform)
+        chirp = radar.waveform.sample_count
         start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.range_limits_m)
-        self._count = int(np.ceil((stop_s - start_s) * rate_hz)) + chirp + 1
+        self._count = window_samples(radar, self.range_limits_m)
         # An echo that only just reaches into the window needs a chirp's length of room before and
         # behind it; with that, the circular transform wraps nothing into the window.
         needed = self._count + 2 * chirp + _GUARD_SAMPLES
-        pulses = radar.burst.pulses * len(radar.channels)
-        if needed * pulses > MAX_SAMPLES:
-            raise ConfigError(
-                f"{pulses} pulses of {needed} samples are more than {MAX_SAMPLES}. "
-                "Choose shorter range limits (--range-limits), fewer pulses or a lower rate."
-            )
+        radar.check_size(needed)
         size = smooth_size(needed)
         self._half_s = (chirp - 1) / 2 / rate_hz
         self._first_s = start_s - self._half_s

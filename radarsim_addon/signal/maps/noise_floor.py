@@ -15,7 +15,6 @@ from ..radar import (
     PmcwWaveform,
     Radar,
     matched_filter,
-    replica_count,
     slow_time_window,
 )
 from .compress_frequencies import line_noise_gain
@@ -38,7 +37,7 @@ def coherent_samples(radar: Radar) -> int:
     if isinstance(waveform, LineWaveform):
         repeats = waveform.code_repeats if isinstance(waveform, PmcwWaveform) else 1
         return waveform.grid_count * repeats
-    return replica_count(waveform)
+    return waveform.sample_count
 
 
 def range_noise_gain(radar: Radar, range_taper: str = "hamming") -> float:
@@ -59,7 +58,7 @@ def range_noise_gain(radar: Radar, range_taper: str = "hamming") -> float:
     waveform = radar.waveform
     if isinstance(waveform, LineWaveform):
         return line_noise_gain(waveform, range_taper)
-    size = 4 * replica_count(waveform)
+    size = 4 * waveform.sample_count
     return float(np.mean(np.abs(matched_filter(waveform, size, range_taper)) ** 2))
 
 

@@ -13,15 +13,15 @@ from ...array_types import Complex, Real
 from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..echoes import MAX_SAMPLES, Echoes, check_window, one_channel, only_channel
+from ..echoes import Echoes, check_window, one_channel, only_channel
 from ..paths import Paths, path_power_w
 from ..radar import (
+    MAX_SAMPLES,
     LineWaveform,
     Radar,
     band_window,
     frequencies_hz,
     matched_filter,
-    replica_count,
     replica_spectrum,
 )
 from ..scattering import path_amplitude
@@ -152,7 +152,7 @@ def range_process(
             [compress_lines(waveform, s, range_m, range_taper, oversample) for s in echoes.samples]
         )
         return RangeProfiles(values, range_m, echoes.radar, range_taper)
-    chirp = replica_count(waveform)
+    chirp = waveform.sample_count
     channels, pulses, count = echoes.samples.shape
     size = smooth_size(count + chirp)
     if size * oversample * channels * pulses > MAX_SAMPLES:
@@ -212,7 +212,7 @@ class ProfileAccumulator:
                 radar.waveform, check_window(range_limits_m), range_taper, oversample, nufft_backend
             )
             return
-        chirp = replica_count(radar.waveform)
+        chirp = radar.waveform.sample_count
         self._base = smooth_size(-(-self._range_m.size // oversample) + 4 * chirp)
         self._oversample = oversample
         self._size = self._base * oversample

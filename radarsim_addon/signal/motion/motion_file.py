@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from ...array_files import read_npz
 from ...array_types import Int32, Real
 from ...atomic_files import write_arrays
 from ...contract import DEFORMING_SURFACES_FILE, MOTION_FILE, ImageRecord
@@ -28,8 +29,7 @@ from ...motion_record import BodyRecord, MotionRecord, SegmentRecord
 from ...sidecar import file_sha256, read_record
 from .body_motion import BodyMotion, Segment
 from .body_motions import which_move
-from .npz_files import RENDER_AGAIN, plain_arrays
-from .still_bodies import read_still_bodies
+from .still_bodies import RENDER_AGAIN, read_still_bodies
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,7 @@ def write_tracks(folder: Path, tracks: Tracks) -> Path:
 def _read_tracks(path: Path, bodies: int) -> Tracks:
     """Read and check a file of surface points; `FrameFileError` if it is missing or damaged."""
     try:
-        arrays = plain_arrays(path)
+        arrays = read_npz(path)
         for name, array in arrays.items():
             expected = "iu" if name in ("track_body", "track_vertices") else "f"
             if array.dtype.kind not in expected:
@@ -288,7 +288,7 @@ def _read_tracks(path: Path, bodies: int) -> Tracks:
         _check_tracks(tracks, bodies)
     except FileNotFoundError as error:
         raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
-    # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
+    # zipfile and zlib raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
             f"{path} cannot be read as points of deforming surfaces ({error}). {RENDER_AGAIN}"

@@ -14,16 +14,18 @@ from typing import TypeVar
 
 import numpy as np
 
+from ...array_files import read_npz
 from ...array_types import Integers, Real
 from ...atomic_files import write_arrays
 from ...contract import MOTION_FILE, STILL_BODIES_FILE
 from ...errors import FrameFileError, SchemaError
 from ...motion_record import MotionRecord
 from ...sidecar import file_sha256
-from .npz_files import RENDER_AGAIN, plain_arrays
 
 Item = TypeVar("Item")
 
+#: What to do about a file that is not as it was written, in whatever way.
+RENDER_AGAIN = "Render the run again: it renders this frame and keeps the others."
 _KINDS = {"number": "iu", "pose": "f", "object": "S", "instance": "S"}
 
 
@@ -119,10 +121,8 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
 
 def _read(path: Path, others: int) -> StillBodies:
     try:
-        arrays = plain_arrays(path)
+        arrays = read_npz(path, _KINDS)
         for name, kind in _KINDS.items():
-            if name not in arrays:
-                raise ValueError(f"{name} is missing")
             if arrays[name].dtype.kind not in kind:
                 raise ValueError(f"{name} holds values of type {arrays[name].dtype}")
         names = ([name.decode() for name in arrays[key].tolist()] for key in ("object", "instance"))
@@ -132,7 +132,7 @@ def _read(path: Path, others: int) -> StillBodies:
         _check(found, others)
     except FileNotFoundError as error:
         raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
-    # zipfile, zlib and numpy's header parser raise errors of many kinds on damaged files
+    # zipfile and zlib raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
             f"{path} cannot be read as stationary bodies ({error}). {RENDER_AGAIN}"

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...array_types import Complex, Integers, Real
 from ..motion import LinearMotion, PathMotion, Rows, join_motion
@@ -121,6 +122,21 @@ class Paths:
     def lengths(self) -> PathMotion:
         """Lengths over the burst: `motion`, or constant range rates where there is none."""
         return self.motion or LinearMotion(self.length_m, self.range_rate_mps)
+
+    def lengths_at_m(self, times_s: ArrayLike) -> Real:
+        """Return the total lengths of all paths at some moments, such as those of the pulses.
+
+        Parameters
+        ----------
+        times_s
+            Times after the frame's time t, (times,) [s]; see :func:`.echoes.pulse_times_s`.
+
+        Returns
+        -------
+        ndarray
+            (n, times) [m]; half of it is the one-way range.
+        """
+        return self.lengths.lengths_m(np.atleast_1d(np.asarray(times_s, float)), slice(None))
 
     def select(self, rows: Rows) -> Paths:
         """Return some rows, with counts of these rows alone.

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
+from ...array_files import read_header
 from ...atomic_files import replaced
 from ...contract import ColumnGroupRecord, ColumnRecord
 from ...errors import FrameFileError
@@ -264,18 +265,13 @@ def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
     """Shape, columns, and first byte of the rows."""
     try:
         with open(path, "rb") as stream:
-            version = npy_format.read_magic(stream)
-            if version != (1, 0):
-                raise ValueError(f"NPY format {version}")
-            shape, fortran, dtype = npy_format.read_array_header_1_0(stream)
+            shape, fortran, dtype, _ = read_header(stream)
             start = stream.tell()
     except FileNotFoundError as error:
         raise FrameFileError(
             f"{path} is missing. Render the run again: it resumes where files are missing."
         ) from error
-    # numpy parses the header with ast and tokenize: damaged ones raise what these raise
-    # (TokenError, RecursionError, TypeError...), not ValueError alone.
-    except Exception as error:
+    except (OSError, ValueError) as error:
         raise FrameFileError(
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
             "again: it resumes where files are missing."

@@ -11,7 +11,8 @@ import numpy as np
 
 from ...array_types import Int32, Mask, Real
 from ...contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, ImageRecord, PathsRecord
-from ...errors import ConfigError, SchemaError
+from ...errors import ConfigError, PathDataError, SchemaError
+from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
 from ...sidecar import file_sha256, read_record
@@ -19,7 +20,22 @@ from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
 from .rows import AnyRows, has_curved_images, has_images
-from .table import PathRows, open_table
+from .table import PathRows, iter_rows, open_table
+
+#: Rows whose columns are checked one after the other while they are in the processor's cache.
+_ROWS_IN_CACHE = 1 << 13
+#: Bounds of quantities of a row, by column: least, most, and whether NaN (unknown) is allowed.
+_BOUNDS = {
+    "power_w": (-1e30, 1e30, False),  # estimates of differences are below 0 by chance
+    "solid_angle_sr": (1e-30, 1e30, False),
+    "length_m": (0.0, MAX_LENGTH_M, False),
+    "length_sigma_m": (0.0, MAX_LENGTH_M, False),
+    "range_rate_mps": (-SPEED_OF_LIGHT_MPS, SPEED_OF_LIGHT_MPS, False),
+    "first_scatterer_m": (-MAX_LENGTH_M, MAX_LENGTH_M, True),
+    "last_scatterer_m": (-MAX_LENGTH_M, MAX_LENGTH_M, True),
+    "direction": (-1.001, 1.001, False),
+    "mirror_phase_rad": (-1e30, 1e30, False),
+}
 
 
 def read_paths_record(folder: Path, frame: int) -> PathsRecord:
@@ -90,7 +106,10 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
 
 
 def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
-    """Raise a SchemaError where a row names an object or replicate that the sidecar has not."""
+    """Check that each row names what the sidecar has, and that its quantities can be summed.
+
+    Raise a SchemaError for the former, a PathDataError for the latter.
+    """
     most = {"replicate": record.replicates - 1}
     most |= dict.fromkeys(("first_object", "last_object"), len(record.objects))
     for name, last in most.items():
@@ -101,6 +120,37 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
                     f"{path} has {name} from {low} to {high}; its sidecar knows 0 to {last}. "
                     "Remove both and render the run again."
                 )
+    first = 0
+    for rows in iter_rows(table, _ROWS_IN_CACHE):
+        for name, (low, high, blank) in _BOUNDS.items():
+            if name in (rows.dtype.names or ()):
+                _check_column(path, rows, name, first, (low, high), blank)
+        first += rows.size
+
+
+def _check_column(
+    path: Path,
+    rows: PathRows,
+    name: str,
+    first_row: int,
+    bounds: tuple[float, float],
+    blank: bool,
+) -> None:
+    values = rows[name]
+    if values.min() >= bounds[0] and values.max() <= bounds[1]:  # False with NaN
+        return
+    good = (values >= bounds[0]) & (values <= bounds[1])
+    if blank:
+        good |= np.isnan(values)
+    if name == "length_m":
+        good |= ~usable(rows)
+    if not good.all():
+        place = int(np.argwhere(~good)[0, 0])
+        raise PathDataError(
+            f"{path}: row {first_row + place} has {name} {values[place]}; expected numbers from "
+            f"{bounds[0]:g} to {bounds[1]:g}. Remove the file and its sidecar, and render the run "
+            "again."
+        )
 
 
 def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ...array_files import read_npz
 from ...array_types import Real
 from ...atomic_files import replaced
 from ...errors import FrameFileError
@@ -162,10 +163,9 @@ def _pictures(
 
 def _read(path: Path) -> Mapping[str, Real]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in _ARRAYS}
-            return arrays | {"power": arrays["power"][0]}
-    # zipfile and numpy raise errors of many kinds on damaged files
+        arrays = read_npz(path, _ARRAYS)
+        return arrays | {"power": arrays["power"][0]}
+    # zipfile and zlib raise errors of many kinds on damaged files
     except Exception as error:
         raise FrameFileError(
             f"{path} cannot be read as a range-Doppler map ({error}). Process the run again."

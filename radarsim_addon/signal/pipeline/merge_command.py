@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import errno
+import itertools
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,6 +16,7 @@ from ...contract import PRODUCTS_DIR, RUN_FILE, RunRecord, frame_dir
 from ...errors import ConfigError, FrameFileError, OutputError
 from ...findings import frames_text, merge
 from ...sidecar import write_record
+from ..paths import frame_motion, open_frame_table
 from ..pictures import ANTENNA_PICTURE
 from ..runs import RadarFrame, Run, open_run, shared_plan
 from .console import Subcommands
@@ -38,26 +40,24 @@ def merge_parts(out: str | Path, parts: Sequence[str | Path]) -> int:
     """Merge parts of a run, with their products; print what is there. Returns the exit code.
 
     Files are linked where disk and file system allow it, else copied. A frame that several parts
-    hold is taken from the first one where it is complete.
+    hold is taken from the first one where it is complete. All files with digests are compared with
+    these before anything is written; a `RadarSimError` names the first that differs.
     """
     folder, runs = Path(out), [open_run(part) for part in parts]
     record = _merged_record(runs)
     if os.path.isdir(folder) and any(folder.iterdir()):
         raise OutputError(f"{folder} is not empty. Give a new folder for the whole run.")
-    sources: dict[int, RadarFrame] = {}
+    sources: dict[int, tuple[Path, list[Path]]] = {}
     for run in runs:
         for frame in run.frames():
             if frame.number not in sources and not frame.missing():
-                sources[frame.number] = frame
-    make_folder(folder)
+                sources[frame.number] = run.path, _checked_files(frame)
+    make_folder(folder)  # not before all parts are found whole
     for run in runs:
         picture = run.path / PRODUCTS_DIR / ANTENNA_PICTURE
         _put(run.path, folder, [picture] if picture.exists() else [])
-    for number, frame in sources.items():
-        root = frame.run.path
-        products = (root / PRODUCTS_DIR).glob(f"frame_{number:04d}_*")
-        _put(root, folder, _files(root / frame_dir(number)))
-        _put(root, folder, products)
+    for root, files in sources.values():
+        _put(root, folder, files)
     # last: an interrupted merge is no run
     write_record(folder / RUN_FILE, record)
     print(f"radarsim: {len(sources)} of {len(record.frames)} frames in {folder}")
@@ -96,6 +96,21 @@ def _merged_record(runs: Sequence[Run]) -> RunRecord:
         # how far all frames reach together is not known where each part looked at its own
         extra=first.extra if same else {k: v for k, v in first.extra.items() if k != "extent"},
     )
+
+
+def _checked_files(frame: RadarFrame) -> list[Path]:
+    """Files of a frame and its products; a named error where a file is not as it was written."""
+    frame.scene()
+    if frame.sampling_mode == "paths":
+        for render in map(frame.of_burst, range(frame.visibility_updates)):
+            record, _ = open_frame_table(render.path, frame.number)
+            frame_motion(render.path, record)
+    else:
+        for ring, snapshot in itertools.product(range(frame.rings), range(frame.snapshots)):
+            frame.image(ring, snapshot)
+    root = frame.run.path
+    products = sorted((root / PRODUCTS_DIR).glob(f"frame_{frame.number:04d}_*"))
+    return [*_files(root / frame_dir(frame.number)), *products]
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, Self, TypeAlias, get_args
 
 from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
-from ...errors import ConfigError
+from ...errors import ConfigError, SettingNameError
 from ...options import check_settings, choices_from, documented, setting
 from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
 from ..detection import Cfar
-from ..echoes import EchoOptions, Receiver, check_window
+from ..echoes import EchoOptions, Receiver, check_window, window_samples
 from ..maps import SpectrogramOptions
 from ..radar import WINDOW_NAMES, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
@@ -30,6 +31,19 @@ def _seed_or_none(text: str) -> int | None:
 
 
 _seed_or_none.__name__ = "seed (a whole number or none)"  # argparse names the type
+
+
+def _hint(name: str, options: list[str]) -> str:
+    """Where a name belongs that is no option of processing, or which it resembles."""
+    parts = {
+        "receiver": Receiver, "link_budget": LinkBudget, "weather": Weather, "cfar": Cfar,
+        "spectrogram": SpectrogramOptions,
+    }  # fmt: skip
+    for option, kind in parts.items():
+        if name in kind.__dataclass_fields__:
+            return f"it is one of {option}={kind.__name__}({name}=...)."
+    near = difflib.get_close_matches(name, options, 2, 0.6)
+    return f"did you mean {' or '.join(near)}?" if near else "docs/signal.md lists them."
 
 
 @documented
@@ -122,6 +136,16 @@ class ProcessOptions:
     hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
     sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
 
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        """Refuse unknown names with the nearest known one; dataclasses name none."""
+        fields = [item.name for item in dataclasses.fields(cls)]
+        for name in given:
+            if name not in fields:
+                raise SettingNameError(
+                    f"{cls.__name__} has no option {name!r}; {_hint(name, fields)}"
+                )
+        return super().__new__(cls)
+
     @property
     def receiver_gain(self) -> float:
         """G_r, linear, for runs without a link budget."""
@@ -160,14 +184,17 @@ class ProcessOptions:
                 "budget, whose receiver antenna has one. Set gain_dbi there, or leave the receiver "
                 "gain out."
             )
+        radar = self.radar or run.radar
+        limits_m = check_window(self.range_limits_m or run.range_limits_m)
+        radar.check_size(window_samples(radar, limits_m))
         settled = {
             "amplitude_model": self.amplitude_model
             or (link_budget or LinkBudget()).amplitude_model,
             "link_budget": link_budget,
-            "radar": self.radar or run.radar,
+            "radar": radar,
             "receiver": self._receiver(link_budget),
             "weather": self.weather or run.weather,
-            "limits_m": check_window(self.range_limits_m or run.range_limits_m),
+            "limits_m": limits_m,
         }
         return ResolvedOptions(**(vars(self) | settled))
 

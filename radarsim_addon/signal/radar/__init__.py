@@ -5,9 +5,10 @@ In: numbers in SI, or radar and link-budget files. Out: frozen, checked records 
 their pulses. Gains are linear, angles in radians.
 """
 
+from ...contract import AntennaRecord, LinkBudget
 from .antennas import PATTERNS, ConstantGain, PeakedAntenna, make_antenna, self_contained
 from .channels import SINGLE_CHANNEL, Channel, Element
-from .config import Burst, Radar
+from .config import MAX_SAMPLES, Burst, Radar
 from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
 from .coverage import (
     Coverage,
@@ -26,7 +27,6 @@ from .pulse_replicas import (
     frequencies_hz,
     matched_filter,
     replica,
-    replica_count,
     replica_spectrum,
 )
 from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
@@ -42,10 +42,12 @@ from .weather import Weather
 from .windows import WINDOW_NAMES, slow_time_window, window_at
 
 __all__ = [
+    "MAX_SAMPLES",
     "PATTERNS",
     "SINGLE_CHANNEL",
     "WAVEFORM_KINDS",
     "WINDOW_NAMES",
+    "AntennaRecord",
     "AnyWaveform",
     "ArbitraryPulse",
     "Burst",
@@ -57,6 +59,7 @@ __all__ = [
     "Element",
     "FmcwWaveform",
     "LineWaveform",
+    "LinkBudget",
     "Mount",
     "PeakedAntenna",
     "PhaseCodedPulse",
@@ -82,7 +85,6 @@ __all__ = [
     "range_limit",
     "read_system",
     "replica",
-    "replica_count",
     "replica_spectrum",
     "self_contained",
     "slow_time_window",

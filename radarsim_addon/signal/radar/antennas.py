@@ -21,7 +21,7 @@ from ...errors import ConfigError
 from ...options import documented, setting
 from ...physics.antenna_table import TableAntenna, read_pattern
 from ...physics.antennas import Antenna, Aperture, CosinePower, Gaussian
-from ...physics.arrays import PlanarArray
+from ...physics.arrays import MAX_ELEMENT_EXPONENT, PlanarArray
 from ...physics.checks import real_array
 from ...physics.radar_equation import to_db
 from ...typed_json import from_json
@@ -300,7 +300,7 @@ class ArrayPattern:
     steer_elevation_deg: float = _steering("elevation", "up")
     element_exponent: float | None = setting(
         "Element exponent", "Set the power of the cosine of each element. None: isotropic", 1.0,
-        minimum=0.0,
+        minimum=0.0, maximum=MAX_ELEMENT_EXPONENT,
     )  # fmt: skip
     peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
 

@@ -20,6 +20,8 @@ from .waveform import AnyWaveform
 
 #: Relative slack when two numbers that should be equal come from a user interface in float32.
 _SLACK = 1e-6
+#: Largest matrix of echoes, in complex samples (4 GiB).
+MAX_SAMPLES = 2**28
 #: What the error calls the time that a waveform takes.
 _DURATION_NAMES = {
     "lfm": "Chirp of",
@@ -95,6 +97,18 @@ class Radar:
             raise ConfigError("The radar has no channels; expected at least one.")
         for number, channel in enumerate(self.channels):
             self._check_channel(number, channel)
+        self.check_size(self.waveform.sample_count)
+
+    def check_size(self, samples: int) -> None:
+        """Raise a ConfigError where a burst of so many samples for each pulse is too large."""
+        # PMCW samples each code of a pulse
+        rows = self.burst.pulses * len(self.channels) * getattr(self.waveform, "code_repeats", 1)
+        if rows * samples > MAX_SAMPLES:
+            raise ConfigError(
+                f"A burst of {self.burst.pulses} pulses takes {rows} rows of {samples} samples, "
+                f"{rows * samples:.3g} in all; expected at most {MAX_SAMPLES} (4 GiB). Choose "
+                "fewer pulses, a lower sampling rate or shorter range limits."
+            )
 
     def _check_channel(self, number: int, channel: Channel) -> None:
         interval_s, stop_s = (

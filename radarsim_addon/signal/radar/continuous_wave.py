@@ -35,6 +35,11 @@ class LineNumbers(WaveformNumbers):
     family: ClassVar[Literal["pulse", "line"]] = "line"
 
     @property
+    def sample_count(self: LineWaveform) -> int:
+        """One sample for each frequency."""
+        return self.grid_count
+
+    @property
     def sample_spacing_m(self: LineWaveform) -> float:
         """One-way range between two independent samples, c / (2 N df) [m]."""
         return SPEED_OF_LIGHT_MPS / (2 * self.grid_count * self.grid_step_hz)

@@ -22,29 +22,8 @@ from .windows import window_at
 
 def _replica_times_s(waveform: AnyWaveform) -> Real:
     """Sample times t_n of the pulse, from its middle, (n,) [s]."""
-    count = replica_count(waveform)
+    count = waveform.sample_count
     return np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
-
-
-def replica_count(waveform: AnyWaveform) -> int:
-    """Return the number of samples of the pulse.
-
-    Parameters
-    ----------
-    waveform
-        Waveform of the family "pulse", or PMCW.
-
-    Returns
-    -------
-    int
-        Samples, at least 1.
-
-    Raises
-    ------
-    ConfigError
-        As :func:`replica`.
-    """
-    return waveform.sample_count if isinstance(waveform, Waveform) else int(replica(waveform).size)
 
 
 def replica(waveform: AnyWaveform) -> Complex:
@@ -58,7 +37,7 @@ def replica(waveform: AnyWaveform) -> Complex:
     Returns
     -------
     ndarray
-        Complex, (replica_count,), mean power 1.
+        Complex, (sample_count,), mean power 1.
 
     Raises
     ------

@@ -55,6 +55,11 @@ class PhaseCodedPulse(ChipNumbers, PulseNumbers):
         check_carrier(self.carrier_hz, self.bandwidth_hz)
 
     @property
+    def sample_count(self) -> int:
+        """Samples of the pulse."""
+        return self.code_length * self.samples_per_chip
+
+    @property
     def duration_s(self) -> float:
         """Pulse length [s]."""
         return self.code_length * self.chip_duration_s
@@ -118,6 +123,11 @@ class ArbitraryPulse(PulseNumbers):
         return self.sampling_rate_hz if self.band_hz is None else self.band_hz
 
     @property
+    def sample_count(self) -> int:
+        """Samples of the pulse."""
+        return self.samples.size
+
+    @property
     def duration_s(self) -> float:
         """Pulse length [s]."""
         return self.samples.size / self.sampling_rate_hz
@@ -153,11 +163,12 @@ class Waveform(PulseNumbers):
                 f"{self.bandwidth_hz:g} Hz: complex samples would alias. "
                 "Raise the sampling rate or lower the bandwidth (FM rate x chirp length)."
             )
-        if not self._samples >= 2:
+        if not 2 <= self._samples <= MAX_WAVEFORM_SAMPLES:
             raise ConfigError(
                 f"Chirp of {self.chirp_duration_s:g} s holds {self._samples:.3g} samples at "
-                f"{self.sampling_rate_hz:g} Hz; expected at least 2. Lengthen the chirp or raise "
-                "the sampling rate, and check their units (the panel takes us and MHz)."
+                f"{self.sampling_rate_hz:g} Hz; expected 2 to {MAX_WAVEFORM_SAMPLES}. Change the "
+                "chirp's duration or the sampling rate, and check their units (the panel takes us "
+                "and MHz)."
             )
         check_carrier(self.carrier_hz, self.bandwidth_hz)
 

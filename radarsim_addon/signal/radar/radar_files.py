@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...array_files import read_npy
 from ...array_types import Complex
 from ...errors import ConfigError, FrameFileError
 from ...typed_json import from_json, read_json
@@ -131,8 +132,7 @@ def load_samples(path: str | Path) -> Complex:
                 "samples. Give the pulse alone, without the pause behind it."
             )
         if path.suffix.lower() == ".npy":
-            # mapped: a header that claims more than the file holds allocates nothing
-            samples = np.load(path, mmap_mode="r", allow_pickle=False)
+            samples = read_npy(path)
         elif path.suffix.lower() == ".csv":
             samples = _csv_samples(path)
         else:
@@ -140,16 +140,15 @@ def load_samples(path: str | Path) -> Complex:
                 f"{path} is of no kind that holds samples; expected .npy (complex) or .csv "
                 "(real, imaginary)."
             )
-    except (OSError, ValueError, EOFError, SyntaxError, MemoryError) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise FrameFileError(
             f"{path} cannot be read as samples ({error}). Expected a .npy file of complex numbers "
             "or a .csv file with real and imaginary part in two columns."
         ) from error
-    if not isinstance(samples, np.ndarray) or samples.dtype.kind not in "fc" or samples.ndim != 1:
-        what = getattr(samples, "dtype", type(samples).__name__)
-        shape = getattr(samples, "shape", "")
+    if samples.dtype.kind not in "fc" or samples.ndim != 1:
         raise FrameFileError(
-            f"{path} holds {what} of shape {shape}; expected one row of complex numbers."
+            f"{path} holds {str(samples.dtype)[:80]} of shape {samples.shape}; expected one row of "
+            "complex numbers."
         )
     if not np.isfinite(samples).all():
         place = int(np.flatnonzero(~np.isfinite(samples))[0])

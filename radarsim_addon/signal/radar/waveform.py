@@ -85,6 +85,11 @@ class AnyWaveform(Protocol):
         ...
 
     @property
+    def sample_count(self) -> int:
+        """Samples of one pulse, or of one row that the receiver samples."""
+        ...
+
+    @property
     def duration_s(self) -> float:
         """Time that one pulse, chirp, ramp or train of codes takes, pauses included [s]."""
         ...

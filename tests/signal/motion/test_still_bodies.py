@@ -140,7 +140,7 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
         with pytest.raises(FrameFileError, match=unreadable):
             read(tmp_path, motion)
     np.savez(path, number=np.array([{}], dtype=object))
-    with pytest.raises(FrameFileError, match="holds objects.*" + REMEDY):
+    with pytest.raises(FrameFileError, match="holds Python objects.*" + REMEDY):
         read(tmp_path, motion)
     np.savez(path, number=np.arange(1, 5))
     with pytest.raises(FrameFileError, match="pose is missing.*" + REMEDY):

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``radarsim merge`` without Blender: the plan of the whole run."""
 
+import shutil
 from pathlib import Path
 
-from radarsim_addon.contract import RUN_FILE
+import pytest
+
+from radarsim_addon.contract import DEFORMING_SURFACES_FILE, MOTION_FILE, PATHS_TABLE, RUN_FILE
 from radarsim_addon.signal.pipeline import main
+from tests.fuzz.corpus import make_corpus
 from tests.signal.synthetic import Setup, points, write_run
 
 SETUP = Setup(rings=2, frames=(1, 2))
@@ -15,3 +19,62 @@ def test_a_merged_plan_is_that_of_its_parts(tmp_path: Path) -> None:
     part = write_run(tmp_path / "part", SETUP, points(SETUP, []))
     assert main(["merge", str(tmp_path / "whole"), str(part)]) == 0
     assert (tmp_path / "whole" / RUN_FILE).read_bytes() == (part / RUN_FILE).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def corpus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Whole runs: rings (frames 1 and 32) and paths with motion."""
+    folder = tmp_path_factory.mktemp("merge") / "corpus"
+    make_corpus(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "change"),
+    [
+        ("rings", "frames/frame_0032/ring_001_t1.json", "truncated"),
+        *(
+            (kind, f"frames/{name}", change)
+            for kind, name in (
+                ("rings", "frame_0032/ring_001_t1.exr"),
+                ("paths", f"frame_0001/{PATHS_TABLE}"),
+                ("paths", f"frame_0001/{MOTION_FILE}"),
+                ("paths", f"frame_0001/{DEFORMING_SURFACES_FILE}"),
+            )
+            for change in ("truncated", "one bit")
+        ),
+    ],
+)
+def test_a_damaged_part_is_named_before_anything_is_written(
+    corpus: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    kind: str,
+    name: str,
+    change: str,
+) -> None:
+    part = Path(shutil.copytree(corpus / kind, tmp_path / "part"))
+    assert main(["merge", str(tmp_path / "whole"), str(part)]) == 0
+    data = bytearray((part / name).read_bytes())
+    if change == "truncated":
+        del data[-20:]
+    else:
+        data[-len(data) // 3] ^= 1
+    (part / name).unlink()  # the whole run is a hard link of it
+    (part / name).write_bytes(data)
+    capsys.readouterr()
+    assert main(["merge", str(tmp_path / "other"), str(part)]) == 1
+    assert (part / name).name in capsys.readouterr().err
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_part_inside_another_one_keeps_its_own_frames(corpus: Path, tmp_path: Path) -> None:
+    outer = Path(shutil.copytree(corpus / "rings", tmp_path / "outer"))
+    inner = Path(shutil.copytree(outer, outer / "part_2"))
+    shutil.rmtree(outer / "frames" / "frame_0032")
+    assert main(["merge", str(tmp_path / "whole"), str(outer), str(inner)]) == 0
+    assert sorted(p.name for p in (tmp_path / "whole" / "frames").iterdir()) == [
+        "frame_0001",
+        "frame_0032",
+    ]
+    assert not (tmp_path / "whole" / "part_2").exists()
