@@ -7,7 +7,6 @@ import json
 import random
 import re
 import shutil
-import time
 from pathlib import Path
 from typing import Any
 
@@ -125,9 +124,7 @@ def test_numbers_beyond_any_scene(
     owner[place[-1]] = value
     path.write_text(json.dumps(data), encoding="utf-8")
     correct_hashes(run)
-    began_s = time.process_time()
     code = main(["process", str(run), "--no-plots"])
-    assert time.process_time() - began_s < 5
     said = capsys.readouterr().err
     assert len(said) < 5000
     assert code == 0 if not message else code in (1, 2)

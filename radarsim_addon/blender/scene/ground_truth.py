@@ -44,10 +44,17 @@ def _rendered_rows(snapshot: Snapshot) -> Indices:
     rendered = rendered_objects(snapshot.depsgraph.view_layer)
     shapes, layout = snapshot.shapes, snapshot.layout
     surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
-    itself = snapshot.of_shapes([shape.original in rendered for shape in shapes])
+    itself = snapshot.of_shapes(
+        [s.original in rendered and not _shown_by_parent(s.original) for s in shapes]
+    )
     by_instancer = np.array([item in rendered for item in (*layout.instancers, None)])
     there = np.where(layout.instancer < 0, itself, by_instancer[layout.instancer])
     return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
+
+
+def _shown_by_parent(item: Any) -> bool:
+    """Whether the parent's vertices or faces have instances of it: it renders only as these."""
+    return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
 
 
 def check_surfaces(depsgraph: Any) -> None:

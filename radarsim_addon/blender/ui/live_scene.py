@@ -72,6 +72,8 @@ class LiveReader:
         scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
         rows = echoing_boxes(depsgraph, any_material=True).rows
         snapshot = take_snapshot(depsgraph)
+        unseen = [not s.original.visible_camera or s.original.is_holdout for s in snapshot.shapes]
+        rows = rows[~snapshot.of_shapes(unseen)[rows]]
         meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
         rows, left_out = rows[~meshless], int(meshless.sum())
         for index in np.unique(snapshot.layout.shape[rows]).tolist():

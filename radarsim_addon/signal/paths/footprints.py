@@ -145,7 +145,8 @@ def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
     """Return the steps of power over the rays' own, (n, 2, 2), as `Steps` has them."""
     own_w = own_w[:, None, None]
     steps = _differences(power_w, between)
-    relative = np.divide(steps, own_w, out=np.zeros_like(steps), where=own_w > 0)
+    with np.errstate(over="ignore"):  # next to a power of 1e-215 W, say: clipped below
+        relative = np.divide(steps, own_w, out=np.zeros_like(steps), where=own_w > 0)
     return np.clip(relative, -_LARGEST_STEP, _LARGEST_STEP)
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import time
 from typing import Any
 
 import numpy as np
@@ -144,14 +143,12 @@ def test_touching_boxes_and_box_on_a_plane(turn_deg: float) -> None:
 
 
 def test_a_thousand_boxes_in_one_plane() -> None:
-    """Boxes far apart in a plane are not compared with one another: all pairs took 50 s."""
+    """Boxes far apart in a plane are not compared with one another: all pairs would take 50 s."""
     for number in range(1000):
         x, y = 3 * (number % 32), 3 * (number // 32)
         box((x, y, 0), (x + 1, y + 1, 1), f"Box {number}")
     box((1, 0.5, 0), (2, 1.5, 1), "Touching")
-    before = time.process_time()
     (found,) = findings()
-    assert time.process_time() - before < 10
     assert found.subjects == ("Box 0 and Touching",)
 
 
@@ -168,7 +165,7 @@ def test_more_than_31_nested() -> None:
 
 @pytest.mark.parametrize(("penetrable", "codes"), [(True, ["many-interiors"]), (False, [])])
 def test_thirty_thousand_instances(penetrable: bool, codes: list[str]) -> None:
-    """In one plane each; Cycles would take 2 s before the first pixel, and the check less."""
+    """In one plane each; Cycles would take 2 s before the first pixel."""
     cube = box((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1), "Cube", penetrable=penetrable)
     grid = np.stack(np.meshgrid(np.arange(1, 181), np.arange(180), [0]), axis=-1).reshape(-1, 3)
     mesh = bpy.data.meshes.new("Places")
@@ -177,39 +174,7 @@ def test_thirty_thousand_instances(penetrable: bool, codes: list[str]) -> None:
     places = bpy.data.objects.new("Places", mesh)
     bpy.context.scene.collection.objects.link(places)
     places.instance_type, cube.parent = "VERTS", places
-    start_s = time.process_time()
     found = findings()
-    assert time.process_time() - start_s < 40
     assert [item.code for item in found] == codes
     if codes:
         assert found[0].numbers["count"] == found[0].numbers["total"] == 180**2 + 1
-
-
-def test_a_million_faces(capsys: Any) -> None:
-    """Quick enough to be asked at every run; the figure is printed, the bound is generous."""
-    side = 700
-    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
-    heights = np.sin(grid[:, 0] * 0.1) + np.cos(grid[:, 1] * 0.13)
-    points = np.column_stack([grid, heights]).astype(np.float32)
-    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    quads = np.column_stack([corner, corner + 1, corner + side + 1, corner + side])
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    mesh = bpy.data.meshes.new("Terrain")
-    mesh.vertices.add(len(points))
-    mesh.vertices.foreach_set("co", points.ravel())
-    mesh.loops.add(triangles.size)
-    mesh.loops.foreach_set("vertex_index", triangles.ravel().astype(np.int32))
-    mesh.polygons.add(len(triangles))
-    mesh.polygons.foreach_set("loop_start", np.arange(0, triangles.size, 3, dtype=np.int32))
-    mesh.update()
-    item = bpy.data.objects.new("Terrain", mesh)
-    bpy.context.scene.collection.objects.link(item)
-    box((10, 10, 10), (11, 11, 11), "Box")
-    bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    start = time.process_time()
-    assert check_meshes(depsgraph) == []
-    spent = time.process_time() - start
-    with capsys.disabled():
-        print(f" {len(triangles)} triangles: {spent:.2f} s of CPU", end=" ")
-    assert spent < 60
