@@ -24,6 +24,7 @@ from ..materials import convex_objects
 from ..nodes.materials import has_interior
 from ..state import read_numbers, take_snapshot
 from .surface_triangles import triangles_about
+from .visibility import rendered_rows
 
 #: Maximum number of volumes that Cycles tracks along a ray.
 _MOST_NESTED = 31
@@ -72,8 +73,8 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
     has = cache(has_interior)
-    meshes = [shape.kind == "MESH" and not shape.original.hide_render for shape in shapes]
-    rows = np.flatnonzero(snapshot.of_shapes(meshes))
+    rows = rendered_rows(snapshot)
+    rows = rows[snapshot.of_shapes([shape.kind == "MESH" for shape in shapes])[rows]]
     entered = snapshot.of_shapes([any(map(has, shape.materials)) for shape in shapes])[rows]
     if not entered.any():
         return []
