@@ -25,16 +25,17 @@ class FluctuationRecord:
 class ObjectRecord:
     """Where one mesh object truly is: the reference that measured ranges are compared with.
 
-    nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t;
-    range_rate_mps is the rate of the object's origin distance between the passes (receding > 0),
-    null with one pass. collections are those that hold the object, at any depth. rms_height_m and
+    nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t, and
+    null if a shader displaces the surface. centre_range_m is the distance to the centre of its bounding
+    box. range_rate_mps is the rate of that distance between the snapshots (receding > 0); null with
+    one snapshot. collections are those that hold the object, at any depth. rms_height_m and
     correlation_length_m are those of the first of its materials that has any; null: none has.
     fluctuation and clutter (the name of the clutter model) likewise.
     """
 
     name: str
-    nearest_range_m: float
-    origin_range_m: float
+    nearest_range_m: float | None
+    centre_range_m: float
     range_rate_mps: float | None
     materials: list[str] = field(default_factory=list)
     collections: list[str] = field(default_factory=list)

@@ -136,15 +136,18 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
     reach_m = EDGE_SEARCH * radar.waveform.range_resolution_m
     still = []
     for item in truth.objects:
-        if abs(item.range_rate_mps or 0.0) > slow or not result.edges:
+        near_m = item.nearest_range_m
+        if abs(item.range_rate_mps or 0.0) > slow or not result.edges or near_m is None:
             continue
-        edge = min(result.edges, key=lambda e: abs(e.range_m - item.nearest_range_m))
+        apart_m, edge = min(
+            ((abs(edge.range_m - near_m), edge) for edge in result.edges), key=lambda pair: pair[0]
+        )
         # The plane's nearest point is below the radar, out of its view: no edge belongs to it.
-        if abs(edge.range_m - item.nearest_range_m) <= reach_m:
+        if apart_m <= reach_m:
             still.append(
                 {
                     "name": item.name,
-                    "near_face_m": item.nearest_range_m,
+                    "near_face_m": near_m,
                     "leading_edge_m": edge.range_m,
                     "level_db": edge.level_db,
                 }
@@ -152,14 +155,17 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
     target: dict[str, Any] = {}
     if result.moving_targets:
         peak = result.moving_targets[0]
-        moving = [i for i in truth.objects if abs(i.range_rate_mps or 0.0) > slow]
-        true = min(moving, key=lambda i: abs(i.nearest_range_m - peak.range_m))
-        rate_mps = true.range_rate_mps or 0.0
+        moving = [
+            (i.nearest_range_m, i.range_rate_mps)
+            for i in truth.objects
+            if i.nearest_range_m is not None and i.range_rate_mps and abs(i.range_rate_mps) > slow
+        ]
+        near_m, rate_mps = min(moving, key=lambda pair: abs(pair[0] - peak.range_m))
         # A map shows a moving target where it is in the middle of the burst.
         middle_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
         target = {
             "range_m": peak.range_m,
-            "true_range_m": true.nearest_range_m + rate_mps * middle_s,
+            "true_range_m": near_m + rate_mps * middle_s,
             "true_velocity_mps": rate_mps,
             "velocity_mps": peak.velocity_mps,
             "doppler_hz": peak.doppler_hz,

@@ -42,6 +42,29 @@ SCENE = {
         "These objects cast no shadow and return no echo.",
         "Convert them to meshes to include them.",
     ),
+    "hidden-from-receiver": Kind(
+        "caution",
+        "{subjects} return no direct echo: Ray Visibility > Camera is off, or Holdout, Shadow "
+        "Catcher or Indirect Only is on, for the object or its collection.",
+        "The receiver looks through these objects, or finds a hole in their place. They still cast "
+        "radar shadows and take part in paths with several reflections.",
+        "To measure them, switch Camera on and the other three off (Object > Visibility, and the "
+        "restrictions of collections in the Outliner). To remove them, disable them in renders.",
+    ),
+    "rays-pass-through": Kind(
+        "caution",
+        "Ray Visibility > Shadow, Diffuse or Glossy is off for {subjects}.",
+        "Without Shadow, waves of the transmitter pass through the object. Without Diffuse or "
+        "Glossy, waves that other surfaces have reflected do.",
+        "Switch all three on in Object > Visibility.",
+    ),
+    "displaced-by-shader": Kind(
+        "info",
+        "A shader displaces the surface of {subjects}.",
+        "Only the render has this displacement: ground_truth.json has no nearest range for these "
+        "objects.",
+        "For a nearest range, use a Displace modifier or Geometry Nodes.",
+    ),
     "subsurface-scattering": Kind(
         "caution",
         "These materials scatter light below their surface: {subjects}.",

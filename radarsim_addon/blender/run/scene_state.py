@@ -42,7 +42,9 @@ from ..scene import (
     Rig,
     check_meshes,
     check_normals,
+    displaced_surfaces,
     isolate,
+    limited_visibility,
     sharpen_walls,
     show_what_ever_renders,
 )
@@ -141,6 +143,8 @@ class MeasurementSettings:
             self.findings += isolate(
                 self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
             )
+            depsgraph = evaluated_depsgraph(self._view_layer)
+            self.findings += [*displaced_surfaces(depsgraph), *limited_visibility(depsgraph)]
         except BaseException:
             self.restore()
             raise

@@ -4,6 +4,7 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
+from .boxes import Boxes
 from .closing_speeds import (
     VELOCITY_FRAMES,
     ClosingSpeeds,
@@ -21,7 +22,7 @@ from .driver_checks import (
     reads_context,
 )
 from .finite_checks import check_poses, check_vertices
-from .ground_truth import echoing_boxes, scene_extent
+from .ground_truth import displaced_surfaces, echoing_boxes, scene_extent
 from .instance_poses import (
     InstancePose,
     Poses,
@@ -62,6 +63,7 @@ from .smooth_shading import check_normals, sharpen_walls
 from .visibility import (
     hiding_is_animated,
     is_hidden_at_times,
+    limited_visibility,
     show_as_rendered,
     show_what_ever_renders,
     show_what_renders,
@@ -72,6 +74,7 @@ __all__ = [
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
     "VELOCITY_FRAMES",
+    "Boxes",
     "ClosingSpeeds",
     "GroundBelow",
     "InstancePose",
@@ -91,6 +94,7 @@ __all__ = [
     "check_scale",
     "check_vertices",
     "disabled_drivers",
+    "displaced_surfaces",
     "distance_from_box",
     "draw_patterns",
     "driven_by_whole_frames",
@@ -110,6 +114,7 @@ __all__ = [
     "keyed_move",
     "keyed_speeds",
     "keyed_step",
+    "limited_visibility",
     "looks_at_view",
     "may_move_at_whole_frames",
     "measure_pixel_spans",

@@ -36,6 +36,15 @@ class Boxes:
         largest = np.abs([spheres.max(initial=0.0), spheres.min(initial=0.0), *np.ravel(places)])
         return spheres[:, :3], spheres[:, 3] + _MARGIN * largest.max()
 
+    def labels(self) -> tuple[list[str], Indices]:
+        """Return the labels of the surfaces, each once, and the number of each surface's, (n,)."""
+        layout = self.snapshot.layout
+        pairs = layout.shape[self.rows] * (len(layout.instancers) + 1) + layout.instancer[self.rows]
+        _, first, inverse = np.unique(pairs, return_index=True, return_inverse=True)
+        names = [self.snapshot.label(row) for row in self.rows[first].tolist()]
+        numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+        return list(numbers), np.array([numbers[name] for name in names], dtype=np.intp)[inverse]
+
     def pairs(self, later: Boxes) -> tuple[Indices, Indices]:
         """Return the rows of what is in both, here and there."""
         if self.snapshot.layout is later.snapshot.layout:

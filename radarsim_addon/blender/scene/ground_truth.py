@@ -15,11 +15,12 @@ import bpy
 import numpy as np
 
 from ... import contract
-from ...array_types import Indices, Real
+from ...array_types import Real
+from ...findings import Finding, finding
 from ...sidecar import file_sha256
+from ...vectors import distances
 from ..materials import (
     LOBE_EXPONENT,
-    SURFACE_TYPES,
     clutter_name,
     clutter_of,
     fluctuation_of,
@@ -36,31 +37,13 @@ from .isolation import ABSORBER_NAME, animation_curves, echoes
 from .nearest import nearest_distances
 from .rig import Rig
 from .surface_triangles import triangles_about
-from .visibility import rendered_objects
-
-
-def _rendered_rows(snapshot: Snapshot) -> Indices:
-    """Return the rows of a snapshot that hold rendered surfaces."""
-    rendered = rendered_objects(snapshot.depsgraph.view_layer)
-    shapes, layout = snapshot.shapes, snapshot.layout
-    surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
-    itself = snapshot.of_shapes(
-        [s.original in rendered and not _shown_by_parent(s.original) for s in shapes]
-    )
-    by_instancer = np.array([item in rendered for item in (*layout.instancers, None)])
-    there = np.where(layout.instancer < 0, itself, by_instancer[layout.instancer])
-    return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
-
-
-def _shown_by_parent(item: Any) -> bool:
-    """Whether the parent's vertices or faces have instances of it: it renders only as these."""
-    return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
+from .visibility import rendered_rows
 
 
 def check_surfaces(depsgraph: Any) -> None:
     """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
     snapshot = take_snapshot(depsgraph)
-    check_meshes_finite(snapshot, _rendered_rows(snapshot))
+    check_meshes_finite(snapshot, rendered_rows(snapshot))
 
 
 def scene_extent(
@@ -104,7 +87,7 @@ def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
         Rows of the snapshot, and corners in Blender units.
     """
     snapshot = take_snapshot(depsgraph)
-    rows = _rendered_rows(snapshot)
+    rows = rendered_rows(snapshot)
     if not any_material:
         is_radar = cache(is_radar_material)
         echoing = [_echoes(shape, is_radar) for shape in snapshot.shapes]
@@ -157,23 +140,23 @@ def object_records(
     nearest = _nearest_instances(found, receiver)
     rows = [row for row, _ in nearest]
     rates: dict[int, float] = {}
-    origins_m = (_origin_ranges(snapshot, rows, receiver) * metres_per_unit).tolist()
+    centres_m = (_centre_ranges(snapshot, rows, receiver) * metres_per_unit).tolist()
     if later is not None and interval_s > 0:
         known = [row for row in rows if row in after]
-        then = _origin_ranges(later[0].snapshot, [after[row] for row in known], later[1])
-        before_m = dict(zip(rows, origins_m, strict=True))
+        then = _centre_ranges(later[0].snapshot, [after[row] for row in known], later[1])
+        before_m = dict(zip(rows, centres_m, strict=True))
         rates = {
             row: (then_m - before_m[row]) / interval_s
             for row, then_m in zip(known, (then * metres_per_unit).tolist(), strict=True)
         }
     records = []
     said_by = cache(_said_by_materials)
-    for (row, distance), origin_m in zip(nearest, origins_m, strict=True):
+    for (row, distance), centre_m in zip(nearest, centres_m, strict=True):
         shape = snapshot.shapes[snapshot.layout.shape[row]]
         held_by, said = collections.get(shape.original.name_full, []), said_by(shape.materials)
-        nearest_m, rate_mps = distance * metres_per_unit, rates.get(row)
-        label = snapshot.label(row)
-        records.append(_object_record(label, held_by, nearest_m, origin_m, rate_mps, said))
+        nearest_m = None if any(map(_displaces, shape.materials)) else distance * metres_per_unit
+        label, rate_mps = snapshot.label(row), rates.get(row)
+        records.append(_object_record(label, held_by, nearest_m, centre_m, rate_mps, said))
     return sorted(records, key=lambda record: record.name)
 
 
@@ -184,7 +167,7 @@ def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
     centre, radius = found.spheres(receiver)
     least = np.linalg.norm(centre - receiver, axis=1) - radius
     order = np.argsort(least, kind="stable")
-    label = _label_numbers(found)[order]
+    label = found.labels()[1][order]
     order = order[np.argsort(label, kind="stable")]
     groups = np.split(order, np.flatnonzero(np.diff(np.sort(label))) + 1) if order.size else []
     firsts = (int(found.rows[instances[0]]) for instances in groups)
@@ -201,16 +184,6 @@ def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
         if math.isfinite(best[0]):
             nearest.append((best[1], best[0]))
     return nearest
-
-
-def _label_numbers(found: Boxes) -> Indices:
-    """Return a number for the label of each surface, (n,)."""
-    layout = found.snapshot.layout
-    pairs = layout.shape[found.rows] * (len(layout.instancers) + 1) + layout.instancer[found.rows]
-    _, first, inverse = np.unique(pairs, return_index=True, return_inverse=True)
-    labels = [found.snapshot.label(row) for row in found.rows[first].tolist()]
-    numbers = {label: number for number, label in enumerate(dict.fromkeys(labels))}
-    return np.array([numbers[label] for label in labels], dtype=np.intp)[inverse]
 
 
 class _Said(NamedTuple):
@@ -232,15 +205,15 @@ def _said_by_materials(materials: tuple[Any, ...]) -> _Said:
 def _object_record(
     label: str,
     collections: list[str],
-    nearest_m: float,
-    origin_m: float,
+    nearest_m: float | None,
+    centre_m: float,
     rate_mps: float | None,
     said: _Said,
 ) -> contract.ObjectRecord:
     return contract.ObjectRecord(
         name=label,
         nearest_range_m=nearest_m,
-        origin_range_m=origin_m,
+        centre_range_m=centre_m,
         range_rate_mps=rate_mps,
         materials=said.names,
         collections=collections,
@@ -251,10 +224,27 @@ def _object_record(
     )
 
 
-def _origin_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> Real:
-    """Return the distances of the origins of rows from the receiver, (n,) [Blender units]."""
-    away = snapshot.matrices_of(np.array(rows, dtype=np.intp))[:, :3, 3] - receiver
-    return np.asarray(np.sqrt(away[:, None] @ away[:, :, None])[:, 0, 0])
+def _centre_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> Real:
+    """Return the distances of the centres of boxes from the receiver, (n,) [Blender units]."""
+    corners = snapshot.corners_of(np.array(rows, dtype=np.intp)).reshape(-1, 8, 3)
+    return distances(corners.mean(axis=1), receiver)
+
+
+def displaced_surfaces(depsgraph: Any) -> list[Finding]:
+    """Name the rendered objects whose surface Cycles displaces: their meshes do not show it."""
+    found = rendered_surfaces(depsgraph)
+    shapes = found.snapshot.shapes
+    displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])
+    names = {found.snapshot.label(row) for row in found.rows[displaced[found.rows]].tolist()}
+    return [finding("displaced-by-shader", *sorted(names))] if names else []
+
+
+def _displaces(material: Any) -> bool:
+    """Return whether a material moves the surface itself, not only its normals."""
+    if material is None or material.node_tree is None or material.displacement_method == "BUMP":
+        return False
+    output = material.node_tree.get_output_node("CYCLES")
+    return output is not None and bool(output.inputs["Displacement"].is_linked)
 
 
 def _collections_of_objects() -> dict[str, list[str]]:

@@ -9,49 +9,51 @@ exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...array_types import Indices, Mask, Real
 from ...findings import Finding, finding
 from ...vectors import crosses
 from ..materials import convex_objects
 from ..nodes.materials import has_interior
 from ..state import read_numbers, take_snapshot
+from .surface_triangles import triangles_about
+from .visibility import rendered_rows
 
 #: Maximum number of volumes that Cycles tracks along a ray.
 _MOST_NESTED = 31
-#: Faces with a smaller distance, relative to the scene's size, coincide. A gap of ten times this
-#: distance is sufficient.
-_COINCIDENT = 2e-7
-#: Maximum number of faces of one object in one plane that are compared with another object.
-_MOST_FACES = 4000
+#: Faces with a smaller distance, relative to their largest coordinate, coincide: Cycles computes in
+#: float32. They must overlap by ten times this distance. The finding recommends 50 times.
+_COINCIDENT, _LEAST_OVERLAP, _GAP = 2e-7, 10.0, 50.0
+#: Largest angle between the planes of faces that coincide [rad].
+_PARALLEL_RAD = 1e-3
 #: Time in which Cycles tests an object against one with an interior, and when to say so [s].
 _TEST_S, _LONG_S = 2e-9, 2.0
 #: Maximum number of objects with an interior for the check of nesting.
 _MOST_BOXES = 4000
 #: Pairs of boxes that are compared at once, about.
-_MOST_PAIRS = 1 << 20
+_MOST_PAIRS = 1 << 18
 
 
 @dataclass(frozen=True)
-class Faces:
-    """Faces of one object or instance in world space.
+class _Item:
+    """One object or instance in world space.
 
-    `entered`: it has an interior. Planes normal.x = offset, shapes (n, 3) and (n,). Lowest and
-    highest corner of each face, (n, 3). `defect` as `_mesh_defect` returns it, or "inside out".
+    `entered`: it has an interior. Lowest and highest corner of its box, (3,). `triangles`: those
+    that may coincide with another object, (n, 3, 3). `defect` as `_mesh_defect` returns it.
     """
 
     name: str
     entered: bool
-    normal: Real
-    offset: Real
     low: Real
     high: Real
+    triangles: Real
     defect: str = ""
 
 
@@ -71,8 +73,8 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
     has = cache(has_interior)
-    meshes = [shape.kind == "MESH" and not shape.original.hide_render for shape in shapes]
-    rows = np.flatnonzero(snapshot.of_shapes(meshes))
+    rows = rendered_rows(snapshot)
+    rows = rows[snapshot.of_shapes([shape.kind == "MESH" for shape in shapes])[rows]]
     entered = snapshot.of_shapes([any(map(has, shape.materials)) for shape in shapes])[rows]
     if not entered.any():
         return []
@@ -81,37 +83,43 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     near = _near_an_interior(snapshot.corners_of(rows), entered)
     rows, entered = rows[near], entered[near]
     corners = snapshot.corners_of(rows)
-    reach = float(np.abs(corners).max())
-    pairs = _overlapping(corners.min(axis=1), corners.max(axis=1), _COINCIDENT * reach)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = _COINCIDENT * float(np.abs(corners).max())
+    pairs = np.concatenate([*_overlapping(low - margin, high + margin)])
+    pairs = pairs[entered[pairs].any(axis=1)]
     alone = np.ones(len(rows), dtype=bool)
-    alone[pairs[entered[pairs].any(axis=1)]] = False
+    alone[pairs] = False
     # What is convex and touches nothing is known to be sound.
     convex = convex_objects(depsgraph)
     sound = snapshot.of_shapes([shape.own and shape.original in convex for shape in shapes])[rows]
-    read: dict[int, _Shape | None] = {}
+    shared_low, shared_high = _shared_boxes(low - margin, high + margin, pairs)
+    defects: dict[int, str] = {}
     found, names = [], []
-    for row, inside, known in zip(
-        rows.tolist(), entered.tolist(), (alone & sound).tolist(), strict=True
-    ):
+    for index in range(len(rows)):
+        row, inside = int(rows[index]), bool(entered[index])
         number = int(layout.shape[row])
         name = shapes[number].original.name_full + (
             " (instance)" if layout.instancer[row] >= 0 else ""
         )
-        if not known:
-            if number not in read:
-                with snapshot.mesh(shapes[number]) as mesh:
-                    read[number] = None if mesh is None else _shape(mesh, inside)
-            shape = read[number]
-            faces = None if shape is None else _faces(shape, snapshot.matrix(row), name, inside)
-            if faces is None:
-                continue
-            found.append(faces)
         if inside:
             names.append(name)
+        if (alone[index] and sound[index]) or not snapshot.face_count(shapes[number]):
+            continue
+        if np.linalg.det(snapshot.matrix(row)[:3, :3]) == 0:  # flattened
+            continue
+        if inside and number not in defects:
+            with snapshot.mesh(shapes[number]) as mesh:
+                defects[number] = _mesh_defect(mesh)
+        triangles = np.empty((0, 3, 3))
+        if not alone[index]:
+            (triangles,) = triangles_about(snapshot, [row], np.zeros(3))
+            inner, outer = triangles.min(axis=1), triangles.max(axis=1)
+            meets = (inner <= shared_high[index]) & (outer >= shared_low[index])
+            triangles = triangles[meets.all(axis=1)]
+        defect = defects[number] if inside else ""
+        found.append(_Item(name, inside, low[index], high[index], triangles, defect))
     slow = _slow_for_cycles(names, count)
-    if not found:
-        return slow
-    return [*_defects(found), *_coincident_faces(found, reach), *_nested_too_deep(found), *slow]
+    return [*_defects(found), *_coincident_faces(found), *_nested_too_deep(found), *slow]
 
 
 def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
@@ -133,53 +141,31 @@ def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
     return np.flatnonzero(near)
 
 
-class _Shape(NamedTuple):
-    """A mesh in its own axes: vertices of all corners, first corner and normal of each face."""
+def _shared_boxes(low: Real, high: Real, pairs: Indices) -> tuple[Real, Real]:
+    """For each box (n, 3), return the box around all that it has in common with its partners."""
+    first, second = np.concatenate([pairs, pairs[:, ::-1]]).T
+    lowest, highest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
+    np.minimum.at(lowest, first, np.maximum(low[first], low[second]))
+    np.maximum.at(highest, first, np.minimum(high[first], high[second]))
+    return lowest, highest
 
-    at_corner: Real
-    start: Indices
-    normal: Real
-    defect: str
 
-
-def _shape(mesh: Any, entered: bool) -> _Shape | None:
-    """Return a mesh as numbers; its defect is looked for where waves enter. None without faces."""
-    corners = len(mesh.loops)
-    if not len(mesh.polygons):
-        return None
+def _mesh_defect(mesh: Any) -> str:
+    """Return why a mesh does not enclose a volume: "open", "flipped", "inside out"; "": it does."""
     points = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
     start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
     corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
     normal = read_numbers(mesh.polygons, "normal", 3).astype(np.float64)
-    at_corner = points[corner]
-    defect = ""
-    if entered:
-        following = corner.copy()
-        following[:-1] = corner[1:]
-        following[np.append(start[1:], corners) - 1] = corner[start]
-        flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
-        defect = _mesh_defect(corner, following, flat)
-        if not defect and not flat:
-            defect = _inside_out(at_corner, start)
-    return _Shape(at_corner, start, normal, defect)
+    following = corner.copy()
+    following[:-1] = corner[1:]
+    following[np.append(start[1:], len(corner)) - 1] = corner[start]
+    flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
+    defect = _edge_defect(corner, following, flat)
+    return defect if defect or flat else _inside_out(points[corner], start)
 
 
-def _faces(shape: _Shape, matrix: Real, name: str, entered: bool) -> Faces | None:
-    """Return the faces of an object or instance in world space; None where it is flattened."""
-    linear = matrix[:3, :3]
-    if np.linalg.det(linear) == 0:
-        return None
-    at_corner = shape.at_corner @ linear.T + matrix[:3, 3]
-    normal = shape.normal @ np.linalg.inv(linear)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    low = np.minimum.reduceat(at_corner, shape.start, axis=0)
-    high = np.maximum.reduceat(at_corner, shape.start, axis=0)
-    offset = np.einsum("ij,ij->i", normal, at_corner[shape.start])
-    return Faces(name, entered, normal, offset, low, high, shape.defect)
-
-
-def _mesh_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
-    """Return why a mesh does not enclose a volume: "open", "flipped" or "" if it does.
+def _edge_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
+    """Return "open" or "flipped" if the edges of a mesh do not enclose a volume, else "".
 
     Edges run from `corner` to `following` in the direction of each face. A mesh in one plane,
     `flat`, bounds a half-space and need not be closed.
@@ -221,7 +207,7 @@ def _slow_for_cycles(entered: list[str], total: int) -> list[Finding]:
     return [finding("many-interiors", *dict.fromkeys(entered), **numbers)]
 
 
-def _defects(found: list[Faces]) -> list[Finding]:
+def _defects(found: list[_Item]) -> list[Finding]:
     names = {
         defect: [item.name for item in found if item.defect == defect]
         for defect in ("open", "flipped", "inside out")
@@ -236,99 +222,101 @@ def _defects(found: list[Faces]) -> list[Finding]:
     return findings
 
 
-def _coincident_faces(found: list[Faces], reach: float) -> list[Finding]:
-    """Find pairs of objects, one with an interior, that have a part of a plane in common.
+def _coincident_faces(found: list[_Item]) -> list[Finding]:
+    """Find pairs of objects, one with an interior, whose faces overlap in one plane."""
+    some = [item for item in found if len(item.triangles)]
+    if not some:
+        return []
+    triangles = np.concatenate([item.triangles for item in some])
+    owner = np.repeat(np.arange(len(some)), [len(item.triangles) for item in some])
+    entered = np.array([item.entered for item in some])
+    tolerance = _COINCIDENT * np.abs(triangles).max(axis=(1, 2))
+    margin = tolerance[:, None]
+    known: set[int] = set()
+    low, high = triangles.min(axis=1) - margin, triangles.max(axis=1) + margin
+    for both in _overlapping(low, high):
+        owners = np.sort(owner[both], axis=1)
+        code = owners[:, 0] * len(some) + owners[:, 1]
+        new = (owners[:, 0] != owners[:, 1]) & entered[owners].any(axis=1)
+        new &= ~np.isin(code, list(known))
+        both = both[new]
+        here = _coincide(triangles[both], tolerance[both].max(axis=1))
+        known.update(code[new][here].tolist())
+    if not known:
+        return []
+    pairs = [tuple(some[n] for n in divmod(one, len(some))) for one in known]
+    named = sorted(" and ".join(sorted(item.name for item in pair)) for pair in pairs)
+    reach = max(float(np.abs([item.low, item.high]).max()) for pair in pairs for item in pair)
+    return [finding("coincident-faces", *named, least_gap=_GAP * _COINCIDENT * reach)]
 
-    `reach`: the largest coordinate of the scene.
+
+def _coincide(pairs: Real, tolerance: Real) -> Mask:
+    """Return which pairs of triangles (n, 2, 3, 3) lie in one plane and overlap with an area."""
+    edges = np.roll(pairs, -1, axis=2) - pairs
+    normals = np.cross(edges[:, :, 0], edges[:, :, 1])
+    areas = np.linalg.norm(normals, axis=-1)
+    normals /= np.maximum(areas, np.finfo(np.float64).tiny)[..., None]
+    # The plane of the larger triangle is the better known one.
+    number, larger = np.arange(len(pairs)), areas.argmax(axis=1)
+    normal, place = normals[number, larger], pairs[number, larger, 0]
+    heights = np.einsum("nci,ni->nc", pairs[number, 1 - larger] - place[:, None], normal)
+    tilt = np.linalg.norm(np.cross(normals[:, 0], normals[:, 1]), axis=-1)
+    found = (np.abs(heights).max(axis=1) <= tolerance) & (tilt <= _PARALLEL_RAD)
+    found &= areas.all(axis=1)
+    some = np.flatnonzero(found)
+    # Two triangles overlap if their projections on the normals of all six edges do.
+    across = np.cross(edges[some], normals[some, :, None]).reshape(-1, 6, 3)
+    across /= np.linalg.norm(across, axis=-1, keepdims=True)
+    along = np.einsum("nkci,nai->nkac", pairs[some], across)
+    low, high = along.min(axis=-1), along.max(axis=-1)
+    shared = np.minimum(high[:, 0], high[:, 1]) - np.maximum(low[:, 0], low[:, 1])
+    found[some] = shared.min(axis=1) > _LEAST_OVERLAP * tolerance[some]
+    return np.asarray(found)
+
+
+def _overlapping(low: Real, high: Real) -> Iterator[Indices]:
+    """Yield the pairs of boxes (n, 3) that overlap, (k, 2), after a sweep along the longest axis.
+
+    The sweep is made in strips along the second axis. A box is in all strips that it touches. A
+    pair counts in the first strip that contains both.
     """
-    tolerance = _COINCIDENT * max(reach, 1e-30)
-    normal = np.concatenate([item.normal for item in found])
-    offset = np.concatenate([item.offset for item in found])
-    owner = np.repeat(np.arange(len(found)), [len(item.offset) for item in found])
-    sign = np.where(normal[np.arange(len(normal)), np.abs(normal).argmax(axis=1)] < 0, -1.0, 1.0)
-    normal, offset = normal * sign[:, None], offset * sign
-    entered = np.array([item.entered for item in found])
-    boxes = np.concatenate([np.stack([item.low, item.high], axis=1) for item in found])
-    pairs: set[tuple[int, int]] = set()
-    # Two grids, offset by half a step: values near an edge of one are inside a step of the other.
-    for shift in (0.0, 0.5):
-        key = np.column_stack(
-            [np.round(normal * 1e4), np.floor(offset / (20 * tolerance) + shift)]
-        ).astype(np.int64)
-        order = np.lexsort(key.T)
-        edges = np.flatnonzero(np.any(np.diff(key[order], axis=0) != 0, axis=1)) + 1
-        begin, end = np.append(0, edges), np.append(edges, len(order))
-        owners = owner[order]
-        # Only planes with two owners can coincide.
-        least = np.minimum.reduceat(owners, begin)
-        most = np.maximum.reduceat(owners, begin)
-        for group in np.flatnonzero(least != most):
-            members = order[begin[group] : end[group]]
-            _pairs_in_plane(members, owner, offset, boxes, entered, tolerance, pairs)
-    named = sorted(" and ".join(sorted((found[a].name, found[b].name))) for a, b in pairs if a != b)
-    return [finding("coincident-faces", *named, least_gap=50 * tolerance)] if named else []
-
-
-def _pairs_in_plane(
-    members: Indices,
-    owner: Indices,
-    offset: Real,
-    boxes: Real,
-    entered: NDArray[np.bool_],
-    tolerance: float,
-    pairs: set[tuple[int, int]],
-) -> None:
-    """Add pairs of owners whose faces in one plane overlap; boxes of faces are (n, 2, 3)."""
-    members = members[np.argsort(owner[members], kind="stable")]
-    owners, start = np.unique(owner[members], return_index=True)
-    low = np.minimum.reduceat(boxes[members, 0], start)
-    high = np.maximum.reduceat(boxes[members, 1], start)
-    faces = np.split(members, start[1:])
-    for i, j in _overlapping(low, high, tolerance).tolist():
-        a, b = sorted((int(owners[i]), int(owners[j])))
-        if not (entered[a] or entered[b]) or (a, b) in pairs:
-            continue
-        mine, others = faces[i][:_MOST_FACES], faces[j][:_MOST_FACES]
-        if len(mine) * len(others) > _MOST_FACES * 100:
-            others = others[:: len(mine) * len(others) // (_MOST_FACES * 100) + 1]
-        shared = np.minimum(boxes[mine, 1][:, None], boxes[others, 1][None])
-        shared -= np.maximum(boxes[mine, 0][:, None], boxes[others, 0][None])
-        # Overlap along at least two directions: faces that touch at an edge do not coincide.
-        wide = (shared > 100 * tolerance).sum(axis=-1) >= 2
-        apart = np.any(shared < -tolerance, axis=-1)
-        near = np.abs(offset[mine][:, None] - offset[others][None]) <= tolerance
-        if np.any(wide & ~apart & near):
-            pairs.add((a, b))
-
-
-def _overlapping(low: Real, high: Real, tolerance: float) -> Indices:
-    """Return the pairs of boxes (n, 3) that overlap, (k, 2): a sweep along the longest axis."""
-    axis = int(np.ptp(low, axis=0).argmax())
-    order = np.argsort(low[:, axis])
-    low, high = low[order], high[order]
-    place = np.arange(len(order))
-    end = np.searchsorted(low[:, axis], high[:, axis] + tolerance, side="right")
-    ahead = np.maximum(end - place - 1, 0)
+    yield np.empty((0, 2), dtype=np.intp)
+    if len(low) < 2:
+        return
+    side, axis = np.ptp(low, axis=0).argsort(kind="stable")[-2:]
+    lowest, highest = low.min(axis=0), high.max(axis=0)
+    width = 2 * float((high - low)[:, side].mean())
+    width = max(width, float(highest[side] - lowest[side]) / len(low), np.finfo(np.float64).tiny)
+    first = ((low[:, side] - lowest[side]) / width).astype(np.intp)
+    counts = ((high[:, side] - lowest[side]) / width).astype(np.intp) - first + 1
+    box = np.repeat(np.arange(len(low)), counts)
+    strip = first[box] + np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
+    length = 2 * float(highest[axis] - lowest[axis]) or 1.0
+    begin = strip * length + (low[box, axis] - lowest[axis])
+    order = begin.argsort(kind="stable")
+    box, strip, begin = box[order], strip[order], begin[order]
+    end = strip * length + (high[box, axis] - lowest[axis])
+    place = np.arange(len(box))
+    ahead = np.maximum(np.searchsorted(begin, end, side="right") - place - 1, 0)
     before = np.cumsum(ahead)
-    found = [np.empty((0, 2), dtype=np.intp)]
-    parts = np.searchsorted(before, np.arange(0, int(before[-1:].sum()), _MOST_PAIRS))
-    for start, stop in itertools.pairwise([*parts.tolist(), len(order)]):
-        counts = ahead[start:stop]
-        first = np.repeat(place[start:stop], counts)
-        second = first + 1 + np.arange(len(first)) - np.repeat(np.cumsum(counts) - counts, counts)
-        meets = np.all(low[second] <= high[first] + tolerance, axis=1)
-        meets &= np.all(high[second] >= low[first] - tolerance, axis=1)
-        found.append(order[np.stack([first[meets], second[meets]], axis=1)])
-    return np.concatenate(found)
+    parts = np.searchsorted(before, np.arange(0, int(before[-1]), _MOST_PAIRS))
+    for start, stop in itertools.pairwise([*parts.tolist(), len(box)]):
+        own = ahead[start:stop]
+        one = np.repeat(place[start:stop], own)
+        other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(own) - own, own)
+        pair = np.stack([box[one], box[other]], axis=1)
+        meets = strip[one] == first[pair].max(axis=1)
+        meets &= np.all(low[pair[:, 1]] <= high[pair[:, 0]], axis=1)
+        meets &= np.all(high[pair[:, 1]] >= low[pair[:, 0]], axis=1)
+        yield pair[meets]
 
 
-def _nested_too_deep(found: list[Faces]) -> list[Finding]:
+def _nested_too_deep(found: list[_Item]) -> list[Finding]:
     """Find where the boxes of more than 31 objects with an interior share a point."""
     boxes = [item for item in found if item.entered]
     if not _MOST_NESTED < len(boxes) <= _MOST_BOXES:
         return []
-    low = np.array([item.low.min(axis=0) for item in boxes])
-    high = np.array([item.high.max(axis=0) for item in boxes])
+    low, high = (np.array([getattr(item, end) for item in boxes]) for end in ("low", "high"))
     # A deepest common point is at a corner of lower sides; centres find all kinds of nesting.
     for points in (low, (low + high) / 2):
         inside = [int(np.all((low <= p) & (p <= high), axis=1).sum()) for p in points]

@@ -13,9 +13,20 @@ from collections.abc import Iterator
 from typing import Any
 
 import bpy
+import numpy as np
 
-from ..state import SettingsRestorer
+from ...array_types import Indices
+from ...findings import Finding, finding
+from ..materials import SURFACE_TYPES
+from ..state import SettingsRestorer, Snapshot, take_snapshot
 from .isolation import action_curves, animation_curves
+
+#: Settings of modifiers for the viewport, each with that for renders.
+_RENDER_SETTINGS = (
+    ("levels", "render_levels"),
+    ("steps", "render_steps"),
+    ("viewport_resolution", "resolution"),
+)
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
@@ -76,6 +87,58 @@ def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
     show_what_renders(recorder, view_layer)
 
 
+def rendered_rows(snapshot: Snapshot) -> Indices:
+    """Return the rows of a snapshot that hold rendered surfaces."""
+    rendered = rendered_objects(snapshot.depsgraph.view_layer)
+    shapes, layout = snapshot.shapes, snapshot.layout
+    surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
+    itself = snapshot.of_shapes(
+        [s.original in rendered and not _shown_by_parent(s.original) for s in shapes]
+    )
+    by_instancer = np.array([item in rendered for item in (*layout.instancers, None)])
+    there = np.where(layout.instancer < 0, itself, by_instancer[layout.instancer])
+    return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
+
+
+def _shown_by_parent(item: Any) -> bool:
+    """Whether the parent's vertices or faces have instances of it: it renders only as these."""
+    return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
+
+
+def limited_visibility(depsgraph: Any) -> list[Finding]:
+    """Name the rendered objects that some kinds of rays do not meet.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+
+    Returns
+    -------
+    list of Finding
+        Objects without a direct echo, and those that waves pass through.
+    """
+    snapshot, layer = take_snapshot(depsgraph), depsgraph.view_layer
+    rows, layout = rendered_rows(snapshot), snapshot.layout
+    items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
+    # Instances also follow the settings of what makes them.
+    items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
+    unseen, passed = set(), set()
+    for item in items:
+        if (
+            not item.visible_camera
+            or item.is_holdout
+            or item.is_shadow_catcher
+            or item.holdout_get(view_layer=layer)
+            or item.indirect_only_get(view_layer=layer)
+        ):
+            unseen.add(item.name_full)
+        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy):
+            passed.add(item.name_full)
+    kinds = {"hidden-from-receiver": unseen, "rays-pass-through": passed}
+    return [finding(code, *sorted(names)) for code, names in kinds.items() if names]
+
+
 def is_hidden_at_times(item: Any) -> bool:
     """Return whether animation decides if an object renders.
 
@@ -107,7 +170,7 @@ def hiding_is_animated() -> bool:
 
 
 def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
-    """Give modifiers, particles, curves and metaballs of the viewport their settings for renders.
+    """Give what the viewport evaluates its settings for renders: modifiers, node groups, curves...
 
     Parameters
     ----------
@@ -115,12 +178,19 @@ def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
         Restores the former settings.
     scene : bpy.types.Scene
     """
-    recorder.set(scene.render, "simplify_subdivision", scene.render.simplify_subdivision_render)
+    render = scene.render
+    recorder.set(render, "simplify_subdivision", render.simplify_subdivision_render)
+    recorder.set(render, "simplify_child_particles", render.simplify_child_particles_render)
     for item in bpy.data.objects:
+        recorder.set(item, "show_instancer_for_viewport", item.show_instancer_for_render)
         for modifier in item.modifiers:
             recorder.set(modifier, "show_viewport", modifier.show_render)
-            if hasattr(modifier, "render_levels"):
-                recorder.set(modifier, "levels", modifier.render_levels)
+            for own, of_renders in _RENDER_SETTINGS:
+                if hasattr(modifier, own) and hasattr(modifier, of_renders):
+                    recorder.set(modifier, own, getattr(modifier, of_renders))
+    for tree in bpy.data.node_groups:
+        for node in [one for one in tree.nodes if one.bl_idname == "GeometryNodeIsViewport"]:
+            _replace_by_false(recorder, tree, node)
     for particles in bpy.data.particles:
         recorder.set(particles, "display_percentage", 100)
         recorder.set(particles, "child_percent", particles.rendered_child_count)
@@ -131,6 +201,21 @@ def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
             recorder.set(curve, name, getattr(curve, f"render_{name}") or getattr(curve, name))
     for ball in bpy.data.metaballs:
         recorder.set(ball, "resolution", ball.render_resolution)
+
+
+def _replace_by_false(recorder: SettingsRestorer, tree: Any, node: Any) -> None:
+    """Connect the constant False in the place of a Boolean node."""
+    targets = [link.to_socket for link in node.outputs[0].links]
+    constant = tree.nodes.new("FunctionNodeInputBool")
+    for target in targets:
+        tree.links.new(constant.outputs[0], target)
+
+    def undo() -> None:
+        for target in targets:
+            tree.links.new(node.outputs[0], target)
+        tree.nodes.remove(constant)
+
+    recorder.on_restore(tree.name, undo)
 
 
 def _present_collections(layer: Any) -> Iterator[Any]:

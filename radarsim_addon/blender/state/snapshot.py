@@ -214,10 +214,15 @@ class Snapshot:
         return np.array(values, dtype=dtype)[self.layout.shape]
 
     def label(self, row: int) -> str:
-        """Return the name of the object, with its instancer: ``instancer/object``."""
+        """Return the name of the object, with its instancer: ``instancer/object``.
+
+        An object is its own instancer where Blender draws the faces of a text, curve or metaball,
+        and what Geometry Nodes instance within it.
+        """
         name: str = self.shapes[self.layout.shape[row]].original.name_full
         index = int(self.layout.instancer[row])
-        return name if index < 0 else f"{self.layout.instancers[index].name_full}/{name}"
+        instancer = name if index < 0 else self.layout.instancers[index].name_full
+        return name if instancer == name else f"{instancer}/{name}"
 
     def mesh(self, shape: Shape) -> contextlib.AbstractContextManager[Any]:
         """Provide the evaluated mesh of a shape during a context; None without a surface."""

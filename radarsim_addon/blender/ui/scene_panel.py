@@ -157,12 +157,12 @@ class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
         elif not record.surfaces:
             layout.label(text="No object has a surface", icon="ERROR")
         else:
-            ready = record.echoing == record.surfaces
-            text = tr(
-                "{count} of {total} objects have radar materials",
-                count=record.echoing, total=record.surfaces,
-            )  # fmt: skip
-            icon = "CHECKMARK" if ready else "INFO"
+            counts = {"count": record.measured, "total": record.surfaces}
+            icon = "CHECKMARK" if record.assigned == record.surfaces else "INFO"
+            text = tr("{count} of {total} objects are measured", **counts)
+            layout.label(text=text, icon=icon, translate=False)
+            counts = {"count": record.assigned, "total": record.measured}
+            text = tr("{count} of these {total} have a Radar Material", **counts)
             layout.label(text=text, icon=icon, translate=False)
         draw_rows(layout, known_findings(context, measurement, record), measurement)
         layout.operator("radarsim.check_scene", icon="VIEWZOOM")

@@ -5,16 +5,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
 
-from ...array_types import Real
+from ...array_types import Mask, Real
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
-from ..materials import media_beyond_their_band
+from ..materials import has_no_faces, media_beyond_their_band
+from ..nodes import is_radar_material
 from ..plan import (
     Extent,
     Measurement,
@@ -32,6 +34,7 @@ from ..rig_settings import (
     settings,
 )
 from ..scene import (
+    Boxes,
     PixelSpans,
     Rig,
     active_radar,
@@ -41,6 +44,7 @@ from ..scene import (
     frame_edges,
     keyed_speeds,
     keyed_step,
+    limited_visibility,
     measure_pixel_spans,
     scene_extent,
 )
@@ -63,21 +67,27 @@ class SceneRecord:
     moving
         Place and velocity of these objects, by name, each (2, 3) [m, m/s].
     surfaces
-        Number of objects and instances with a surface that renders.
-    echoing
-        How many of them have radar materials.
+        Number of objects with a surface that renders; all instances of an object are one.
+    measured
+        How many of them can return a direct echo.
+    assigned
+        How many of the measured ones have a Radar Material.
+    bare
+        Names of the objects without a Radar Material; empty where these are measured, too.
+    visibility
+        Findings about objects that some kinds of rays do not meet.
     pixels
         What pixels span of the flat surfaces in view; None without a perspective.
-    bare
-        Names of those objects that have none; only where these do not echo.
     """
 
     extent: Extent
     speeds_mps: Mapping[str, float]
     moving: Mapping[str, Real]
     surfaces: int
-    echoing: int
+    measured: int
+    assigned: int
     bare: tuple[str, ...]
+    visibility: tuple[Finding, ...]
     pixels: PixelSpans | None = None
 
 
@@ -165,20 +175,41 @@ def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
     boxes = echoing_boxes(depsgraph, any_material=any_material)
     speeds = keyed_speeds(boxes, (rig.camera, rig.emitter), frame, fps, span_s)
     surfaces = boxes if any_material else echoing_boxes(depsgraph, any_material=True)
-    echoing = echoing_boxes(depsgraph, any_material=False) if any_material else boxes
-    without = np.setdiff1d(surfaces.rows, echoing.rows)
-    names = (
-        {surfaces.snapshot.label(row) for row in without.tolist()} if not any_material else set()
-    )
+    visibility = limited_visibility(depsgraph)
+    names, assigned, unseen = _assigned(surfaces, visibility)
+    measured = {name for name in names if any_material or name in assigned} - unseen
     return SceneRecord(
         extent,
         {name: scale * speed for name, speed in speeds.items()},
         _moving(scene, speeds, frame, fps, scale),
-        len(surfaces.rows),
-        len(echoing.rows),
-        tuple(sorted(names)),
+        len(names),
+        len(measured),
+        len(measured & assigned),
+        () if any_material else tuple(sorted(names - assigned)),
+        tuple(visibility),
         _pixel_spans(radar, rig, boxes, scale),
     )
+
+
+def _assigned(
+    surfaces: Boxes, visibility: Iterable[Finding]
+) -> tuple[set[str], set[str], set[str]]:
+    """Return the names of the objects with a surface, of those that have a Radar Material, and of
+    those without a direct echo.
+    """
+    is_radar, shapes = cache(is_radar_material), surfaces.snapshot.shapes
+    has = surfaces.snapshot.of_shapes([any(map(is_radar, one.materials)) for one in shapes])
+    solid = surfaces.snapshot.of_shapes([not has_no_faces(one.original) for one in shapes])
+    names, number = surfaces.labels()
+
+    def some(kept: Mask) -> set[str]:
+        return {names[n] for n in np.unique(number[kept[surfaces.rows]]).tolist()}
+
+    hidden = {
+        name for one in visibility if one.code == "hidden-from-receiver" for name in one.subjects
+    }
+    unseen = {name for name in names if hidden.intersection((name, *name.split("/")))}
+    return some(solid), some(solid & has), unseen
 
 
 def _pixel_spans(radar: Any, rig: Rig, boxes: Any, metres: float) -> PixelSpans | None:
@@ -237,6 +268,7 @@ def quick_findings(
     found += media_beyond_their_band(carrier_hz(scene), view.beyond_band)
     if record is not None and record.bare:
         found.append(finding("no-radar-material", *record.bare))
+    found += [] if record is None else record.visibility
     return merge(found)
 
 

@@ -131,7 +131,7 @@ def test_a_redraw_takes_no_step_for_an_object(
         finally:
             sys.setprofile(None)
         assert len(integrals) == before
-        assert f"{boxes + 2} of {boxes + 2} objects have radar materials" in layout.texts
+        assert f"{boxes + 2} of {boxes + 2} objects are measured" in layout.texts
         steps.append(calls)
     assert bool(integrals) == (preset != "paper")  # whose antennas are isotropic
     assert steps[1] - steps[0] < 500  # of 5600: other texts, no step for an object

@@ -225,7 +225,7 @@ def test_without_radar_materials_the_row_says_so(scene: Any) -> None:
     radarsim.add_radar(range_encoding="materials")
     rs.add_plate(10.0)
     rs.add_plate(20.0, preset=None).name = "Bare"
-    assert "1 of 2 objects have radar materials" in recording.drawn(RADARSIM_PT_scene).texts
+    assert "1 of 2 objects are measured" in recording.drawn(RADARSIM_PT_scene).texts
     found = listed()
     assert "Bare" in found["no-radar-material"].values["message"]
     assert found["Assign by Name..."].operator == "radarsim.suggest_materials"
