@@ -79,7 +79,14 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         from .signal.pipeline import main as process_main
     command = None
     if "bpy" in sys.modules:  # the program, with a file open: its workers are such programs
+        from .blender.headless.session import check_workers
+
         bpy: Any = sys.modules["bpy"]
+        try:
+            check_workers(opened_here=not bpy.data.filepath)
+        except RadarSimError as error:
+            print(error_line(error), file=sys.stderr)
+            return error.exit_code
         words = [bpy.data.filepath, *words]
         own = sys.argv if "--" in sys.argv else [*sys.argv, "--"]
         command = [bpy.app.binary_path, *own[1:], "--frame-worker"]

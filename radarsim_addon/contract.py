@@ -333,7 +333,7 @@ class GroundTruthRecord:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Plan of a run. ``fingerprint`` tells whether a stopped run may be continued.
+    """Plan of a run. Runs with the same ``fingerprint`` are parts of one run.
 
     waveform and burst hold the fields of the waveform, see signal.waveform_files, and of Burst. An
     LFM pulse carries no "kind". link_budget null: the emitter's EIRP goes in all directions, the
@@ -368,5 +368,6 @@ class RunRecord:
     range_start_m: float = 0.0
     range_stop_m: float = 0.0
     weather: dict[str, Any] = field(default_factory=dict)
+    scene: str = ""
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION

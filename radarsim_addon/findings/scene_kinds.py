@@ -30,6 +30,20 @@ SCENE = {
         "the variable frame in drivers and scene.frame_current_final in scripts, or measure by "
         "paths with one render per burst.",
     ),
+    "linked-file-missing": Kind(
+        "caution",
+        "Files that the scene uses are missing: {subjects}.",
+        "Blender renders without them: a missing image is magenta, and objects of a missing "
+        "library or cache are empty or have no motion.",
+        "Choose File > External Data > Find Missing Files, or remove what uses them.",
+    ),
+    "scene-of-scripts": Kind(
+        "info",
+        "Scripts may have changed the scene since its file was opened: {subjects}.",
+        "radarsim cannot know whether an earlier run is of the same scene, so it measures all "
+        "frames, and this run cannot be resumed.",
+        "To resume runs, save the changed scene and give the file to radarsim render.",
+    ),
     "camera-markers": Kind(
         "info",
         "Markers bind other cameras to frames of the timeline: {subjects}.",

@@ -41,13 +41,20 @@ class PathRun:
 
 
 def job_for(
-    folder: Path, *, overwrite: bool = False, options: dict[str, Any] | None = None, **changes: Any
+    folder: Path,
+    *,
+    overwrite: bool = False,
+    identity: str = "",
+    options: dict[str, Any] | None = None,
+    **changes: Any,
 ) -> PathJob:
-    """A job over the current scene."""
+    """A job over the current scene, which resumes a run of the same `identity`."""
     scene = bpy.context.scene
     path_options = PathOptions(**{"replicates": 1, **(options or {})})
     measured = rs.measurement(**changes)
-    return PathJob(scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite)
+    job = PathJob(scene, scene.view_layers[0], measured, folder, path_options, overwrite=overwrite)
+    job.identity = identity
+    return job
 
 
 def run_paths(folder: Path, *, limit: int | None = None, **changes: Any) -> PathRun:

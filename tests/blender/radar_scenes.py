@@ -98,10 +98,12 @@ def measurement(**changes: Any) -> Measurement:
     return Measurement(**numbers)
 
 
-def job_for(folder: Path, overwrite: bool = False, **changes: Any) -> RingJob:
-    """A job over the current scene."""
-    scene = bpy.context.scene
-    return RingJob(scene, scene.view_layers[0], measurement(**changes), folder, overwrite=overwrite)
+def job_for(folder: Path, overwrite: bool = False, identity: str = "", **changes: Any) -> RingJob:
+    """A job over the current scene, which resumes a run of the same `identity`."""
+    scene, asked = bpy.context.scene, measurement(**changes)
+    job = RingJob(scene, scene.view_layers[0], asked, folder, overwrite=overwrite)
+    job.identity = identity
+    return job
 
 
 def run(folder: Path, overwrite: bool = False, limit: int | None = None, **changes: Any) -> RingJob:

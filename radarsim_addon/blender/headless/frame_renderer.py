@@ -11,7 +11,7 @@ from typing import Any
 from ...findings import finding_lines, to_json
 from ..run import FramesHeldError
 from .console import quiet_blender
-from .session import limit_threads, open_job
+from .session import check_workers, limit_threads, open_job
 
 #: Time after which a frame of another process is looked at again [s].
 _PAUSE_S = 0.2
@@ -33,7 +33,9 @@ class FrameRenderer:
         with quiet_blender():
             self._job = open_job(arguments)
             limit_threads()
+            check_workers(opened_here=arguments.blend is not None)
             self._job.joins, self._job.own_frames = joins, ()
+            self._job.overwrite &= not joins  # who has planned the run has removed the earlier one
             self._job.prepare()
 
     def about(self) -> dict[str, Any]:

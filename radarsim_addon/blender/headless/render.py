@@ -19,7 +19,7 @@ from ...signal.runs import frame_findings, open_run
 from ...terminal_text import error_line
 from ..run import MeasurementJob
 from .console import quiet_blender
-from .session import leave_blender, limit_threads, open_job
+from .session import check_workers, leave_blender, limit_threads, open_job
 
 
 class _StopRequest:
@@ -73,6 +73,7 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
         job, share = open_job(arguments), share_of(arguments)
         job.own_frames = () if arguments.plan_only else share.part(job.frames)
         if share.shard is not None:
+            check_workers(opened_here=arguments.blend is not None)
             job.joins = True
             limit_threads()
         job.prepare()

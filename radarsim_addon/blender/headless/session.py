@@ -16,6 +16,7 @@ import bpy
 
 from ...contract import RUN_FILE
 from ...errors import ConfigError, RadarSimError, SceneError
+from ...findings import finding
 from ...processes import keep_freed_memory, own_folder, remove_abandoned_folders
 from ...textfile import refusal_to_open
 from ..materials import set_mirrors
@@ -23,7 +24,7 @@ from ..plan import given_settings
 from ..rig_settings import RADAR_PROPERTY, output_folder, register
 from ..run import MeasurementJob
 from ..run.devices import Device, choose_device
-from ..scene import active_radar, radars
+from ..scene import active_radar, file_identity, foreign_handlers, radars
 from ..views import ViewCamera
 from .early_camera import add_early_camera, before_sorting
 from .jobs import make_job, sampling_mode
@@ -89,9 +90,45 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
         given=given_settings(arguments),
         link_budget_file=arguments.link_budget,
     )
-    job.file_just_opened = arguments.blend is not None
+    by_scripts = changed_by_scripts(opened_here=arguments.blend is not None)
+    if by_scripts:
+        job.early_findings.append(finding("scene-of-scripts", *by_scripts))
+    else:
+        job.identity = f"{file_identity()} {arguments.mirrors!r} {arguments.no_mirrors!r}"
     job.view_camera = cameras[-1]
     return job
+
+
+def changed_by_scripts(opened_here: bool) -> list[str]:
+    """Return what may have changed the open file since it was opened; empty if nothing has.
+
+    Parameters
+    ----------
+    opened_here
+        Whether radarsim has opened the file, with its scripts disabled. Else the Blender program
+        has: then the words of its command line count.
+    """
+    found = foreign_handlers()
+    if not opened_here:
+        own = sys.argv[1 : sys.argv.index("--")] if "--" in sys.argv else sys.argv[1:]
+        known = ("-b", "--background", "-noaudio", "--factory-startup", bpy.data.filepath)
+        words = [word for word in own if os.path.abspath(word) not in known and word not in known]
+        if words[:1] not in (["-P"], ["--python"]) or len(words) != 2 or not bpy.data.filepath:
+            found.append(" ".join(["blender", *own]))
+        if bpy.context.preferences.filepaths.use_scripts_auto_execute:
+            found.append("Auto Run Python Scripts")
+    return found
+
+
+def check_workers(opened_here: bool) -> None:
+    """See that all workers of a run measure the same scene, that of the file; ConfigError if not."""
+    changed = changed_by_scripts(opened_here)
+    if changed:
+        raise ConfigError(
+            f"Scripts may have changed the open scene ({', '.join(changed)}), so radarsim cannot "
+            "know whether all workers and parts measure the same one. Save the changed scene, and "
+            "give that file to radarsim render."
+        )
 
 
 def limit_threads() -> None:
@@ -112,6 +149,7 @@ def _open_file(path: Path) -> None:
     refusal = refusal_to_open(path)
     if refusal:
         raise ConfigError(f"{path} {refusal}. {remedy}")
+    before = _version(path)
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path.absolute()), load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -120,6 +158,13 @@ def _open_file(path: Path) -> None:
             f"{path} cannot be opened: {said}. Give a .blend file that this version of Blender "
             "reads."
         ) from error
+    if _version(path) != before:
+        raise SceneError(f"{path} was changed while it was opened. Give the command again.")
+
+
+def _version(path: Path) -> tuple[int, int, int]:
+    found = path.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def _find_scene(name: str | None) -> Any:

@@ -28,7 +28,6 @@ from .interiors import settle_interiors
 from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
 from .material_limits import media_beyond_their_band
 from .mirror_marks import (
-    marked_mirrors,
     mirror_choice,
     mirror_property,
     set_mirror,
@@ -89,7 +88,6 @@ __all__ = [
     "is_rough",
     "lobe_width",
     "make_physical_material",
-    "marked_mirrors",
     "media_beyond_their_band",
     "mirror_choice",
     "mirror_of",

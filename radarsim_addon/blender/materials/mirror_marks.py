@@ -85,19 +85,6 @@ def set_mirrors(scene: Any, patterns: str, choice: str) -> None:
             set_mirror(item, choice)
 
 
-def marked_mirrors() -> str:
-    """Return the choices of all objects of the file that have one, for a run's fingerprint.
-
-    Returns
-    -------
-    str
-        Empty where nothing is chosen.
-    """
-    found = {item.name_full: mirror_choice(item) for item in bpy.data.objects}
-    chosen = {name: choice for name, choice in sorted(found.items()) if choice != _NAMES[0]}
-    return f" mirrors {chosen!r}" if chosen else ""
-
-
 def mirror_property() -> Any:
     """Return the choice as a property of objects, for the window.
 

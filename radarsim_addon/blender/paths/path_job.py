@@ -17,7 +17,7 @@ from weakref import WeakKeyDictionary
 from ... import contract
 from ...errors import RadarSimError
 from ...findings import Finding, finding
-from ..materials import Interiors, found_inside, marked_mirrors
+from ..materials import Interiors, found_inside
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, output_folder
@@ -123,7 +123,7 @@ class PathJob(MeasurementJob):
             self._fps(),
             extent,
             sampling_mode="paths",
-            options=f"{self.options!r} {encoding}{marked_mirrors()}",
+            options=f"{self.options!r} {encoding}",
             visibility_updates=self.options.visibility_updates,
         )
 

@@ -31,7 +31,7 @@ def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     plan
         Plan of the run.
     scene_digest
-        Hash of the scene.
+        Names the scene: a hash of its files, or a text that no other run has.
     versions
         Version by the name of the software.
 
@@ -65,6 +65,7 @@ def run_record(
     plan: Plan,
     scene_digest: str,
     blend_file: str,
+    scene: str,
     findings: list[Finding],
     versions: dict[str, str],
 ) -> contract.RunRecord:
@@ -75,9 +76,11 @@ def run_record(
     plan
         Plan of the run.
     scene_digest
-        Hash of the scene.
+        As for :func:`fingerprint`.
     blend_file
-        Path of the .blend file; empty if it was never saved.
+        Name of the .blend file; empty if it was never saved.
+    scene
+        Name of the scene.
     findings
         Findings before the first render.
     versions
@@ -109,6 +112,7 @@ def run_record(
         waveform=waveform_to_dict(measurement.waveform),
         burst=dataclasses.asdict(measurement.burst),
         blend_file=blend_file,
+        scene=scene,
         fingerprint=fingerprint(plan, scene_digest, versions),
         findings=findings,
         versions=versions,

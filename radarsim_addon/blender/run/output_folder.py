@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from ... import contract
@@ -77,11 +77,11 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
         ) from error
 
 
-def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> None:
-    """See that the folder is empty or holds frames of this run; tidy up after a killed one.
+def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> None:
+    """Prepare the folder for a run: keep frames of this run, remove or refuse those of another.
 
-    `fingerprints` are of this run, by the saved file (if it is saved as it is) and, last, by what
-    is in it. With `overwrite`, frames of another run are removed.
+    Frames of an earlier run are removed with `overwrite`, and without it where `record` is of a
+    scene in memory and the earlier run is of the same file and scene.
     """
     earlier = None
     try:
@@ -90,35 +90,46 @@ def open_folder(folder: Path, fingerprints: Sequence[str], overwrite: bool) -> N
         if not overwrite:
             raise
         clear_run(folder)
-    if earlier is not None and not continues(earlier, fingerprints):
+    if earlier is not None and (overwrite or earlier.fingerprint != record.fingerprint):
         if not overwrite:
-            raise OutputError(
-                f"The output folder {folder} holds frames of another run (scene, "
-                "sampling mode, ring step, snapshots, resolution, samples, seed or software "
-                "differ). Choose another folder, or overwrite (Radar > Measure, or --overwrite)."
-            )
+            _check_replaceable(folder, earlier, record)
         clear_run(folder)
     clear_partial(folder)
 
 
-def continues(earlier: contract.RunRecord, mine: Sequence[str]) -> bool:
-    """Return whether an earlier run's frames are frames of this one.
+def _check_replaceable(
+    folder: Path, earlier: contract.RunRecord, record: contract.RunRecord
+) -> None:
+    """See that a run may replace an earlier one without being told to; OutputError if not."""
+    remedy = "Choose another folder, or overwrite (Radar > Measure, overwrite=True, --overwrite)."
+    if (earlier.blend_file, earlier.scene) != (record.blend_file, record.scene):
+        raise OutputError(
+            f"The output folder {folder} holds the run of another scene: {scene_text(earlier)}; "
+            f"this is {scene_text(record)}. {remedy}"
+        )
+    if record.extra["resumable"]:
+        raise OutputError(
+            f"The output folder {folder} holds frames of another run (the scene's files, sampling "
+            "mode, ring step, snapshots, resolution, samples, seed or software differ, or a script "
+            f"or the window measured it). {remedy}"
+        )
 
-    A saved file is compared as a file. Where one of the two runs was made with unsaved
-    changes only geometry and animation can be compared; that is not enough where both are
-    files, because it looks at two frames alone and at no simulation.
-    """
-    if earlier.fingerprint == mine[0]:
-        return True
-    unsaved = len(mine) == 1 or earlier.extra.get("unsaved_changes") is True
-    return unsaved and earlier.extra.get("geometry_fingerprint") == mine[-1]
+
+def scene_text(record: contract.RunRecord) -> str:
+    """Return the file and the scene of a run for messages."""
+    file = f"{record.blend_file!r}" if record.blend_file else "a file that was never saved"
+    return f"{file}, scene {record.scene!r}" if record.scene else file
 
 
 def clear_run(folder: Path) -> None:
-    """Remove the files of an earlier run: frames, sidecars and plan; nothing that is not ours."""
-    # The plan goes first: a clearing that is interrupted leaves frames of an unknown run, which
-    # nobody mistakes for a whole one.
-    for path in [folder / contract.RUN_FILE, *_own_files(folder)]:
+    """Remove the files of an earlier run and its products; nothing that is not ours."""
+    # The plan goes last: a clearing that is interrupted leaves frames of the earlier run, which
+    # nobody mistakes for frames of the next one.
+    products = folder / contract.PRODUCTS_DIR
+    # A frame's summary goes first: products without it are not taken for whole ones.
+    patterns = "frame_*_summary.json", "frame_[0-9]*_*", "range_doppler.*", "antennas.png"
+    made = [path for pattern in patterns for path in products.glob(pattern)]
+    for path in dict.fromkeys([*made, *_own_files(folder), folder / contract.RUN_FILE]):
         remove_file(path)
 
 

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+import secrets
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +15,24 @@ from ... import contract
 from ...errors import RadarSimError
 from ...findings import Finding
 from ...sidecar import file_sha256, read_record, write_record
-from ..plan import Instant, Plan, Task, fingerprint, run_record
+from ..plan import Instant, Plan, Task, run_record
 from ..scene import Rig
 from ..scene import ground_truth as ground_truth
 
 
 def plan_record(
-    plan: Plan, digests: Sequence[str], findings: list[Finding], versions: dict[str, str]
+    plan: Plan, scene: str, identity: str, findings: list[Finding], versions: dict[str, str]
 ) -> contract.RunRecord:
     """Return what ``run.json`` holds.
 
-    `digests` are of the scene: of its file where nothing has changed since, and last of its
-    geometry. `findings` are known before the first render; `versions` are of programs.
+    `scene` is the scene's name and `identity` that of its files; empty: the run is like no other.
+    `findings` are known before the first render; `versions` are of programs.
     """
     file_name = Path(bpy.data.filepath).name
-    record = run_record(plan, digests[0], file_name, findings, versions)
-    record.extra["geometry_fingerprint"] = fingerprint(plan, digests[-1], versions)
+    digest = identity or secrets.token_hex(16)
+    record = run_record(plan, digest, file_name, scene, findings, versions)
     record.extra["extent"] = dataclasses.astuple(plan.extent)
-    record.extra["unsaved_changes"] = len(digests) == 1
+    record.extra["resumable"] = bool(identity)
     record.extra["polarisation"] = plan.measurement.polarisation
     return record
 

@@ -37,7 +37,6 @@ from ..plan import (
     check_frame_rate,
     check_unit_scale,
     config_findings,
-    fingerprint,
     instant_at,
     make_plan,
     shortest_decimal,
@@ -50,9 +49,10 @@ from ..scene import (
     receiver_record,
     renders_whole_frames_only,
     transmitter_record,
+    unreadable_files,
 )
 from ..scene import ground_truth as ground_truth
-from ..state import SettingsRestorer, follow_evaluations, ignore_evaluations
+from ..state import SettingsRestorer, follow_evaluations, ignore_evaluations, read_all_again
 from . import output_folder, run_files
 from .scene_state import MeasurementSettings
 from .scene_time import SceneTime
@@ -79,7 +79,7 @@ class MeasurementJob:
     folder
         Output folder; made if its parent exists.
     overwrite
-        Remove the files of another run from the folder instead of refusing it.
+        Remove the frames of any earlier run from the folder, instead of keeping or refusing them.
     camera, emitter : bpy.types.Object, optional
         Antennas, where the scene has several.
     """
@@ -108,7 +108,6 @@ class MeasurementJob:
         self._scene = scene
         self._view_layer = view_layer
         self._measurement = measurement
-        self._overwrite = overwrite
         self._antennas = (camera, emitter)
         self._settings: MeasurementSettings | None = None
         self._shown_for_run = SettingsRestorer()
@@ -118,9 +117,10 @@ class MeasurementJob:
         self._started_s = 0.0
         self._rendered = 0
         self.total = self.done = 0
-        self.folder = folder
-        #: Set by who has just opened the file, so that nobody can have changed it since.
-        self.file_just_opened = False
+        self.folder, self.overwrite = folder, overwrite
+        #: Hash of the scene's files, set by who has opened them, if nobody can have changed the
+        #: scene since. Empty: this run resumes no earlier one, and no later one resumes it.
+        self.identity = ""
         #: Camera that renders paths, where who opened the file has added it: a `ViewCamera`.
         self.view_camera: Any = None
         #: Frames of the run that this process measures, as long as no other one does.
@@ -133,6 +133,7 @@ class MeasurementJob:
         #: Whether Blender reported evaluations before this job, as with the add-on.
         self._followed = follow_evaluations()
         #: What is known before the first render, and of the frames that are done.
+        self.early_findings: list[Finding] = []
         self.run_findings: list[Finding] = []
         self.frame_findings: list[Finding] = []
         self.summary = ""
@@ -168,40 +169,35 @@ class MeasurementJob:
             raise
 
     def _prepare(self) -> None:
-        # Before anything is touched: afterwards the file would count as changed.
-        file_digest = ground_truth.file_digest(self.file_just_opened)
         # A file of an older radarsim holds older node groups, which know less of the measurement.
         refresh_groups()
-        # The carrier changes what a physical material reflects; the others render alike at any.
-        physical = any(is_physical(material) for material in bpy.data.materials)
-        at = f"+{self._measurement.waveform.carrier_hz!r} Hz" if physical else ""
-        digests = [file_digest + at] if file_digest else []
-        earlier = self._plan_of_folder(digests) if self.joins else None
+        if not self.identity:
+            read_all_again()  # a script may change data without telling Blender
+        earlier = self._plan_of_folder() if self.joins else None
         if earlier is None:
             survey = SettingsRestorer()
             try:
                 survey.keep_frame(self._scene)
-                extent, geometry_digest = self._survey()
+                extent = self._survey()
             finally:
                 self.unrestored += self._shown_for_run.restore() + survey.restore()
             self.plan: Plan = self._make_plan(extent)
-            digests.append(geometry_digest + at)
         self._settings = self._make_settings()
         self._settings.apply()
         if self._settings.device_kind != "CPU":
             self.versions["device"] = self._settings.device_kind
         self._time.simulate_again()  # changes of the scene empty the caches of simulations
-        fingerprints = [fingerprint(self.plan, digest, self.versions) for digest in digests]
         if earlier is not None:
-            self._shared.join(earlier, fingerprints)
+            self._shared.join(self._record([]))
         else:
             self.run_findings = [
+                *self.early_findings,
                 *self._settings.findings,
                 *disabled_drivers(),
+                *unreadable_files(),
                 *self._config_findings(),
             ]
-            record = run_files.plan_record(self.plan, digests, self.run_findings, self.versions)
-            self._shared.open(record, fingerprints, self._overwrite)
+            self._shared.open(self._record(self.run_findings), self.overwrite)
         self.take(self.own_frames)
 
     def take(self, frames: Sequence[int]) -> None:
@@ -214,17 +210,30 @@ class MeasurementJob:
         """Set `total` and `done` of the own frames; the scene is in its measuring state."""
         raise NotImplementedError
 
-    def _plan_of_folder(self, file_digests: Sequence[str]) -> contract.RunRecord | None:
+    def _record(self, findings: list[Finding]) -> contract.RunRecord:
+        """What ``run.json`` holds of this run."""
+        identity = self.identity
+        if identity:
+            identity += (
+                f" {self.scene_name!r} {self._view_layer.name!r} {self.rig.camera.name_full!r}"
+            )
+            identity += f" {self.rig.emitter.name_full!r}"
+            # The carrier changes what a physical material reflects; others render alike at any.
+            if any(is_physical(material) for material in bpy.data.materials):
+                identity += f" {self._measurement.waveform.carrier_hz!r} Hz"
+        return run_files.plan_record(self.plan, self.scene_name, identity, findings, self.versions)
+
+    def _plan_of_folder(self) -> contract.RunRecord | None:
         """Record and `plan` with the extent of the folder's run, where that is this one."""
         try:
             record = output_folder.earlier_run(self.folder)
-            if record is None or not file_digests or record.frames != list(self.frames):
+            if record is None or not self.identity or record.frames != list(self.frames):
                 return None
             extent = Extent(*map(float, record.extra["extent"]))
         except (RadarSimError, KeyError, TypeError, ValueError):
             return None
         self.plan = self._make_plan(extent)
-        own = run_files.plan_record(self.plan, [file_digests[0], ""], [], self.versions)
+        own = self._record([])
         same = record.fingerprint == own.fingerprint and shared_plan(record) == shared_plan(own)
         return own if same else None
 
@@ -257,18 +266,16 @@ class MeasurementJob:
         """Bring the scene to a moment; returns the depsgraph at it."""
         return self._time.show(instant)
 
-    def _survey(self) -> tuple[Extent, str]:
-        """Extent over all frames, and a digest of the scene that does not depend on them."""
+    def _survey(self) -> Extent:
+        """Extent over all frames."""
         units = self._metres_per_unit()
         survey = Survey(self._show, self.rig, units, self._fps(), self._measurement.burst)
         for frame in self._measurement.frames:
             moments = [instant_at(at, self._fps()) for at in self._surveyed(frame)]
             survey.look_at(moments, self.code_world, self._refuse_what_is_no_number)
         self._speeds = survey.speeds
-        self._time.simulate_no_further()  # the digest is worth no simulation of the whole scene
-        digest = survey.digest({self._scene.frame_start, self._scene.frame_end})
         self._time.forget()
-        return survey.extent, digest
+        return survey.extent
 
     def _refuse_what_is_no_number(self, depsgraph: Any) -> None:
         """See that all can be recorded, before anything is written."""

@@ -73,7 +73,3 @@ class SceneTime:
     def simulate_again(self) -> None:
         """Play simulations before the next moment that is shown."""
         self._simulated_to = -math.inf
-
-    def simulate_no_further(self) -> None:
-        """Show moments from now on without playing simulations up to them."""
-        self._simulated_to = math.inf

@@ -39,24 +39,21 @@ class SharedFolder:
         self._leases = Leases(folder)
         self._lease: Lease | None = None
         self._plan: dict[str, Any] = {}
-        self._fingerprints: Sequence[str] = ()
+        self._fingerprint = ""
         self._ours: tuple[int, ...] = ()
 
-    def open(
-        self, record: contract.RunRecord, fingerprints: Sequence[str], overwrite: bool
-    ) -> None:
+    def open(self, record: contract.RunRecord, overwrite: bool) -> None:
         """Write the plan of a run, or join the processes that are at work on it.
 
-        `fingerprints` are of the run, see :func:`.output_folder.continues`. With `overwrite`,
-        frames of another run are removed.
+        With `overwrite`, the frames in the folder are removed.
         """
-        self._plan, self._fingerprints = shared_plan(record), fingerprints
+        self._plan, self._fingerprint = shared_plan(record), record.fingerprint
         with self._opening_lease():
             others = self.workers()
             if others:
                 self._refuse_another_run(" and ".join(others))
                 return
-            output_folder.open_folder(self._folder, fingerprints, overwrite)
+            output_folder.open_folder(self._folder, record, overwrite)
             write_record(self._folder / contract.RUN_FILE, record)
             make_folder(self._folder / contract.FRAMES_DIR, within=self._folder)
             for left in self._folder.glob("*.lease"):  # of processes that are gone
@@ -65,12 +62,12 @@ class SharedFolder:
                     with contextlib.suppress(OSError):
                         left.unlink()
 
-    def join(self, record: contract.RunRecord, fingerprints: Sequence[str]) -> None:
+    def join(self, record: contract.RunRecord) -> None:
         """Take the plan that is there for this process's, if it is; else OutputError.
 
         Nothing is written and nothing tidied up: thousands may join at the same time.
         """
-        self._plan, self._fingerprints = shared_plan(record), fingerprints
+        self._plan, self._fingerprint = shared_plan(record), record.fingerprint
         self._refuse_another_run("Another process")
 
     def workers(self) -> list[str]:
@@ -172,10 +169,7 @@ class SharedFolder:
 
     def _is_ours(self, record: contract.RunRecord) -> bool:
         """Whether a plan is that of our run."""
-        return (
-            output_folder.continues(record, self._fingerprints)
-            and shared_plan(record) == self._plan
-        )
+        return record.fingerprint == self._fingerprint and shared_plan(record) == self._plan
 
     def _refuse_another_run(self, others: str) -> None:
         earlier = output_folder.earlier_run(self._folder)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A look at all frames of a run before the first render: extent, closing speeds, digest."""
+"""A look at all frames of a run before the first render: extent and closing speeds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ...signal.radar import Burst
@@ -67,11 +67,3 @@ class Survey:
         """Boxes of what echoes, and places of the antennas."""
         boxes = ground_truth.echoing_boxes(depsgraph, any_material)
         return boxes, ground_truth.antenna_positions(depsgraph, self._rig)
-
-    def digest(self, frames: Iterable[int]) -> str:
-        """Return a digest of the scene, its geometry at some frames."""
-        digests = [ground_truth.animation_digest()]
-        for frame in sorted(frames):
-            depsgraph = self._show(instant_at(float(frame), self._fps))
-            digests.append(ground_truth.geometry_digest(depsgraph, self._rig))
-        return "+".join(digests)

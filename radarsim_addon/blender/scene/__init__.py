@@ -21,6 +21,7 @@ from .driver_checks import (
     moved_by_scripts,
     reads_context,
 )
+from .file_identity import file_identity, foreign_handlers, unreadable_files
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import displaced_surfaces, echoing_boxes, scene_extent
 from .instance_poses import (
@@ -101,7 +102,9 @@ __all__ = [
     "echoes",
     "echoing_boxes",
     "evaluated_poses",
+    "file_identity",
     "find_rig",
+    "foreign_handlers",
     "frame_edges",
     "ground_below",
     "has_simulation_zone",
@@ -139,4 +142,5 @@ __all__ = [
     "simulation_frames",
     "suggest_materials",
     "transmitter_record",
+    "unreadable_files",
 ]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -107,6 +108,26 @@ def moved_by_scripts() -> bool:
     """
     called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
     return any(map(_of_others, called))
+
+
+def handlers_of_others() -> list[Any]:
+    """Return the functions of add-ons and scripts that Blender calls, at whatever event.
+
+    Returns
+    -------
+    list of callable
+        Blender's own and radarsim's are not among them.
+    """
+    program = bpy.utils.system_resource("SCRIPTS")
+    hooks = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
+    called = itertools.chain.from_iterable(hook for hook in hooks if isinstance(hook, list))
+    return [one for one in called if _of_others(one) and not code_file(one).is_relative_to(program)]
+
+
+def code_file(function: Any) -> Path:
+    """Return the file that the code of a function is in; "?" in this folder if none is known."""
+    code = getattr(getattr(function, "__func__", function), "__code__", None)
+    return Path(getattr(code, "co_filename", "?")).absolute()
 
 
 def _of_others(handler: Any) -> bool:

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Properties of a scene that need no render: extent, ground truth of objects, fingerprint."""
+"""Properties of a scene that need no render: extent and ground truth of objects."""
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
@@ -17,23 +14,18 @@ import numpy as np
 from ... import contract
 from ...array_types import Real
 from ...findings import Finding, finding
-from ...sidecar import file_sha256
 from ...vectors import distances
 from ..materials import (
-    LOBE_EXPONENT,
     clutter_name,
-    clutter_of,
     fluctuation_of,
     roughness_of,
-    table_files,
 )
 from ..nodes import is_radar_material
-from ..nodes.groups import KIND_PROPERTY
 from ..plan import Extent
 from ..state import Shape, Snapshot, take_snapshot
 from .boxes import Boxes, extent_of_boxes
 from .finite_checks import check_meshes_finite
-from .isolation import ABSORBER_NAME, animation_curves, echoes
+from .isolation import ABSORBER_NAME, echoes
 from .nearest import nearest_distances
 from .rig import Rig
 from .surface_triangles import triangles_about
@@ -257,104 +249,3 @@ def _collections_of_objects() -> dict[str, list[str]]:
         for item in collection.all_objects:
             holding.setdefault(item.name_full, set()).add(collection.name)
     return {name: sorted(held) for name, held in holding.items()}
-
-
-# -- fingerprint -----------------------------------------------------------------------------------
-
-
-def file_digest(just_opened: bool = False) -> str | None:
-    """Return a hash of the saved .blend and its libraries; None if there are unsaved changes.
-
-    `just_opened`: there are none. Blender up to 5.0, as a module, reports each file as changed.
-    """
-    if not bpy.data.filepath or (bpy.data.is_dirty and not just_opened):
-        return None
-    paths = [Path(bpy.data.filepath)]
-    paths += [Path(bpy.path.abspath(library.filepath)) for library in bpy.data.libraries]
-    paths += [path for material in bpy.data.materials for path in table_files(material)]
-    digest = hashlib.sha256()
-    for path in paths:
-        try:
-            digest.update(file_sha256(path).encode())
-        except OSError:
-            return None
-    return "file:" + digest.hexdigest()
-
-
-def animation_digest() -> str:
-    """Return a hash of all keyframes in the file."""
-    digest = hashlib.sha256()
-    for item in bpy.data.objects:
-        for curve in animation_curves(item.animation_data):
-            digest.update(f"{item.name}.{curve.data_path}[{curve.array_index}]".encode())
-            for point in curve.keyframe_points:
-                numbers = (*point.co, *point.handle_left, *point.handle_right)
-                digest.update(f"{numbers}{point.interpolation}".encode())
-    return "keys:" + digest.hexdigest()
-
-
-def geometry_digest(depsgraph: Any, rig: Rig) -> str:
-    """Return a hash of geometry, poses, materials and antennas at the depsgraph's time."""
-    digest = hashlib.sha256()
-    for item in (rig.camera, rig.emitter):
-        evaluated = item.evaluated_get(depsgraph)
-        digest.update(np.array(evaluated.matrix_world).tobytes())
-    camera, light = rig.camera.data, rig.emitter.data
-    digest.update(
-        repr((camera.lens, camera.sensor_fit, camera.sensor_width, camera.sensor_height)).encode()
-    )
-    digest.update(repr((camera.shift_x, camera.shift_y, light.energy)).encode())
-    found = rendered_surfaces(depsgraph)
-    snapshot, rows = found.snapshot, found.rows
-    layout = snapshot.layout
-    text = cache(_material_text)
-    shapes, order = np.unique(layout.shape[rows], return_inverse=True)
-    for shape in (snapshot.shapes[index] for index in shapes.tolist()):
-        digest.update(shape.original.name_full.encode() + _mesh_digest(snapshot, shape))
-        digest.update("\n".join(text(material) for material in shape.materials).encode())
-    digest.update(repr([item.name_full for item in layout.instancers]).encode())
-    for numbers in (order, layout.instancer[rows]):
-        digest.update(numbers.astype(np.int64).tobytes())
-    digest.update(layout.numbers[rows].tobytes() + snapshot.matrices_of(rows).tobytes())
-    return "scene:" + digest.hexdigest()
-
-
-#: Hashes of meshes that Blender has not evaluated since.
-_mesh_digests: WeakKeyDictionary[Shape, bytes] = WeakKeyDictionary()
-
-
-def _mesh_digest(snapshot: Snapshot, shape: Shape) -> bytes:
-    found = _mesh_digests.get(shape)
-    if found is None:
-        vertices, triangles = snapshot.triangles(shape)
-        found = hashlib.sha256(vertices.tobytes() + triangles.tobytes()).digest()
-        _mesh_digests[shape] = found
-    return found
-
-
-def _material_text(material: Any) -> str:
-    if material is None or material.node_tree is None:
-        return repr(None if material is None else material.name)
-    parts = [material.name, *_tree_text(material.node_tree), repr(clutter_of(material))]
-    parts += [repr(material.get(LOBE_EXPONENT))] if LOBE_EXPONENT in material.keys() else []
-    parts += [file_sha256(path) for path in table_files(material) if path.is_file()]
-    return "\n".join(parts)
-
-
-def _tree_text(tree: Any) -> list[str]:
-    """Return the values and links of a node tree, and of groups that radarsim did not make."""
-    parts = []
-    for node in tree.nodes:
-        inner = getattr(node, "node_tree", None)
-        if inner is not None and KIND_PROPERTY not in inner:
-            parts += [inner.name, *_tree_text(inner)]
-        for socket in node.inputs:
-            value = getattr(socket, "default_value", None)
-            if value is not None and not isinstance(value, str | float | int | bool):
-                value = tuple(value) if hasattr(value, "__len__") else None
-            parts.append(f"{node.bl_idname}.{socket.identifier}={value!r}")
-    parts += [
-        f"{link.from_node.bl_idname}.{link.from_socket.identifier}>{link.to_socket.identifier}"
-        for link in tree.links
-    ]
-    return parts

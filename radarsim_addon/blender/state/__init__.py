@@ -16,6 +16,7 @@ from .evaluated import (
 from .evaluations import (
     follow_evaluations,
     ignore_evaluations,
+    read_all_again,
     take_snapshot,
     watch_evaluations,
 )
@@ -34,6 +35,7 @@ __all__ = [
     "evaluated_objects",
     "follow_evaluations",
     "ignore_evaluations",
+    "read_all_again",
     "read_numbers",
     "read_triangles",
     "take_snapshot",

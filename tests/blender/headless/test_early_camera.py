@@ -78,7 +78,7 @@ def test_results_are_those_without_it_and_the_scene_is_restored(
     given = {"sampling_mode": "paths", "width_px": 16, "height_px": 16, "replicates": 2}
     scene = bpy.context.scene
     later = make_job(scene, bpy.context.view_layer, tmp_path / "later", given=given)
-    later.file_just_opened = True
+    later.identity = job.identity
     assert later.view_camera is None
     other, other_fingerprint = measured(later)
     assert rows.tobytes() == other.tobytes() and fingerprint == other_fingerprint

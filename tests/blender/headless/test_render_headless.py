@@ -94,7 +94,7 @@ def test_renders_with_the_files_own_settings(blend: Path, tmp_path: Path) -> Non
     run = read_record(folder / "run.json", contract.RunRecord)
     assert (run.rings, run.snapshots, run.burst["prf_hz"], run.width_px) == (3, 2, 2000.0, 32)
     assert run.blend_file == blend.name
-    assert run.extra["unsaved_changes"] is False
+    assert run.extra["resumable"] is True
     assert "Fra:" not in done.stdout
 
 

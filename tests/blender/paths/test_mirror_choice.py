@@ -13,10 +13,9 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender import rig_settings
 from radarsim_addon.blender import set_mirror as set_mirror_by_script
 from radarsim_addon.blender.headless.session import open_job
-from radarsim_addon.blender.materials import marked_mirrors, mirror_choice, set_mirror, set_mirrors
+from radarsim_addon.blender.materials import mirror_choice, set_mirror, set_mirrors
 from radarsim_addon.blender.plan import parse_render_arguments
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.signal import open_run
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -57,27 +56,17 @@ def test_marks_decide_which_mirrors_get_an_image(tmp_path: Path) -> None:
     assert "mirror-first-without-image" in images(tmp_path / "rough")[1]
 
 
-def test_a_run_is_not_continued_with_other_marks(tmp_path: Path) -> None:
-    items = street()
-    found = []
-    for number in range(3):
-        run = ph.run_paths(tmp_path / str(number), width_px=8, height_px=8)
-        found.append(open_run(run.folder).record.fingerprint)
-        if number == 1:
-            assert marked_mirrors() == ""
-            set_mirror(items["Road"], "never")
-    assert found[0] == found[1] != found[2]
-
-
 def test_names_of_the_command_line(tmp_path: Path) -> None:
     items = street()
     bpy.context.view_layer.update()
     path = tmp_path / "street.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
     words = [str(path), "--mirrors", "Win*, Plate", "--no-mirrors", "Road"]
-    open_job(parse_render_arguments([*words, "--out", str(tmp_path / "run")]))
+    marked = open_job(parse_render_arguments([*words, "--out", str(tmp_path / "run")]))
     found = {name: mirror_choice(bpy.data.objects[name]) for name in items}
     assert found == {"Road": "never", "Window": "first", "Plate": "first"}
+    plain = open_job(parse_render_arguments([str(path), "--out", str(tmp_path / "run")]))
+    assert marked.identity and marked.identity != plain.identity
     with pytest.raises(ConfigError, match="No object of the scene is called 'Wall'"):
         set_mirrors(bpy.context.scene, "Road,Wall", "never")
     with pytest.raises(ConfigError, match="'yes'; expected one of auto, first, never"):

@@ -127,12 +127,12 @@ def test_a_frame_that_was_stopped_goes_on(tmp_path: Path) -> None:
     whole = ph.run_paths(tmp_path / "whole", options=options, **size)
     folder = tmp_path / "stopped"
     for limit in (60, 60):
-        ph.run_paths(folder, options=options, limit=limit, **size)
+        ph.run_paths(folder, identity="file", options=options, limit=limit, **size)
     tiles = sorted((folder / contract.frame_dir(1) / contract.TILES_DIR).glob("*.rows"))
     assert len(tiles) >= 3
     assert not list(folder.rglob("*.part*"))
     tiles[0].write_bytes(tiles[0].read_bytes()[:-1] + b"?")
-    run = ph.run_paths(folder, options=options, **size)
+    run = ph.run_paths(folder, identity="file", options=options, **size)
     table = Path(contract.frame_dir(1)) / contract.PATHS_TABLE
     assert (folder / table).read_bytes() == (whole.folder / table).read_bytes()
     ours, theirs = run.record(), whole.record()
@@ -184,14 +184,14 @@ def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
     """Whole frames are kept as they are, the frame that was cut off is made anew."""
     rs.new_scene()
     ph.plate_at(10, 4, ph.rough_metal())
-    stopped = ph.run_paths(tmp_path, frames=(1, 2, 3), limit=3)
+    stopped = ph.run_paths(tmp_path, identity="file", frames=(1, 2, 3), limit=3)
     tables = sorted(tmp_path.glob("frames/*/paths.npy"))
     assert 0 < len(tables) < 3
     times = {path: path.stat().st_mtime_ns for path in tables}
     left_over = tmp_path / contract.frame_dir(3) / contract.TILES_DIR / "0.rows.part"
     left_over.parent.mkdir(parents=True, exist_ok=True)
     left_over.write_bytes(b"half")
-    run = ph.run_paths(tmp_path, frames=(1, 2, 3))
+    run = ph.run_paths(tmp_path, identity="file", frames=(1, 2, 3))
     assert len(list(tmp_path.glob("frames/*/paths.npy"))) == 3
     assert {path: path.stat().st_mtime_ns for path in tables} == times
     assert not list(tmp_path.rglob("*.part*"))
@@ -200,7 +200,7 @@ def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
     assert stopped.job.done < 6
     # A damaged table is made again, a good one is not.
     tables[0].write_bytes(tables[0].read_bytes()[:-1])
-    run = ph.run_paths(tmp_path, frames=(1, 2, 3))
+    run = ph.run_paths(tmp_path, identity="file", frames=(1, 2, 3))
     assert run.table(1).size == run.table(2).size
     assert tables[0].stat().st_mtime_ns != times[tables[0]]
 

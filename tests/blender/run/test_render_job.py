@@ -34,13 +34,18 @@ def plate() -> Any:
     return rs.add_plate(10.0)
 
 
+def rendered(folder: Path, *arguments: Any, **changes: Any) -> Any:
+    """Measure a file that nobody has touched since it was opened."""
+    return rs.run(folder, *arguments, **{"identity": "file", **changes})
+
+
 def exr_times(folder: Path) -> dict[str, int]:
     return {str(p.relative_to(folder)): p.stat().st_mtime_ns for p in folder.rglob("*.exr")}
 
 
 def test_files_of_a_run(plate: Any, tmp_path: Path) -> None:
     """Exactly the files of the contract, each sidecar matching its EXR."""
-    rs.run(tmp_path, snapshots=2, frames=(3,))
+    rendered(tmp_path, snapshots=2, frames=(3,))
     names = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
     stems = [f"frames/frame_0003/ring_{n:03d}_t{p}" for n in range(3) for p in range(2)]
     expected = [stem + suffix for stem in stems for suffix in (".exr", ".json")]
@@ -56,21 +61,21 @@ def test_files_of_a_run(plate: Any, tmp_path: Path) -> None:
 
 
 def test_a_stopped_run_goes_on(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path, limit=2, snapshots=2)
+    rendered(tmp_path, limit=2, snapshots=2)
     before = exr_times(tmp_path)
     assert len(before) == 2
-    job = rs.run(tmp_path, snapshots=2)
+    job = rendered(tmp_path, snapshots=2)
     after = exr_times(tmp_path)
     assert (len(after), job.done, job.total) == (6, 6, 6)
     assert {name: after[name] for name in before} == before
-    rs.run(tmp_path, snapshots=2)
+    rendered(tmp_path, snapshots=2)
     assert exr_times(tmp_path) == after
 
 
 def test_more_frames_and_another_waveform_continue_a_run(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path)
+    rendered(tmp_path)
     before = exr_times(tmp_path)
-    rs.run(tmp_path, frames=(1, 2), burst=rs.Burst(2000.0, 64))
+    rendered(tmp_path, frames=(1, 2), burst=rs.Burst(2000.0, 64))
     after = exr_times(tmp_path)
     assert {name: after[name] for name in before} == before
     assert len(after) == 2 * len(before)
@@ -80,7 +85,7 @@ def test_more_frames_and_another_waveform_continue_a_run(plate: Any, tmp_path: P
 
 @pytest.mark.parametrize("damage", ["truncate", "flip", "no sidecar", "bad sidecar", "no exr"])
 def test_damaged_files_are_rendered_again(plate: Any, tmp_path: Path, damage: str) -> None:
-    rs.run(tmp_path)
+    rendered(tmp_path)
     exr = tmp_path / contract.frame_dir(1) / "ring_002_t0.exr"
     sidecar = exr.with_suffix(".json")
     pixels = rs.images(tmp_path)[2]["B"]
@@ -97,21 +102,21 @@ def test_damaged_files_are_rendered_again(plate: Any, tmp_path: Path, damage: st
         exr.unlink()
     untouched = exr_times(tmp_path)
     untouched.pop(str(exr.relative_to(tmp_path)), None)
-    rs.run(tmp_path)
+    rendered(tmp_path)
     assert (rs.images(tmp_path)[2]["B"] == pixels).all()
     after = exr_times(tmp_path)
     assert {name: after[name] for name in untouched} == untouched
 
 
 def test_leftovers_of_a_killed_run_are_removed(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path, limit=1)
+    rendered(tmp_path, limit=1)
     left = [
         tmp_path / contract.frame_dir(1) / "ring_001_t0.exr.part",
         tmp_path / "run.json.part",
     ]
     for path in left:
         path.write_bytes(b"half")
-    rs.run(tmp_path)
+    rendered(tmp_path)
     assert not any(path.exists() for path in left)
 
 
@@ -122,44 +127,19 @@ def test_leftovers_of_a_killed_run_are_removed(plate: Any, tmp_path: Path) -> No
 def test_another_run_is_refused_and_kept(
     plate: Any, tmp_path: Path, change: dict[str, Any]
 ) -> None:
-    rs.run(tmp_path)
+    rendered(tmp_path)
     before = exr_times(tmp_path)
     with pytest.raises(OutputError, match=r"another run.*overwrite"):
-        rs.run(tmp_path, **change)
+        rendered(tmp_path, **change)
     assert exr_times(tmp_path) == before
 
 
-def test_a_moved_object_is_another_run(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path)
-    plate.location.y = 10.5
-    with pytest.raises(OutputError, match="another run"):
-        rs.run(tmp_path)
-
-
-def test_another_material_is_another_run(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path)
-    node = next(
-        n for n in plate.data.materials[0].node_tree.nodes if n.bl_idname == "ShaderNodeGroup"
-    )
-    node.inputs["Roughness"].default_value = 0.9
-    with pytest.raises(OutputError, match="another run"):
-        rs.run(tmp_path)
-
-
-def test_saving_the_file_does_not_stop_a_run_from_going_on(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path / "run", limit=1)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
-    before = exr_times(tmp_path / "run")
-    rs.run(tmp_path / "run")
-    assert exr_times(tmp_path / "run").items() >= before.items()
-
-
 def test_overwrite_removes_the_other_run_and_nothing_else(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path, frames=(1, 2))
+    rendered(tmp_path, frames=(1, 2))
     foreign = [tmp_path / "notes.txt", tmp_path / contract.frame_dir(1) / "mine.exr"]
     for path in foreign:
         path.write_text("keep", encoding="utf-8")
-    rs.run(tmp_path, overwrite=True, seed=4)
+    rendered(tmp_path, overwrite=True, seed=4)
     assert all(path.read_text(encoding="utf-8") == "keep" for path in foreign)
     assert not list((tmp_path / contract.frame_dir(2)).glob("ring_*"))
     record = read_record(
@@ -168,43 +148,125 @@ def test_overwrite_removes_the_other_run_and_nothing_else(plate: Any, tmp_path: 
     assert record.seed == 4
 
 
-def test_frames_without_a_plan_are_refused(plate: Any, tmp_path: Path) -> None:
+def test_a_scene_in_memory_is_always_measured_again(plate: Any, tmp_path: Path) -> None:
+    """Nothing of the run before is left from the first render on, also where the run is stopped."""
+    rs.run(tmp_path, frames=(1, 2), snapshots=2)
+    before, earlier = exr_times(tmp_path), signal.open_run(tmp_path).record
+    products = tmp_path / "products"
+    products.mkdir()
+    made = [products / name for name in ("frame_0002_map.npz", "frame_0002_summary.json")]
+    for path in (*made, products / "notes.txt"):
+        path.write_text("{}", encoding="utf-8")
+    job = rs.run(tmp_path, frames=(1, 2), snapshots=2, limit=1)
+    after, later = exr_times(tmp_path), signal.open_run(tmp_path).record
+    assert (len(before), len(after), job.total) == (12, 1, 12)
+    assert not set(after.items()) & set(before.items())
+    assert earlier.fingerprint != later.fingerprint and later.extra["resumable"] is False
+    assert [path.exists() for path in made] == [False, False]
+    assert (products / "notes.txt").exists()
+    rs.run(tmp_path, frames=(1, 2), snapshots=2)
+    assert not set(exr_times(tmp_path).items()) & set(after.items())
+
+
+def test_a_file_replaces_no_run_of_a_scene_in_memory(plate: Any, tmp_path: Path) -> None:
     rs.run(tmp_path)
+    before = exr_times(tmp_path)
+    with pytest.raises(OutputError, match=r"another run.*overwrite"):
+        rendered(tmp_path)
+    assert exr_times(tmp_path) == before
+
+
+def test_overwriting_measures_the_same_run_again(plate: Any, tmp_path: Path) -> None:
+    rendered(tmp_path)
+    before = exr_times(tmp_path)
+    rendered(tmp_path, overwrite=True)
+    after = exr_times(tmp_path)
+    assert before.keys() == after.keys() and not before.items() & after.items()
+
+
+def test_the_run_of_another_scene_or_file_is_named_and_kept(plate: Any, tmp_path: Path) -> None:
+    rs.run(tmp_path / "run")
+    before = exr_times(tmp_path)
+    bpy.context.scene.name = "Yard"
+    text = r"another scene: a file that was never saved, scene 'Scene'; this is .* scene 'Yard'"
+    with pytest.raises(OutputError, match=text):
+        rs.run(tmp_path / "run")
+    bpy.context.scene.name = "Scene"
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "cube.blend"))
+    with pytest.raises(OutputError, match=r"this is 'cube\.blend', scene 'Scene'\. Choose"):
+        rs.run(tmp_path / "run")
+    assert exr_times(tmp_path) == before
+    rs.run(tmp_path / "run", overwrite=True)
+    record = signal.open_run(tmp_path / "run").record
+    assert (record.blend_file, record.scene) == ("cube.blend", "Scene")
+
+
+@pytest.mark.parametrize("survive", [0, 3, 8, 13])
+def test_a_clearing_that_is_killed_leaves_no_mixture(
+    plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, survive: int
+) -> None:
+    """The plan goes last: what is left is of the run before, which is incomplete."""
+    rs.run(tmp_path, frames=(1, 2))
+    earlier, left = signal.open_run(tmp_path).record, [survive]
+    remove = output_folder.remove_file
+
+    def killed(path: Path) -> None:
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        remove(path)
+
+    monkeypatch.setattr(output_folder, "remove_file", killed)
+    with pytest.raises(KeyboardInterrupt):
+        rs.run(tmp_path, frames=(1, 2), samples=2)
+    monkeypatch.undo()
+    found = signal.open_run(tmp_path)
+    assert (
+        found.record == earlier
+        and len(found.missing()) == (0, 2, 3, 6)[(0, 3, 8, 13).index(survive)]
+    )
+    rs.run(tmp_path, frames=(1, 2), samples=2)
+    assert not signal.open_run(tmp_path).missing()
+    assert {signal.open_run(tmp_path).record.samples} == {2}
+
+
+def test_frames_without_a_plan_are_refused(plate: Any, tmp_path: Path) -> None:
+    rendered(tmp_path)
     (tmp_path / "run.json").unlink()
     with pytest.raises(OutputError, match="unknown run"):
-        rs.run(tmp_path)
-    rs.run(tmp_path, overwrite=True)
+        rendered(tmp_path)
+    rendered(tmp_path, overwrite=True)
     assert (tmp_path / "run.json").exists()
 
 
 def test_a_plan_of_a_newer_radarsim_is_refused(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path)
+    rendered(tmp_path)
     path = tmp_path / "run.json"
     data = json.loads(path.read_text(encoding="utf-8"))
     data["schema_version"] = contract.SCHEMA_VERSION + 1
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(OutputError, match="schema version"):
-        rs.run(tmp_path)
+        rendered(tmp_path)
 
 
 # -- folders ---------------------------------------------------------------------------------------
 
 
 def test_folder_is_made_in_an_existing_parent_only(plate: Any, tmp_path: Path) -> None:
-    rs.run(tmp_path / "new", limit=0)
+    rendered(tmp_path / "new", limit=0)
     assert (tmp_path / "new" / "run.json").exists()
     with pytest.raises(OutputError, match=r"missing does not exist\. Create it"):
-        rs.run(tmp_path / "missing" / "run", limit=0)
+        rendered(tmp_path / "missing" / "run", limit=0)
 
 
 def test_a_file_in_the_way(plate: Any, tmp_path: Path) -> None:
     (tmp_path / "run").write_text("", encoding="utf-8")
     with pytest.raises(OutputError, match="there is a file of this name"):
-        rs.run(tmp_path / "run", limit=0)
+        rendered(tmp_path / "run", limit=0)
     (tmp_path / "run2").mkdir()
     (tmp_path / "run2" / "frames").write_text("", encoding="utf-8")
     with pytest.raises(OutputError, match="Cannot make the folder"):
-        rs.run(tmp_path / "run2")
+        rendered(tmp_path / "run2")
 
 
 def test_read_only_folder(plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,7 +277,7 @@ def test_read_only_folder(plate: Any, tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
     with pytest.raises(OutputError, match="Permission denied"):
-        rs.run(tmp_path)
+        rendered(tmp_path)
 
 
 @contextmanager
@@ -238,9 +300,9 @@ def test_read_only_folder_for_users(plate: Any) -> None:
         folder = Path(name)
         folder.chmod(0o500)
         with pytest.raises(OutputError, match=r"Cannot make the folder .*run: Permission denied"):
-            rs.run(folder / "run")
+            rendered(folder / "run")
         with pytest.raises(OutputError, match=r"Cannot write .*: Permission denied"):
-            rs.run(folder)
+            rendered(folder)
         assert list(folder.iterdir()) == []
         folder.chmod(0o700)
 
@@ -260,7 +322,7 @@ def test_folder_removed_in_the_middle(plate: Any, tmp_path: Path) -> None:
 def test_paths_with_odd_names(plate: Any, tmp_path: Path, name: str) -> None:
     folder = tmp_path / name / "rün"
     folder.parent.mkdir()
-    rs.run(folder)
+    rendered(folder)
     assert sorted(p.name for p in tmp_path.iterdir()) == [name]
     assert len(list(folder.rglob("ring_*.exr"))) == 3
     assert any(found.mask.any() for found in rs.decoded(folder))
@@ -287,7 +349,7 @@ def test_failed_write_leaves_nothing_half(
     monkeypatch.undo()
     assert not list(tmp_path.rglob("*.part*"))
     assert not list(tmp_path.rglob("*.exr"))
-    assert rs.run(tmp_path).done == 3
+    assert rendered(tmp_path).done == 3
 
 
 def test_failed_render_is_named(
@@ -309,12 +371,12 @@ def test_scaled_later_in_the_animation(plate: Any, tmp_path: Path) -> None:
     radar.scale = (3, 3, 3)
     radar.keyframe_insert("scale", frame=5)
     with pytest.raises(SceneError, match="scaled"):
-        rs.run(tmp_path, frames=(1, 5))
+        rendered(tmp_path, frames=(1, 5))
     assert not list(tmp_path.rglob("*.exr"))
 
 
 def test_done_only_where_bytes_match(plate: Any, tmp_path: Path) -> None:
-    job = rs.run(tmp_path, limit=1)
+    job = rendered(tmp_path, limit=1)
     first, second = list(job.plan.tasks())[:2]
     assert output_folder.is_done(tmp_path, first)
     assert not output_folder.is_done(tmp_path, second)
@@ -324,12 +386,12 @@ def test_groups_of_an_older_version_are_rebuilt_before_the_first_ring(
     plate: Any, tmp_path: Path
 ) -> None:
     """An old file's groups, drawn anew, give the same run as fresh ones."""
-    rs.run(tmp_path / "fresh")
+    rendered(tmp_path / "fresh")
     for tree in bpy.data.node_groups:
         if groups.group_version(tree) is not None:
             tree[groups.VERSION_PROPERTY] = 0
             tree.nodes.clear()  # what an old version drew: here, nothing that echoes
-    rs.run(tmp_path / "stale")
+    rendered(tmp_path / "stale")
     name = "frames/frame_0001/ring_002_t0.exr"
     fresh, stale = (signal.read_exr(tmp_path / run / name)["B"] for run in ("fresh", "stale"))
     assert fresh.max() > 0
@@ -342,12 +404,12 @@ def test_links_at_folders(plate: Any, tmp_path: Path) -> None:
     elsewhere, link = tmp_path / "elsewhere", tmp_path / "link"
     link.symlink_to(elsewhere)
     with pytest.raises(OutputError, match=r"link is a symbolic link to .*elsewhere, which does"):
-        rs.run(link)
+        rendered(link)
     elsewhere.mkdir()
     (elsewhere / "frames").symlink_to(tmp_path)
     with pytest.raises(OutputError, match=r"frames is a symbolic link; expected a folder"):
-        rs.run(link)
+        rendered(link)
     (elsewhere / "frames").unlink()
-    rs.run(link)
+    rendered(link)
     assert len(list(elsewhere.rglob("ring_*.exr"))) == 3
     assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere", "link"]

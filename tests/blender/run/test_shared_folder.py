@@ -28,13 +28,13 @@ from tests.signal.synthetic import Setup, run_record
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[3]
-PLAN = run_record(Setup(frames=(1, 2, 3)))
+PLAN = dataclasses.replace(run_record(Setup(frames=(1, 2, 3))), extra={"resumable": True})
 
 
 def opened(folder: Path, plan: contract.RunRecord = PLAN, overwrite: bool = False) -> SharedFolder:
     """A folder that this process works in."""
     shared = SharedFolder(folder)
-    shared.open(plan, [plan.fingerprint], overwrite)
+    shared.open(plan, overwrite)
     return shared
 
 
@@ -115,7 +115,7 @@ def test_a_claim_that_the_opener_did_not_see_is_kept(
             open_folder(*arguments)
 
         monkeypatch.setattr(output_folder, "open_folder", claimed_meanwhile)
-        second.open(PLAN, [PLAN.fingerprint], False)
+        second.open(PLAN, False)
         return leases[0]
 
     monkeypatch.setattr(first._leases, "claim", opened_meanwhile)
@@ -189,9 +189,9 @@ def test_runs_claim_their_frames(tmp_path: Path) -> None:
     assert lease is not None
     with lease, pytest.raises(OutputError, match=f"process {os.getpid()} on"):
         rs.run(tmp_path)
-    rs.run(tmp_path)
+    rs.run(tmp_path, identity="file")
     with pytest.raises(OutputError, match="another run"):
-        rs.run(tmp_path, samples=2)
+        rs.run(tmp_path, identity="file", samples=2)
     assert not list(tmp_path.rglob("*.lease"))
 
 
@@ -233,6 +233,7 @@ else:
 print("ready", file=sys.stderr, flush=True)
 while not go.exists():
     time.sleep(0.01)
+job.identity = "file"
 with job:
     for task in job.pending():
         job.start(task)

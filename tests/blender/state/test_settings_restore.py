@@ -206,8 +206,9 @@ def test_image_settings_of_every_format_come_back(tmp_path: Path) -> None:
 def test_everything_is_restored_when_preparing_fails(tmp_path: Path) -> None:
     scene = unusual_scene()
     rs.run(tmp_path, snapshots=2)
+    scene.name = "Other"
     before = snapshot(scene)
-    with pytest.raises(RadarSimError, match="another run"), rs.job_for(tmp_path, seed=9):
+    with pytest.raises(RadarSimError, match="another scene"), rs.job_for(tmp_path, seed=9):
         pass
     bpy.data.objects["Radar"].scale = (2, 2, 2)
     bpy.context.view_layer.update()
