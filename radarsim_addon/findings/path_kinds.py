@@ -281,6 +281,18 @@ MIRRORS = {
         "stationary at the time of the render.",
         "Shorten the burst, or give these surfaces a roughness above 0.",
     ),
+    "mirror-turns-polarisation": Kind(
+        "caution",
+        "{subjects} are tilted about the line of sight: they turn up to {fraction:percent} of the "
+        "power that they reflect into the other polarisation.",
+        "Targets and the receiver take the part of a wave with the polarisation of the run. A "
+        "target that keeps every polarisation, such as a sphere, also sends the other part back to "
+        "the mirror, which turns it again. The level of such a target can differ by up to "
+        "{error_db:.1f} dB.",
+        "Add this difference to the uncertainty of lobes and nulls near these mirrors. If the real "
+        "antenna is polarised along or across the mirror, turn the whole scene about the line of "
+        "sight, so that the mirror is level or upright.",
+    ),
     "mirror-ways-not-in-phase": Kind(
         "caution",
         "The camera is orthographic: radarsim measures paths that return to the receiver via "

@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reflection at a planar mirror: images of points, and the coefficient of a polarised wave.
+"""Reflection at planar mirrors: images of points, and the field of a polarised wave.
+
+Fields are complex vectors in world axes. A mirror keeps the part across its plane of incidence (s)
+with r_s, and turns the part in it (p) with the wave, with r_p::
+
+    E' = r_s (s . E) s + r_p (p . E) p',    s = n x u / |n x u|,  p = u x s,  p' = u' x s
+
+for a wave along u that leaves along u' = u - 2 (n . u) n (Born and Wolf, Principles of Optics,
+1.5.2). Reflections in a row are applied one after the other, so a mirror that is tilted about the
+line of sight turns part of a vertical wave into a horizontal one. What counts of the last wave is
+its part with the polarisation of the run (`co_polar`).
 
 Coefficients are written with exp(-j w t) and an index n + jk, as in :mod:`.fresnel`. Echoes carry
 exp(+j w t): the amplitude of a path has the conjugate.
@@ -7,20 +17,39 @@ exp(+j w t): the amplitude of a path has the conjugate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..array_types import Complex, Real
 from ..vectors import crosses, dots, norms
-from .fresnel import reflection_coefficients, unpolarised_reflectance
+from .fresnel import reflection_coefficients
 from .slab import amplitude_coefficients
 
 #: Length of a cross product of unit vectors below which they are parallel.
 _PARALLEL = 1e-9
 #: Argument of the Bessel function from which two terms of its expansion do: 1e-6.
 _LARGE = 300.0
+
+
+class Reflected(NamedTuple):
+    """Waves after one or more mirrors, (n,) each, over the power and the phase before.
+
+    Attributes
+    ----------
+    power
+        Fraction of the power in the polarisation of the run.
+    phase_rad
+        Phase of the field in this polarisation.
+    turned
+        Fraction of the power in the other polarisation.
+    """
+
+    power: Real
+    phase_rad: Real
+    turned: Real
 
 
 @dataclass(frozen=True)
@@ -34,11 +63,12 @@ class MirrorMaterial:
     share
         Part of the reflected power that is mirrored, 0 to 1.
     polarised
-        Whether the power depends on the run's polarisation.
+        Whether the material's nodes reflect the polarisation of the run; else the mean of both.
     rms_height_m
         Of a slightly rough surface [m]; 0: smooth.
     sheet_wavelengths
-        Thickness of a thin sheet, in wavelengths in vacuum; 0: a half-space.
+        Thickness of a thin sheet with interference inside, in wavelengths in vacuum; 0: a
+        half-space.
     """
 
     index: complex
@@ -47,34 +77,125 @@ class MirrorMaterial:
     rms_height_m: float = 0.0
     sheet_wavelengths: float = 0.0
 
-    def reflection(
-        self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
-    ) -> tuple[Real, Real]:
-        """Return the fraction of the power and the phase of reflected waves.
-
-        As `mirror_reflection`; the power is that of the material's nodes.
+    def reflect(
+        self, fields: Complex, incoming: Real, normal: Real, wavelength_m: float
+    ) -> Complex:
+        """Return the fields of waves after a reflection.
 
         Parameters
         ----------
-        incoming, normal, polarisation
-            As there.
+        fields
+            Fields of waves that come in, (k, n, 3).
+        incoming
+            Unit vectors along which the waves travel to the mirror, (n, 3).
+        normal
+            Unit vector across the mirror, (3,), or one for each wave, (n, 3).
         wavelength_m
             Wavelength [m].
 
         Returns
         -------
-        power, phase_rad
-            As there, (n,) each.
+        ndarray
+            (k, n, 3), of waves along `reflected_ways`.
         """
-        power, phase_rad = mirror_reflection(
-            self.index, incoming, normal, polarisation, self.sheet_wavelengths
-        )
-        if not self.polarised:
-            power = unpolarised_reflectance(self.index, np.abs(dots(incoming, normal)))
+        across = crosses(np.broadcast_to(normal, incoming.shape), incoming)
+        straight = norms(across) < _PARALLEL
+        across[straight] = _level(incoming[straight])
+        across /= norms(across)[:, None]
+        cosine = np.abs(dots(incoming, normal))
+        factor = np.sqrt(self.share)
         if self.rms_height_m > 0:
-            sine = np.abs(dots(incoming, normal))
-            power = power * coherent_reflection(self.rms_height_m, sine, wavelength_m) ** 2
-        return self.share * power, phase_rad
+            factor = factor * coherent_reflection(self.rms_height_m, cosine, wavelength_m)
+        r_s, r_p = (factor * one for one in self._coefficients(cosine))
+        before = crosses(incoming, across)
+        after = crosses(reflected_ways(incoming, normal), across)
+        s, p = r_s * _along(fields, across), r_p * _along(fields, before)
+        return np.asarray(s[..., None] * across + p[..., None] * after)
+
+    def reflection(
+        self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
+    ) -> Reflected:
+        """Return the waves of a polarisation after one reflection.
+
+        Parameters
+        ----------
+        incoming, normal, wavelength_m
+            See `reflect`.
+        polarisation
+            See `sent_fields`.
+
+        Returns
+        -------
+        Reflected
+        """
+        fields = self.reflect(sent_fields(incoming, polarisation), incoming, normal, wavelength_m)
+        return co_polar(fields, reflected_ways(incoming, normal), polarisation)
+
+    def rendered_power(self, incoming: Real, normal: Real, polarisation: str) -> Real:
+        """Return the fraction of the power that Cycles reflects at the smooth surface, (n,).
+
+        It is that of both polarisations after the reflection, and of a simple material the mean
+        over those before it, too. Parameters are those of `reflection`.
+        """
+        if not self.polarised:
+            polarisation = "average"
+        found = replace(self, rms_height_m=0.0).reflection(incoming, normal, polarisation, 1.0)
+        return found.power + found.turned
+
+    def _coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
+        """r_s and r_p at cosines of angles of incidence, (n,) each."""
+        if self.sheet_wavelengths > 0:
+            return amplitude_coefficients(self.index, self.sheet_wavelengths, 1.0, cosine)[2:]
+        return reflection_coefficients(self.index, cosine)
+
+
+def reflected_ways(incoming: Real, normal: Real) -> Real:
+    """Return unit vectors along which waves leave a mirror, (n, 3); parameters of `reflect`."""
+    return np.asarray(incoming - 2 * dots(incoming, normal)[:, None] * normal)
+
+
+def sent_fields(ways: Real, polarisation: str) -> Complex:
+    """Return the unit fields of waves of a polarisation, (1, n, 3).
+
+    Parameters
+    ----------
+    ways
+        Unit vectors along which the waves travel, (n, 3).
+    polarisation
+        "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
+        up); "average": waves of both, horizontal ones first, (2, n, 3).
+
+    Returns
+    -------
+    ndarray
+        Complex, so that mirrors can change the phase.
+    """
+    level = _level(ways)
+    upright = crosses(level, ways)
+    chosen = {"horizontal": [level], "vertical": [upright], "average": [level, upright]}
+    return np.array(chosen[polarisation], dtype=np.complex128)
+
+
+def co_polar(fields: Complex, ways: Real, polarisation: str) -> Reflected:
+    """Return what waves have of the polarisation in which they were sent.
+
+    Parameters
+    ----------
+    fields
+        Of `sent_fields` after mirrors, (1 or 2, n, 3).
+    ways
+        Unit vectors along which the waves travel now, (n, 3).
+    polarisation
+        See `sent_fields`; "average": means of the powers of both, phase of the horizontal one.
+
+    Returns
+    -------
+    Reflected
+    """
+    kept = np.stack([dots(*both) for both in zip(fields, sent_fields(ways, polarisation))])
+    power = np.mean(np.abs(kept) ** 2, axis=0)
+    every = np.mean([dots(field, np.conj(field)).real for field in fields], axis=0)
+    return Reflected(power, np.angle(kept[0]), np.maximum(every - power, 0.0))
 
 
 def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
@@ -94,57 +215,6 @@ def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
     """
     unit = np.asarray(normal, dtype=np.float64)
     return np.eye(3) - 2 * np.outer(unit, unit), 2 * offset_m * unit
-
-
-def mirror_reflection(
-    index: complex,
-    incoming: Real,
-    normal: Real,
-    polarisation: str,
-    sheet_wavelengths: float = 0.0,
-) -> tuple[Real, Real]:
-    """Return what a smooth plane makes of a polarised wave.
-
-    Parameters
-    ----------
-    index
-        Complex index n + jk of the mirror.
-    incoming
-        Unit vectors along which waves travel to the mirror, (n, 3).
-    normal
-        Unit vector across the mirror, (3,), or one for each wave, (n, 3).
-    polarisation
-        "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
-        up); "average": power of half a wave each, phase of the horizontal one.
-    sheet_wavelengths
-        Thickness of a thin sheet with interference inside, in wavelengths in vacuum; 0: a
-        half-space.
-
-    Returns
-    -------
-    power, phase_rad
-        Fraction of the power that is reflected, in both polarisations, and phase of the field that
-        keeps its polarisation, (n,) each.
-    """
-    across = crosses(np.broadcast_to(normal, incoming.shape), incoming)
-    straight = norms(across) < _PARALLEL
-    across[straight] = _level(incoming[straight])
-    across /= norms(across)[:, None]
-    turned = incoming - 2 * dots(incoming, normal)[:, None] * normal
-    cosine = np.abs(dots(incoming, normal))
-    if sheet_wavelengths > 0:
-        _, _, r_s, r_p = amplitude_coefficients(index, sheet_wavelengths, 1.0, cosine)
-    else:
-        r_s, r_p = reflection_coefficients(index, cosine)
-    vertical = polarisation == "vertical"
-    before, after = (_field(way, vertical) for way in (incoming, turned))
-    s_in, s_out = dots(before, across), dots(after, across)
-    p_in = dots(before, crosses(incoming, across))
-    p_out = dots(after, crosses(turned, across))
-    kept: Complex = r_s * s_in * s_out + r_p * p_in * p_out
-    share = np.full(s_in.shape, 0.5) if polarisation == "average" else s_in**2
-    power = share * np.abs(r_s) ** 2 + (1 - share) * np.abs(r_p) ** 2
-    return np.asarray(power, dtype=np.float64), np.angle(kept)
 
 
 def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: float) -> Real:
@@ -178,14 +248,13 @@ def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: 
     return np.asarray(np.where(x < _LARGE, np.exp(-near) * np.i0(near), far))
 
 
+def _along(fields: Complex, ways: Real) -> Complex:
+    """Components of fields (k, n, 3) along unit vectors (n, 3), (k, n)."""
+    return np.stack([dots(field, ways) for field in fields])
+
+
 def _level(ways: Real) -> Real:
     """Return level unit vectors across ways, (n, 3); along x for ways straight up or down."""
     level = crosses(ways, np.broadcast_to(np.array([0.0, 0.0, 1.0]), ways.shape))
     level[norms(level) < _PARALLEL] = (1.0, 0.0, 0.0)
     return np.asarray(level / norms(level)[:, None])
-
-
-def _field(ways: Real, vertical: bool) -> Real:
-    """Return unit vectors of the field of waves along unit vectors, (n, 3)."""
-    level = _level(ways)
-    return crosses(level, ways) if vertical else level

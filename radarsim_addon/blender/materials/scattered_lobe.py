@@ -19,6 +19,7 @@ from ...errors import ConfigError
 from ...physics.directive_lobes import lobe_exponent
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
+from ...vectors import dots
 from ..nodes.clutter_lobe import CLUTTER_ROW, table_angles_rad
 from ..nodes.group_search import group_input, group_node
 from ..nodes.groups import KIND_PROPERTY
@@ -71,9 +72,10 @@ class ScatteredLobe:
         ndarray
             (n,).
         """
-        every = replace(self.mirror, share=1.0, rms_height_m=0.0)
-        wave = (-to_source, normal, polarisation, wavelength_m)
-        return every.reflection(*wave)[0] - self.mirror.reflection(*wave)[0]
+        mirror, cosine = self.mirror, np.abs(dots(to_source, normal))
+        kept = mirror.share * coherent_reflection(mirror.rms_height_m, cosine, wavelength_m) ** 2
+        every = replace(mirror, share=1.0).rendered_power(-to_source, normal, polarisation)
+        return np.asarray(every * (1 - kept))
 
     def table_db(self, wavelength_m: float) -> Real:
         """Return sigma0 of the Lambert lobe that Cycles renders in its place.

@@ -25,7 +25,7 @@ from ..nodes.group_search import group_input
 from .better_direction import BetterDirection
 from .hit_points import HitPoints, Normals
 from .reverse_marks import ReverseMarks
-from .rough_mirrors import RoughMirrors
+from .seen_mirrors import SeenMirrors
 from .surface_lobes import ClutterLobe, DirectiveLobe, clutter_lobe, is_mirrored
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
@@ -57,7 +57,7 @@ class ClutterWeights:
     ) -> None:
         self._hits, self._carrier_hz = hits, carrier_hz
         wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
-        self._rough = RoughMirrors(hits, bodies, wavelength_m)
+        self._seen_mirrors = SeenMirrors(hits, bodies, polarisation, wavelength_m)
         self._reverses = ReverseMarks(hits, bodies)
         #: Paths in the direction in which they are sampled well.
         self.better = BetterDirection(bodies, wavelength_m)
@@ -99,7 +99,7 @@ class ClutterWeights:
         """
         origins_m = np.broadcast_to(origin_m, (rows.size, 3))
         if not self._surfaces:
-            self._mark_reverses_and_keep_coherent(rows, normals, origins_m)
+            self._mark_reverses_and_correct_mirrors(rows, normals, origins_m)
             return
         known = normals.all()
         for start in range(0, rows.size, _ROWS_AT_ONCE):  # which stay in the cache
@@ -110,15 +110,15 @@ class ClutterWeights:
                 read |= read_columns(part, _READ_OF_SEVERAL)
                 found = Normals(part.size)
                 found.add(np.arange(part.size), *ends)
-                self._mark_reverses_and_keep_coherent(part, found, origins_m[some])
+                self._mark_reverses_and_correct_mirrors(part, found, origins_m[some])
             start_m = origin_m if origin_m.ndim == 1 else origin_m[some]
             self._apply_part(part, read, ends, start_m, transmitter_m)
 
-    def _mark_reverses_and_keep_coherent(
+    def _mark_reverses_and_correct_mirrors(
         self, rows: PathRows, normals: Normals, origins_m: Real
     ) -> None:
         self._reverses.mark(rows, normals, origins_m)
-        self._rough.keep_coherent(rows, normals, origins_m)
+        self._seen_mirrors.correct(rows, normals, origins_m)
 
     def _apply_part(
         self,

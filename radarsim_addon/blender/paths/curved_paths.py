@@ -15,11 +15,13 @@ import numpy as np
 
 from ...array_types import Indices, Mask, Real
 from ...physics.curved_mirrors import reflected_widths
+from ...physics.mirrors import Reflected
 from ...physics.specular_points import SpecularPoints, SpecularSearch
 from ...signal.paths import PathRows
 from ...vectors import crosses, distances, dots, norms
 from .curved_mirrors import CurvedMirrors
 from .hit_points import HitPoints
+from .mirrors import TurnedPower
 from .obstacles import Obstacles
 from .same_point import alike_in_both
 
@@ -83,6 +85,7 @@ class CurvedPaths:
         #: mirror.
         self.focusing: set[int] = set()
         self.narrow: set[int] = set()
+        self.turned = TurnedPower()
 
     def to(self, antenna_m: Real) -> CurvedPaths:
         """Return the paths to another antenna, with the same tree and sets of bodies."""
@@ -106,7 +109,8 @@ class CurvedPaths:
         away_m = norms(straight_m)
         cosines = dots(normals, onto) / ways.after_m
         cosines /= dots(normals, straight_m) / away_m
-        power, phase_rad = self._reflection(ways)
+        power, phase_rad, turned = self._reflection(ways)
+        self._count_turned(ways, rows["power_w"][place], turned)
         power *= cosines * (away_m / ways.before_m) ** 2 / ways.beams
         seen = power > _LEAST_POWER  # NaN: not
         blocked, through = self._blocked(ways, places_m, rows["last_body"], seen)
@@ -170,19 +174,26 @@ class CurvedPaths:
         kept = (one[wide] for one in (incoming, cosine, before_m, after_m, beams))
         return _Ways(found.select(wide), *kept)
 
-    def _reflection(self, ways: _Ways) -> tuple[Real, Real]:
-        """Fraction of the power that mirrors reflect, and phase of the field, (n,) each."""
+    def _reflection(self, ways: _Ways) -> Reflected:
+        """Waves after the mirrors, of the polarisation of the run."""
         number = self.mirrors.material[ways.found.patch]
-        power, phase_rad = np.zeros(number.size), np.zeros(number.size)
+        found = np.zeros((3, number.size))
         for material, mirror in enumerate(self.mirrors.materials):
             mine = np.flatnonzero(number == material)
-            power[mine], phase_rad[mine] = mirror.reflection(
+            found[:, mine] = mirror.reflection(
                 ways.incoming[mine],
                 ways.found.normals[mine],
                 self._polarisation,
                 self._wavelength_m,
             )
-        return power, phase_rad
+        return Reflected(*found)
+
+    def _count_turned(self, ways: _Ways, power_w: Real, turned: Real) -> None:
+        """Keep the power that each body turns into the other polarisation."""
+        bodies = self.mirrors.body[ways.found.patch]
+        for body in np.unique(bodies).tolist():
+            mine = bodies == body
+            self.turned.add((self.mirrors.names[body],), power_w[mine], turned[mine])
 
     def _blocked(
         self, ways: _Ways, places_m: Real, bodies: Indices, asked: Mask

@@ -10,7 +10,7 @@ import numpy as np
 
 from ... import contract
 from ...array_types import Indices, Mask, Real
-from ...physics.mirrors import MirrorMaterial
+from ...physics.mirrors import MirrorMaterial, Reflected, co_polar, reflected_ways, sent_fields
 from ...vectors import norms, take_rows
 from .mirrors import Mirror
 from .obstacles import Obstacles
@@ -138,28 +138,27 @@ def find_blocked(
 
 def reflection(
     chain: ImageChain, ways: WaysOver, polarisation: str, wavelength_m: float
-) -> tuple[Real, Real]:
-    """Return the fraction of the power that the mirrors reflect, and the phase, (n,) each.
+) -> Reflected:
+    """Return the waves of a polarisation behind the mirrors, where they meet the scatterers.
 
-    Each mirror is met by the polarisation of the run: what tilted ones turn into the other one is
-    in the power of the next.
+    The field goes from mirror to mirror as a vector. A scatterer takes the part of it with the
+    polarisation of the run.
     """
-    count = ways.rows.size
-    power, phase_rad = np.ones(count), np.zeros(count)
-    from_m = np.broadcast_to(chain.places_m[0], (count, 3))
+    from_m = np.broadcast_to(chain.places_m[0], (ways.rows.size, 3))
+    fields, onward = np.zeros((0, ways.rows.size, 3), dtype=np.complex128), from_m
     for number, mirror in enumerate(chain.mirrors):
         met_m, triangle = ways.met_m[-1 - number], ways.triangle[-1 - number]
         incoming = met_m - from_m
         incoming = incoming / norms(incoming)[:, None]
+        if number == 0:
+            fields = sent_fields(incoming, polarisation)
         groups: dict[MirrorMaterial, list[int]] = {}
         for index, material in enumerate(mirror.material):
             groups.setdefault(material, []).append(index)
         for material, numbers in groups.items():
             mine = np.flatnonzero(np.isin(triangle, numbers))
-            part, turn_rad = material.reflection(
-                incoming[mine], mirror.normal, polarisation, wavelength_m
+            fields[:, mine] = material.reflect(
+                fields[:, mine], incoming[mine], mirror.normal, wavelength_m
             )
-            power[mine] *= part
-            phase_rad[mine] += turn_rad
-        from_m = met_m
-    return power, phase_rad
+        onward, from_m = reflected_ways(incoming, mirror.normal), met_m
+    return co_polar(fields, onward, polarisation)

@@ -24,6 +24,8 @@ FLAT = 1 / 50
 _MOST_PLANES = 64
 #: What is added to the solid angle of mirrors that the user wants first [sr]: more than any has.
 _FIRST_SR = 1e3
+#: Level that turned waves may change before a finding tells it [dB].
+TURNED_DB = 0.5
 #: How far a point of a triangle may lie outside of it, over its own size: rounding.
 _EDGE = 1e-9
 
@@ -146,6 +148,38 @@ def find_mirrors(
             )
         )
     return found[:most], findings
+
+
+class TurnedPower:
+    """Power that mirrors turn into the other polarisation, by the objects with the mirrors."""
+
+    def __init__(self) -> None:
+        self._sums: dict[tuple[str, ...], Real] = {}
+
+    def add(self, objects: tuple[str, ...], power_w: Real, turned: Real) -> None:
+        """Add paths: powers as if the mirrors reflected all, and the fraction that is turned."""
+        sums = self._sums.setdefault(objects, np.zeros(2))
+        sums += power_w.sum(), power_w @ turned
+
+    def finding(self) -> list[Finding]:
+        """Find the mirrors that turn enough to change the level of a target, and by how much.
+
+        A target that keeps the polarisation sends the turned wave back to the mirror, which turns
+        it again. In relation to the direct path, this path has the amplitude of the turned power.
+        """
+        found = {
+            names: 20 * math.log10(1 + turned_w / power_w)
+            for names, (power_w, turned_w) in self._sums.items()
+            if power_w > 0
+        }
+        large = {names: level_db for names, level_db in found.items() if level_db > TURNED_DB}
+        if not large:
+            return []
+        objects = dict.fromkeys(name for names in large for name in names)
+        error_db = max(large.values())
+        fraction = 10 ** (error_db / 20) - 1
+        code = "mirror-turns-polarisation"
+        return [finding(code, *objects, fraction=fraction, error_db=error_db)]
 
 
 @dataclass(frozen=True)

@@ -77,9 +77,9 @@ class WaysBack:
             blocked, through = find_blocked(
                 chain, ways, back["last_scatterer_m"], back["last_body"], self.obstacles
             )
-            power, phase_rad = reflection(chain, ways, self.polarisation, self.wavelength_m)
-            back["power_w"] *= power * over[known] / own[known]
-            back["mirror_phase_rad"] -= phase_rad  # echoes carry exp(+j w t)
+            found = reflection(chain, ways, self.polarisation, self.wavelength_m)
+            back["power_w"] *= found.power * over[known] / own[known]
+            back["mirror_phase_rad"] -= found.phase_rad  # echoes carry exp(+j w t)
             back["mirrors"] += len(chain.mirrors)
             back["order"] += len(chain.mirrors)
             back["receiver_image"] = number

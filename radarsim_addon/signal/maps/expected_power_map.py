@@ -331,4 +331,4 @@ class _TableSums:
             gain = self._link.mean_factor_of_rows(rows, number)
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
-        return gain * reverse_factors(rows, self._record, *self._band)
+        return gain * reverse_factors(rows, self._record, *self._band[:2])

@@ -273,8 +273,9 @@ def _reflection(setup: CoverageSetup, grazing_rad: Real) -> Complex:
     flat = np.maximum(grazing_rad, 0.0).ravel()
     incoming = np.stack([np.cos(flat), np.zeros(flat.size), -np.sin(flat)], axis=1)
     up = np.array([0.0, 0.0, 1.0])
-    power, phase_rad = setup.ground.reflection(incoming, up, setup.polarisation, setup.wavelength_m)
-    return np.asarray((np.sqrt(power) * np.exp(-1j * phase_rad)).reshape(grazing_rad.shape))
+    found = setup.ground.reflection(incoming, up, setup.polarisation, setup.wavelength_m)
+    gamma = np.sqrt(found.power) * np.exp(-1j * found.phase_rad)
+    return np.asarray(gamma.reshape(grazing_rad.shape))
 
 
 def _fields(setup: CoverageSetup, mount: Mount, path: GroundPath) -> tuple[Real, Complex]:

@@ -14,7 +14,7 @@ from ...findings import Finding, finding
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import JoinedMotion, KinematicMotion, LinearMotion
-from ..paths import PathColumns, Paths, TableFootprints, geometry_of
+from ..paths import PathColumns, PathFlag, Paths, TableFootprints, geometry_of
 from .speckle_report import SpeckleReport
 from .surface_cells import Body
 from .surface_speckle import Roughness, SurfaceSpeckle
@@ -112,6 +112,7 @@ class FrameSpeckle:
         if isinstance(motion, (KinematicMotion, LinearMotion)):
             motion = dataclasses.replace(motion, length_m=length_m)
         paths = dataclasses.replace(paths, length_m=length_m, motion=motion, phasors=phasors)
+        paths = self._over_scatterers(paths, known, found.cell)
         return self._swaying(paths, sway_mps)
 
     def _following(
@@ -129,6 +130,25 @@ class FrameSpeckle:
         return dataclasses.replace(
             motion, first_scatterer_m=first_m, last_scatterer_m=last_m, tracks=tracks
         )
+
+    def _over_scatterers(self, paths: Paths, known: Indices, cells: Indices) -> Paths:
+        """The paths, of which those with a reverse have the scatterers of their cells as vertices.
+
+        All paths of a cell then have one difference to their reverses, and the same factor.
+        """
+        marked = np.flatnonzero(paths.flags[known] & PathFlag.HAS_REVERSE)
+        if paths.geometry is None or not marked.size:
+            return paths
+        assert self._speckle is not None
+        ends = {
+            "first_scatterer_m": paths.geometry.first_scatterer_m.copy(),
+            "last_scatterer_m": paths.geometry.last_scatterer_m.copy(),
+        }
+        for end_m, over_m in zip(
+            ends.values(), self._speckle.scatterers_m(cells[marked]), strict=True
+        ):
+            end_m[known[marked]] = over_m
+        return dataclasses.replace(paths, geometry=dataclasses.replace(paths.geometry, **ends))
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
         """The paths, with the range rates of clutter that moves by itself.

@@ -83,7 +83,7 @@ def interference_factors(
     return factors
 
 
-def range_overlap(apart_m: Real, range_resolution_m: float, taper: str) -> Real:
+def range_overlap(apart_m: Real, range_resolution_m: float, taper: str = "none") -> Real:
     """Correlation of range responses whose total lengths differ."""
     # A difference d of the length turns the phase over the band by 2 pi B d / c.
     turns = np.abs(apart_m / (2 * range_resolution_m))

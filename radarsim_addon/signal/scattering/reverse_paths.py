@@ -3,11 +3,15 @@
 
 A wave follows a path of two or more reflections in both directions, and the table has both, found
 separately: A, B where the receiver sees A, and B, A where it sees B. They have one phase of
-scattering, so where the lengths are equal (antennas in one place) the power is twice the sum of
-both powers. The amplitude of each path is multiplied by (1 + o exp(-j k d)) / sqrt(1 + o^2), with d
+scattering, so both together have the mean power P_AB + P_BA + 2 o sqrt(P_AB P_BA) cos(k d), with d
 the length of the reverse less that of the path, and o the overlap of their responses in range.
-Where antennas are apart, d changes over the surfaces by many wavelengths: the mean power is then
-the sum of both.
+Rays rarely find both paths of one pair of surface cells, so each path carries its half: its power
+is multiplied by 1 + o cos(k d). In echoes, the paths A, B and B, A have independent phases, and the
+amplitude has the root of this factor with the phase of 1 + o exp(-j k d). With antennas in one
+place, d = 0 and the factor is 2. With antennas apart, d changes over the surfaces by many
+wavelengths, and the mean power is the sum of both.
+
+An echo has one delay, so a taper over the band does not change the factor: o is that without taper.
 """
 
 from __future__ import annotations
@@ -31,7 +35,6 @@ def reverse_factors(
     record: PathsRecord,
     carrier_hz: float,
     range_resolution_m: float,
-    range_taper: str = "none",
 ) -> Real:
     """Return the factors on the expected powers of paths that have a reverse.
 
@@ -41,7 +44,7 @@ def reverse_factors(
         (n,).
     record
         Of their table.
-    carrier_hz, range_resolution_m, range_taper
+    carrier_hz, range_resolution_m
         See `interference_factors`.
 
     Returns
@@ -63,9 +66,7 @@ def reverse_factors(
         return factors
     ends = mine["first_scatterer_m"], mine["last_scatterer_m"]
     longer_m, known = _longer_m(*ends, receiver_m, transmitter_m, images_of(mine, record.images))
-    both = range_overlap(longer_m, range_resolution_m, range_taper)
-    both *= np.cos(2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
-    factors[chosen[known]] += both[known]
+    factors[chosen[known]] = _both(longer_m, carrier_hz, range_resolution_m).real[known]
     return factors
 
 
@@ -110,9 +111,8 @@ def reverse_amplitudes(
     images = None if geometry.images is None else geometry.images.select(chosen)
     ends = geometry.first_scatterer_m[chosen], geometry.last_scatterer_m[chosen]
     longer_m, known = _longer_m(*ends, receiver_m, transmitter_m, images)
-    overlap = np.maximum(range_overlap(longer_m, range_resolution_m, "none"), 0.0)
-    turned = np.exp(-2j * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
-    both = (1 + overlap * turned) / np.sqrt(1 + overlap**2)
+    both = _both(longer_m, carrier_hz, range_resolution_m)
+    both *= np.sqrt(np.maximum(both.real, 0.0)) / np.maximum(np.abs(both), np.finfo(float).tiny)
     factors[chosen[known]] = both[known]
     return factors
 
@@ -121,6 +121,12 @@ def _in_one_place(receiver_m: Real, transmitter_m: Real, carrier_hz: float) -> b
     """Whether all paths are as long as their reverses, to 2e-3 wavelengths."""
     apart_m = float(np.linalg.norm(receiver_m - transmitter_m))
     return apart_m * carrier_hz <= 1e-3 * SPEED_OF_LIGHT_MPS
+
+
+def _both(longer_m: Real, carrier_hz: float, range_resolution_m: float) -> Complex:
+    """1 + o exp(-j k d), (n,); the real part is the factor on the power."""
+    turned = np.exp(-2j * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
+    return np.asarray(1 + range_overlap(longer_m, range_resolution_m) * turned)
 
 
 def _longer_m(

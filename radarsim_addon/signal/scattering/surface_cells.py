@@ -183,14 +183,17 @@ class SurfaceCells:
 
     def scatterers(self, cells: Cells) -> tuple[Real, Real]:
         """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
-        points_m = self._in_world(cells, self.local_m(cells))
-        first_draw = hash_step(cells.state ^ np.uint64(0x5851F42D4C957F2D))
+        return self._in_world(cells, self.local_m(cells)), self.heights(cells.state)
+
+    @staticmethod
+    def heights(states: Hash) -> Real:
+        """Unit Gaussian heights from hashes, (n,)."""
+        first_draw = hash_step(states ^ np.uint64(0x5851F42D4C957F2D))
         second_draw = hash_step(first_draw)
         # Box and Muller; 1 - u is never 0
-        height = np.sqrt(-2 * np.log(1 - uniform(first_draw))) * np.cos(
-            2 * np.pi * uniform(second_draw)
+        return np.asarray(
+            np.sqrt(-2 * np.log(1 - uniform(first_draw))) * np.cos(2 * np.pi * uniform(second_draw))
         )
-        return points_m, height
 
     def keys(self, rows: AnyRows) -> Hash:
         """One number for all paths over the same cells, in the same way."""

@@ -208,8 +208,10 @@ class SurfaceSpeckle:
         two = np.flatnonzero(~single)
         if two.size:
             before = self._cells.of(rows[two], True)
-            points_m, units[0, two] = self._cells.scatterers(before)
-            scatterers_m[0][:, two] = points_m.T
+            scatterers_m[0][:, two] = self._cells.scatterers(before)[0].T
+            # Another height than as the last vertex: the phases of A, B and of B, A would be
+            # equal, and both would interfere twice, here and by `reverse_amplitudes`.
+            units[0, two] = self._cells.heights(hash_step(before.state))
         if self._fluctuations:
             self._texture, rates_mps = self._fluctuations.of_vertex(rows, cells, False)
             self._sway_mps = np.stack([np.zeros(single.size), rates_mps])

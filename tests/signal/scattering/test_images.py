@@ -16,7 +16,6 @@ from radarsim_addon.contract import (
     ImageRecord,
 )
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics.mirrors import mirror_reflection
 from radarsim_addon.signal.motion import (
     BodyMotion,
     FrameMotion,
@@ -279,30 +278,3 @@ def test_overlap_of_responses() -> None:
     factors = interference_factors(rows, rows["power_w"], carrier_hz, resolution_m)
     expected = 1 + np.sinc(apart_m / (2 * resolution_m))
     np.testing.assert_allclose(factors, expected, rtol=1e-4)
-
-
-def test_reflection_of_tilted_mirrors() -> None:
-    """A wall turns H into p and V into s; a mirror at 45 degrees mixes them as vectors say."""
-    index = 2.5 + 0.3j
-    eps = index**2
-    incoming = np.array([[math.cos(0.4), math.sin(0.4), 0.0]])
-    cosine = math.cos(0.4)
-    root = np.sqrt(eps - math.sin(0.4) ** 2)
-    r_s, r_p = (cosine - root) / (cosine + root), (eps * cosine - root) / (eps * cosine + root)
-    wall = np.array([-1.0, 0.0, 0.0])
-    for polarisation, expected in (("vertical", r_s), ("horizontal", r_p)):
-        power, phase = mirror_reflection(index, incoming, wall, polarisation)
-        assert power[0] == pytest.approx(abs(expected) ** 2, rel=1e-12)
-        assert np.exp(1j * phase[0]) == pytest.approx(expected / abs(expected), abs=1e-12)
-    power, _ = mirror_reflection(index, incoming, wall, "average")
-    assert power[0] == pytest.approx((abs(r_s) ** 2 + abs(r_p) ** 2) / 2, rel=1e-12)
-    # Field by vectors: s keeps its direction, p turns with the wave.
-    normal = np.array([0.0, -math.sqrt(0.5), math.sqrt(0.5)])
-    way = np.array([0.0, 1.0, 0.0])
-    turned = way - 2 * (way @ normal) * normal
-    np.testing.assert_allclose(turned, [0, 0, 1], atol=1e-12)
-    cosine = math.sqrt(0.5)
-    root = np.sqrt(eps - 0.5)
-    r_s = (cosine - root) / (cosine + root)
-    power, phase = mirror_reflection(index, way[None], normal, "horizontal")
-    assert power[0] == pytest.approx(abs(r_s) ** 2, rel=1e-12)
