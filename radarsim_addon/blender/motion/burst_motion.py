@@ -212,12 +212,13 @@ class BurstMotion:
         """Say of objects that move by their matrix only how far from their surface that leads."""
         if not items:
             return
-        last_s, instant = self._plan.at(1.0)
-        depsgraph = self._show(self._plan.rendered[1])
+        rendered_s, rendered = self._plan.rendered
+        other_s, other = self._plan.at(0.0 if self._plan.rendered_fraction > 0.5 else 1.0)
+        depsgraph = self._show(rendered)
         first = {
             name: DeformingSurface(item, depsgraph, self._units) for name, item in items.items()
         }
-        depsgraph = self._show(instant)
+        depsgraph = self._show(other)
         agree: dict[str, float] = {}
         apart: dict[str, float] = {}
         for name, item in items.items():
@@ -230,7 +231,7 @@ class BurstMotion:
             self.findings.append(finding("surface-changes", *agree, apart_m=max(agree.values())))
         if apart:
             apart_m = self._apart_m = max(self._apart_m, *apart.values())
-            speed_mps = apart_m / max(last_s, 1e-12)
+            speed_mps = apart_m / max(abs(other_s - rendered_s), 1e-12)
             self.findings.append(
                 finding("surface-not-followed", *apart, apart_m=apart_m, speed_mps=speed_mps)
             )
