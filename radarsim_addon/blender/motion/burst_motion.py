@@ -39,6 +39,7 @@ from ..scene import (
     evaluated_poses,
     may_move_at_whole_frames,
     pose_in_metres,
+    simulation_frames,
 )
 from .animation import (
     cache_frames,
@@ -53,6 +54,7 @@ from .deforming import (
     Deformations,
     DeformingSurface,
     are_same_points,
+    is_cut,
     marked_points,
     may_change_points,
     may_deform,
@@ -75,6 +77,8 @@ _PATIENCE_S = 20.0
 _MOST_SEARCHES = 4
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
 _CHECKS = (0.1381966011, 0.4472135955, 0.7639320225)
+#: A frame after all simulations begin.
+_ANY_FRAME = 1 << 24
 #: Error bound above which phases are not reliable [wavelengths]: 0.13 rad two-way.
 _WARN_WAVELENGTHS = 0.01
 
@@ -197,7 +201,11 @@ class BurstMotion:
         found: dict[str, Any] = {}
         if not items:
             return found
-        with marked_points(items.values()):
+        # Marks change meshes, and Blender then forgets simulations that are not baked.
+        simulated = bool(simulation_frames(self._measured_scene, _ANY_FRAME))
+        if simulated:
+            found = {name: item for name, item in items.items() if is_cut(item)}
+        with marked_points(() if simulated else items.values()):
             depsgraph = self._show(self._plan.rendered[1])
             first = {name: surface_points(item, depsgraph) for name, item in items.items()}
             for moment in moments:

@@ -168,6 +168,45 @@ def test_wall_that_a_moving_boolean_cuts(
     assert 0 < found["surface-not-followed"].numbers["speed_mps"] < 1.6 * fastest_mps
 
 
+@pytest.mark.parametrize("modifier", ["WELD", "BOOLEAN"])
+def test_scene_with_a_simulation_that_is_not_baked(tmp_path: Path, modifier: str) -> None:
+    """Marks would reset it: cloth that falls keeps its speed, and a cut wall its place."""
+    wall, cutter = cut_wall("EXACT")
+    steady(cutter, "location", (1, (-0.4, 20, 0)), (1 + SECOND, (3.0, 21, 0)))
+    if modifier == "WELD":
+        bpy.data.objects.remove(wall)
+    cloth = bpy.data.meshes.new("Cloth")
+    z = 0.0 if modifier == "WELD" else 3.0
+    ticks = np.linspace(-0.5, 0.5, 4).tolist()
+    cloth.from_pydata(
+        [(x, 0, z + up) for up in ticks for x in ticks],
+        [],
+        [(n, n + 1, n + 5, n + 4) for n in (0, 1, 2, 4, 5, 6, 8, 9, 10)],
+    )
+    cloth.materials.append(ph.lambert(0.5))
+    item = bpy.data.objects.new("Cloth", cloth)
+    item.location = (0, DISTANCE_M, 0)
+    scene = bpy.context.scene
+    scene.collection.objects.link(item)
+    scene.gravity = (0, -9.81, 0)
+    item.modifiers.new("Cloth", "CLOTH")
+    item.modifiers.new("Weld", "WELD").merge_threshold = 1e-5
+    y_m = []
+    for frame in range(1, 12):
+        scene.frame_set(frame)
+        shown = item.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        y_m.append(np.mean([(shown.matrix_world @ point.co).y for point in shown.data.vertices]))
+    scene.frame_set(1)
+    speeds, _, found = measured(tmp_path, 9)
+    if modifier == "WELD":
+        np.testing.assert_allclose(speeds, (y_m[9] - y_m[7]) * 24 / 2, atol=2e-3)
+        assert speeds.max() < -1.0
+        assert "surface-not-followed" not in found
+    else:
+        assert not speeds.any()
+        assert found["surface-not-followed"].subjects == ("Wall",)
+
+
 def test_hole_that_moves_with_its_wall(tmp_path: Path) -> None:
     """Shape key and cutter at one speed: vertices stay the same points, so all have that speed."""
     _, cutter = cut_wall("EXACT", 4.0, deforms=True)
