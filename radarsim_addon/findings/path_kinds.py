@@ -355,8 +355,8 @@ MOTION = {
     "surface-not-followed": Kind(
         "caution",
         "The vertices of {subjects} are not the same points of the surface during the burst.",
-        "radarsim moves the points of these objects by their matrix only. At the end of the burst "
-        "these points are up to {apart_m:.2g} m from the surface that Blender evaluates, so "
+        "radarsim moves the points of these objects by their matrix only. Within the burst these "
+        "points get up to {apart_m:.2g} m away from the surface that Blender evaluates, so "
         "range rates may be wrong by up to about {speed_mps:.2g} m/s.",
         "Apply modifiers that make vertices (Decimate, Remesh, Boolean, Build), or move them above "
         "Armature and other modifiers that deform. Convert metaballs to a mesh. Replace an "
@@ -365,8 +365,8 @@ MOTION = {
     "surface-changes": Kind(
         "info",
         "The vertices of {subjects} are not the same points of the surface during the burst.",
-        "radarsim moves the points of these objects by their matrix only. Until the end of the "
-        "burst they stay within {apart_m:.2g} m of the surface that Blender evaluates.",
+        "radarsim moves the points of these objects by their matrix only. Within the burst they "
+        "stay within {apart_m:.2g} m of the surface that Blender evaluates.",
         "If the surface moves along itself, apply modifiers that make vertices (Decimate, Remesh, "
         "Boolean), or move them above those that deform.",
     ),

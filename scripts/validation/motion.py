@@ -16,6 +16,9 @@ from radarsim_addon import signal
 from radarsim_addon.array_types import Real
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.scene import active_radar, animation_curves
+from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.motion_record import MotionRecord
+from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths, pixel_rays
 
 from .case import Bench, Case, Check, Group, absolute_check
@@ -270,12 +273,85 @@ def rotor(bench: Bench) -> list[Check]:
     ]
 
 
+def _wavy_plate(speed_mps: float) -> Any:
+    """A plate of 144 faces whose vertices move along Y by a shape key."""
+    new_scene(2.6)
+    ticks = np.linspace(-1, 1, 13).tolist()
+    corners = [(x, 0.05 * math.sin(7 * x) * math.cos(5 * z), z) for z in ticks for x in ticks]
+    starts = [13 * row + column for row in range(12) for column in range(12)]
+    mesh = bpy.data.meshes.new("Plate")
+    mesh.from_pydata(corners, [], [(n, n + 1, n + 14, n + 13) for n in starts])
+    mesh.materials.append(lambert(0.6))
+    plate = bpy.data.objects.new("Plate", mesh)
+    plate.location.y = 20.0
+    bpy.context.scene.collection.objects.link(plate)
+    plate.shape_key_add(name="Basis")
+    moved = plate.shape_key_add(name="Moved")
+    for point in moved.data:
+        point.co.y += speed_mps
+    for frame in (1, 25):
+        moved.value = (frame - 1) / FPS
+        moved.keyframe_insert("value", frame=frame)
+    for curve in animation_curves(mesh.shape_keys.animation_data):
+        for key in curve.keyframe_points:
+            key.interpolation = "LINEAR"
+    return plate
+
+
+def changing_vertices(bench: Bench) -> list[Check]:
+    """Modifiers that make other vertices at each moment: the speed is right, or its size named."""
+    checks, speed_mps = [], 20.0
+    for kind in ("none", "Decimate", "Remesh"):
+        plate = _wavy_plate(speed_mps)
+        if kind == "Decimate":
+            plate.modifiers.new("Decimate", "DECIMATE").ratio = 0.5
+        elif kind == "Remesh":
+            plate.modifiers.new("Solid", "SOLIDIFY").thickness = 0.3
+            remesh = plate.modifiers.new("Remesh", "REMESH")
+            remesh.mode, remesh.voxel_size = "VOXEL", 0.1
+        run = acquire(bench, 16, 1, carrier_hz=CARRIER_HZ, prf_hz=10e3, pulses=256)
+        rates_mps = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
+        worst = float(rates_mps[np.argmax(np.abs(rates_mps - speed_mps))])
+        named = [
+            one
+            for one in read_record(run.folder / frame_dir(1) / MOTION_FILE, MotionRecord).findings
+            if one.code == "surface-not-followed"
+        ]
+        said = named[0].numbers["speed_mps"] if named else worst
+        assert isinstance(said, float)
+        bound = 0.05 * speed_mps if named else 1e-3
+        label = f"plate by a shape key, {kind}: {'speed that is named' if named else 'range rate'}"
+        checks.append(
+            absolute_check(label, speed_mps, said, bound, "speed of the shape key", unit="m/s")
+        )
+    return checks
+
+
+def jumps(bench: Bench) -> list[Check]:
+    """A Cycles modifier that begins again on the burst's first pulse, and amid the burst."""
+    checks, speed_mps = [], 10.0
+    for frame, prf_hz in ((25, 20e3), (24, 1e3)):
+        new_scene(2.0)
+        plate = add_plate("Car", facing_plate((0.0, 0.0, 0.0), 1.0), lambert(0.6))
+        _keyed(plate, [(1, 20.0), (25, 20.0 + speed_mps)])
+        for curve in animation_curves(plate.animation_data):
+            curve.modifiers.new("CYCLES")
+        run, _, _ = _measure(bench, prf_hz, frame)
+        rates_mps = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
+        worst = float(rates_mps[np.argmax(np.abs(rates_mps - speed_mps))])
+        label = f"Cycles modifier, jump of {speed_mps:g} m at frame 25, burst from frame {frame}"
+        source = "straight line between keys"
+        checks.append(absolute_check(label, speed_mps, worst, 1e-3, source, unit="m/s"))
+    return checks
+
+
 GROUP = Group(
     "motion",
     "Motion",
     "A plate at 50 m that moves straight, 77 GHz, 64 pulses, with a corner at a keyframe: errors "
     "of range rates, and of phases from pulse to pulse. Rigid bodies, which Blender keeps at "
-    "whole frames only. A rotor, none of whose echoes may be faster than its tips.",
+    "whole frames only. A rotor, none of whose echoes may be faster than its tips. Modifiers that "
+    "make other vertices at each moment, and positions that jump.",
     (
         Case("keyframes", keyframes, 20.0),
         Case("elastic key", springs, 5.0),
@@ -283,5 +359,7 @@ GROUP = Group(
         Case("caches", caches, 10.0),
         Case("snapshots of rings", snapshots, 20.0),
         Case("rotor", rotor, 10.0),
+        Case("changing vertices", changing_vertices, 10.0),
+        Case("jumps", jumps, 5.0),
     ),
 )

@@ -39,6 +39,7 @@ from ..scene import (
     evaluated_poses,
     may_move_at_whole_frames,
     pose_in_metres,
+    simulation_frames,
 )
 from .animation import (
     cache_frames,
@@ -53,6 +54,7 @@ from .deforming import (
     Deformations,
     DeformingSurface,
     are_same_points,
+    is_cut,
     marked_points,
     may_change_points,
     may_deform,
@@ -75,6 +77,8 @@ _PATIENCE_S = 20.0
 _MOST_SEARCHES = 4
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
 _CHECKS = (0.1381966011, 0.4472135955, 0.7639320225)
+#: A frame after all simulations begin.
+_ANY_FRAME = 1 << 24
 #: Error bound above which phases are not reliable [wavelengths]: 0.13 rad two-way.
 _WARN_WAVELENGTHS = 0.01
 
@@ -197,7 +201,11 @@ class BurstMotion:
         found: dict[str, Any] = {}
         if not items:
             return found
-        with marked_points(items.values()):
+        # Marks change meshes, and Blender then forgets simulations that are not baked.
+        simulated = bool(simulation_frames(self._measured_scene, _ANY_FRAME))
+        if simulated:
+            found = {name: item for name, item in items.items() if is_cut(item)}
+        with marked_points(() if simulated else items.values()):
             depsgraph = self._show(self._plan.rendered[1])
             first = {name: surface_points(item, depsgraph) for name, item in items.items()}
             for moment in moments:
@@ -212,12 +220,13 @@ class BurstMotion:
         """Say of objects that move by their matrix only how far from their surface that leads."""
         if not items:
             return
-        last_s, instant = self._plan.at(1.0)
-        depsgraph = self._show(self._plan.rendered[1])
+        rendered_s, rendered = self._plan.rendered
+        other_s, other = self._plan.at(0.0 if self._plan.rendered_fraction > 0.5 else 1.0)
+        depsgraph = self._show(rendered)
         first = {
             name: DeformingSurface(item, depsgraph, self._units) for name, item in items.items()
         }
-        depsgraph = self._show(instant)
+        depsgraph = self._show(other)
         agree: dict[str, float] = {}
         apart: dict[str, float] = {}
         for name, item in items.items():
@@ -230,7 +239,7 @@ class BurstMotion:
             self.findings.append(finding("surface-changes", *agree, apart_m=max(agree.values())))
         if apart:
             apart_m = self._apart_m = max(self._apart_m, *apart.values())
-            speed_mps = apart_m / max(last_s, 1e-12)
+            speed_mps = apart_m / max(abs(other_s - rendered_s), 1e-12)
             self.findings.append(
                 finding("surface-not-followed", *apart, apart_m=apart_m, speed_mps=speed_mps)
             )

@@ -84,6 +84,14 @@ def may_change_points(item: Any) -> bool:
     )
 
 
+def is_cut(item: Any) -> bool:
+    """Return whether Boolean modifiers cut an object: its faces may stay while vertices slide."""
+    return any(
+        modifier.type == "BOOLEAN" and (modifier.show_viewport or modifier.show_render)
+        for modifier in item.modifiers
+    )
+
+
 @contextlib.contextmanager
 def marked_points(items: Iterable[Any]) -> Iterator[None]:
     """Give the corners of the meshes of objects their places as an attribute, for a time.

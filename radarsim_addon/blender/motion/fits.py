@@ -172,8 +172,14 @@ class Fits:
         there_m = np.stack([sampled[at_s] for at_s in times_s])
         every = np.arange(there_m.shape[1], dtype=np.int32)
         miss_m = float(np.abs(series.positions(every, np.array(times_s)) - there_m).max(initial=0))
-        step_m = _rounding_step(there_m, self._plan.metres_per_unit)
-        if miss_m > max(_MAX_MISS * (noise_m + step_m), self._target_m):
+        # Armatures and targets of modifiers may be anywhere: they round vertices by their places.
+        places_m = self._sampler.poses(self._plan.rendered[0])[:, :3, 3]
+        step_m = max(
+            _rounding_step(there_m, self._plan.metres_per_unit),
+            _rounding_step(np.nan_to_num(places_m), self._plan.metres_per_unit),
+        )
+        allowed_m = _MAX_MISS * (min(noise_m, _MAX_NOISE * step_m) + step_m)
+        if miss_m > max(allowed_m, self._target_m):
             self._missed_surfaces[name] = miss_m
             bound_m = max(bound_m, miss_m)
         return series, noise_m, bound_m

@@ -337,19 +337,21 @@ class Sampler:
         self, rows: Indices, one: int, low_s: float, high_s: float
     ) -> tuple[float, float] | None:
         """Return times just before and after a jump between two samples; None: it only moves."""
-        size_m = self._steps_m(rows, low_s, high_s)[one]
-        halvings = 0
+        if (high_s - low_s) * self.plan.fps < 2**_HALVINGS * _CLEAR_OF_KEYS:
+            return None  # too short to tell a jump from a motion
+        sizes_m = [float(self._steps_m(rows, low_s, high_s)[one])]
         while (high_s - low_s) * self.plan.fps > _CLEAR_OF_KEYS:
             middle_s, instant = self.plan.moment((low_s + high_s) / 2)
             if not low_s < middle_s < high_s:
                 break  # float32 has no time between them
             self.take(middle_s, instant)
             left_m, right_m = (
-                self._steps_m(rows, *pair)[one] for pair in ((low_s, middle_s), (middle_s, high_s))
+                float(self._steps_m(rows, *pair)[one])
+                for pair in ((low_s, middle_s), (middle_s, high_s))
             )
             low_s, high_s = (low_s, middle_s) if left_m > right_m else (middle_s, high_s)
-            halvings += 1
-            if halvings == _HALVINGS and max(left_m, right_m) < size_m / 2:
+            sizes_m.append(max(left_m, right_m))
+            if len(sizes_m) > _HALVINGS and sizes_m[-1] < sizes_m[-1 - _HALVINGS] / 2:
                 return None
         return low_s, high_s
 

@@ -14,6 +14,7 @@ import pytest
 from radarsim_addon import signal
 from radarsim_addon.blender.motion import burst_motion
 from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.errors import SceneError
 from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths
@@ -315,8 +316,18 @@ def test_an_alembic_file_is_a_cubic_through_whole_frames(tmp_path: Path, what: s
     assert [f.code for f in record.findings] == ["motion-between-frames"]
 
 
-def test_particles_carry_their_instances(tmp_path: Path) -> None:
-    """Blender's own places at the frames before and after tell the speed of a particle."""
+def bake(source: Any) -> None:
+    """Bake the particles of an object."""
+    cache = source.particle_systems[0].point_cache
+    cache.frame_end = 40
+    with bpy.context.temp_override(object=source, point_cache=cache):
+        bpy.ops.ptcache.bake(bake=True)
+
+
+@pytest.mark.parametrize("baked", [False, True])
+@pytest.mark.parametrize("pulses", [64, 512])
+def test_particles_carry_their_instances(tmp_path: Path, baked: bool, pulses: int) -> None:
+    """Blender's own places at the frames before and after tell the speed of a baked particle."""
     mh.scene_at(20.0, 2.0)
     scene = bpy.context.scene
     scene.gravity = (0.0, -GRAVITY, 0.0)
@@ -336,7 +347,14 @@ def test_particles_carry_their_instances(tmp_path: Path) -> None:
         shown = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
         y.append(shown.particle_systems[0].particles[0].location.y)
     scene.frame_set(1)
-    rows, _, record = measured(tmp_path, 9)
+    burst = Burst(20_000.0, pulses)
+    if not baked:
+        with pytest.raises(SceneError, match=r"of 'Source' is not baked.*Cache > Bake"):
+            measured(tmp_path, 9, burst)
+        assert not measured(tmp_path / "off", 9, burst, motion="off")[0]["range_rate_mps"].any()
+        return
+    bake(source)
+    rows, _, record = measured(tmp_path, 9, burst)
     assert rows.size
     speed = rows["range_rate_mps"] / rows["direction"][:, 1]
     assert np.abs(speed - (y[9] - y[7]) * FPS / 2).max() < 2e-3
