@@ -38,6 +38,8 @@ _ROUGH = 0.125 * (1 - 1e-4)
 _NEAR = 2.0
 #: Difference from the measured level of a curved face that is worth a caution [dB].
 _DIFFERS_DB = 1.0
+#: Objects that are looked at, the strongest first.
+_MOST_OBJECTS = 256
 #: Normals and heights over the size of the body up to which triangles are in one plane.
 _ALIKE, _LEVEL = 1e-4, 1e-5
 #: Wavelengths across a face from which on physical optics describes it, and part of the area of its
@@ -94,7 +96,10 @@ def smooth_face_findings(
         for shape in shapes
     ]
     shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
-    chosen = np.flatnonzero(shiny[bodies.shape] & np.isin(bodies.number, list(power_w)))
+    # an object of many instances has one power for all of them
+    lone = np.bincount(bodies.number)[bodies.number] == 1
+    told = sorted(power_w, key=lambda number: -power_w[number])[:_MOST_OBJECTS]
+    chosen = np.flatnonzero(shiny[bodies.shape] & lone & np.isin(bodies.number, told))
     if not chosen.size:
         return []
     search = BrightParts(obstacles, receiver, window, slopes)
@@ -177,7 +182,7 @@ def _faces(
         yield _Face(
             body,
             float(parts.slope[first]),
-            float(specular_face(*lengths_m, wavelength_m, *bends)),
+            _level_m2(lengths_m, bends, wavelength_m),
             wavelength_m / float(lengths_m.max()),
             math.atan(tangents[first]),
             places_m[first],
@@ -190,9 +195,14 @@ def _faces(
         lengths_m = np.ptp(corners_m @ axes.T, axis=0)
         if lengths_m.min() < _LEAST_ACROSS * wavelength_m:
             continue
-        rcs_m2 = float(specular_face(*lengths_m, wavelength_m, *bends))
+        rcs_m2 = _level_m2(lengths_m, bends, wavelength_m)
         place_m = places_m[first]
         yield _Face(body, float(parts.slope[first]), rcs_m2, math.pi, 0.0, place_m)
+
+
+def _level_m2(lengths_m: Real, bends: Real, wavelength_m: float) -> float:
+    (first_m, second_m), (first, second) = lengths_m.tolist(), bends.tolist()
+    return float(specular_face(first_m, second_m, wavelength_m, first, second))
 
 
 def _nearest(search: BrightParts, parts: SurfaceParts, slopes: Real) -> tuple[Real, Real]:
