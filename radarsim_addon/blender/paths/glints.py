@@ -213,7 +213,7 @@ class BrightParts:
         near = np.where(sine < 1, np.arcsin(np.minimum(sine, 1.0)), math.pi)
         return np.asarray(chosen[angle - near <= math.atan(edge)])
 
-    def affordable(self, chosen: Indices) -> tuple[Indices, Indices]:
+    def affordable(self, chosen: Indices, most: int | None = None) -> tuple[Indices, Indices]:
         """Return the bodies that are searched, those that look largest, and the others."""
         shapes = self._bodies.snapshot.shapes
         faces = np.array([max(self._bodies.snapshot.face_count(one), 1) for one in shapes])
@@ -223,6 +223,7 @@ class BrightParts:
         cost = faces[shape]
         cost[np.unique(shape, return_index=True)[1]] += _PER_SHAPE
         enough = int(np.searchsorted(np.cumsum(cost), _MOST_SEARCHED)) + 1
+        enough = enough if most is None else min(enough, most)
         return np.sort(order[:enough]), order[enough:]
 
     def glints(self, chosen: Indices, transmitter_m: Real) -> tuple[list[Glint], Indices]:
