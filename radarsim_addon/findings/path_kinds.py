@@ -113,10 +113,10 @@ PATHS = {
     ),
     "glints-left-out": Kind(
         "caution",
-        "{count:#specular point} of {subjects} got no tile of their own; the {traced} strongest "
-        "ones of the frame did.",
-        "The other specular points are smaller than a pixel, so that rays may miss them. Then the "
-        "power of these objects is too low, and its standard error does not show it.",
+        "Specular points on {count:#surface} of {subjects} have no tile of their own: radarsim "
+        "follows the {traced} strongest ones, on the surfaces that look largest.",
+        "Rays may miss specular points that are smaller than a pixel. Then the power of these "
+        "objects is too low, and its standard error does not show it.",
         "Raise the resolution, or narrow the field of view.",
     ),
     "power-uncertain": Kind(

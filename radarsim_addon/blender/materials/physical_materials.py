@@ -84,9 +84,17 @@ def medium_of(material: Any) -> Medium | None:
 
 
 def surface_of(material: Any) -> Surface | None:
-    """Return the surface of a material; None if all three properties are missing.
+    """Return the surface of a material.
 
-    Without a slope, that of the Roughness of a Radar Material is used.
+    Parameters
+    ----------
+    material : bpy.types.Material or None
+
+    Returns
+    -------
+    Surface or None
+        None if all three properties are missing. Without a slope, that of the Roughness of a Radar
+        Material is used.
     """
     keys = (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE)
     if material is None:

@@ -48,7 +48,7 @@ from .small_object_ranking import (
     rank_by_error,
     small_boxes,
 )
-from .smooth_faces import smooth_face_findings
+from .smooth_faces import SmoothFaces
 from .tile_checkpoints import TileCheckpoints
 from .tiles import Tile
 from .view_tracer import PathTask, Progress, ViewTracer
@@ -116,7 +116,17 @@ class FrameWork:
         self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
-        self._said: list[Finding] = []
+        # Later on Blender evaluates other moments.
+        self._smooth = SmoothFaces(
+            mirrors.obstacles, receiver, tracer.transmitter, self._whole, carrier_hz
+        )
+        self._glints, self._said = find_glints(
+            mirrors.obstacles,
+            receiver,
+            np.vstack([tracer.transmitter_m, tracer.lamps_m]),
+            self._whole,
+            self._run.scene.hidden,
+        )
 
     # -- renders -----------------------------------------------------------------------------------
 
@@ -134,14 +144,7 @@ class FrameWork:
         if self._options.refines:
             chosen = yield from self._choose(uniform)
             tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, self._options)
-        glints, self._said = find_glints(
-            self._mirrors.obstacles,
-            self._receiver,
-            np.vstack([self._tracer.transmitter_m, self._tracer.lamps_m]),
-            self._whole,
-            self._run.scene.hidden,
-        )
-        wanted = [(one.pitch, area) for one in glints for area in one.areas]
+        wanted = [(one.pitch, area) for one in self._glints for area in one.areas]
         tiles = lay_in_steps(tiles, wanted, self._whole, self._options.tile_px)
         planned = len(Tile(self._whole).split(self._options.tile_px))
         self._progress.add_tiles(len(tiles) - planned)
@@ -403,15 +406,9 @@ class FrameWork:
         }
         if uncertain:
             findings.append(finding_about("power-uncertain", uncertain))
-        mean = self._budget.totals()[0]
-        findings += smooth_face_findings(
-            self._mirrors.obstacles,
-            self._receiver,
-            self._tracer.transmitter,
-            self._whole,
-            self._run.measurement.waveform.carrier_hz,
-            {number: float(mean[number + self._budget.first_object]) for number in errors},
-        )
+        mean, first = self._budget.totals()[0], self._budget.first_object or 0
+        powers_w = {scene.objects[number - 1]: float(mean[first + number]) for number in errors}
+        findings += self._smooth.findings(powers_w, scene.objects)
         if self._moving:
             findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:

@@ -45,8 +45,15 @@ _AHEAD = 6
 _LOOSE, _FEW_PX = 4.0, 1024.0
 #: Glints that get tiles, and pixels of all of them (or of the frame, if it has more).
 MOST_GLINTS, _PIXELS_FOR_ALL = 64, 1 << 18
-#: Triangles of all bodies that are searched, largest bodies first, and those at a time.
-_MOST_SEARCHED, _AT_ONCE = 1 << 26, 1 << 20
+#: Triangles of all bodies that are searched, largest bodies first, and those at a time. A shape
+#: takes as long as so many triangles.
+_MOST_SEARCHED, _AT_ONCE, _PER_SHAPE = 1 << 24, 1 << 20, 1 << 13
+#: Bodies that are searched, those that look largest: each takes 0.1 to 0.3 ms.
+_MOST_LARGE = 2048
+#: Bodies with bright spots that are looked at one by one, the brightest first.
+_MOST_BODIES = 256
+#: Pixels across of bright flat facets that the frame resolves.
+_LARGE_FACETS = 16.0
 #: Distance that stands for infinity where the view is orthographic [m].
 _FAR_M = 1e9
 
@@ -91,7 +98,11 @@ def find_glints(
         return [], []
     search = BrightParts(obstacles, receiver, window, slopes)
     chosen, skipped = search.affordable(search.in_view(chosen))
-    found = [one for place in transmitters_m for one in search.glints(chosen, place)]
+    found: list[Glint] = []
+    for place_m in transmitters_m:
+        own, others = search.glints(chosen, place_m)
+        found += own
+        skipped = np.union1d(skipped, others)
     room = float(max(_PIXELS_FOR_ALL, window.width_px * window.height_px))
     kept: list[Glint] = []
     left = [bodies.name(number) for number in bodies.number[skipped].tolist()]
@@ -202,36 +213,52 @@ class BrightParts:
         angle = np.arccos(np.clip(-local[:, 2] / away_m, -1.0, 1.0))
         sine = self._radius_m[chosen] / away_m
         near = np.where(sine < 1, np.arcsin(np.minimum(sine, 1.0)), math.pi)
-        return chosen[angle - near <= math.atan(edge)]
+        return np.asarray(chosen[angle - near <= math.atan(edge)])
 
-    def affordable(self, chosen: Indices) -> tuple[Indices, Indices]:
+    def affordable(self, chosen: Indices, most: int = _MOST_LARGE) -> tuple[Indices, Indices]:
         """Return the bodies that are searched, those that look largest, and the others."""
-        snapshot = self._bodies.snapshot
-        faces = np.array([max(snapshot.face_count(one), 1) for one in snapshot.shapes])
+        shapes = self._bodies.snapshot.shapes
+        faces = np.array([max(self._bodies.snapshot.face_count(one), 1) for one in shapes])
         away_m = norms(self._middle_m[chosen] - self._place_m)
         order = chosen[np.argsort(away_m / np.maximum(self._radius_m[chosen], 1e-300))]
-        searched = np.cumsum(faces[self._bodies.shape[order]])
-        enough = int(np.searchsorted(searched, _MOST_SEARCHED)) + 1
+        shape = self._bodies.shape[order]
+        cost = faces[shape]
+        cost[np.unique(shape, return_index=True)[1]] += _PER_SHAPE
+        enough = int(np.searchsorted(np.cumsum(cost), _MOST_SEARCHED)) + 1
+        enough = min(enough, most)
         return np.sort(order[:enough]), order[enough:]
 
-    def glints(self, chosen: Indices, transmitter_m: Real) -> list[Glint]:
-        """Return the glints of one transmitter on some bodies that the view does not resolve."""
+    def glints(self, chosen: Indices, transmitter_m: Real) -> tuple[list[Glint], Indices]:
+        """Return the glints of one transmitter on some bodies that the view does not resolve, and
+        the bodies that were left out because there are many.
+        """
         found: list[_Spots] = []
         for shape in np.unique(self._bodies.shape[chosen]).tolist():
             own = chosen[self._bodies.shape[chosen] == shape]
             for parts in self.candidates(shape, own, transmitter_m):
-                found += self._spots(parts, transmitter_m)
-        if not found:
-            return []
-        spots = _Spots.joined(found)
-        spots = spots.take(np.argsort(spots.body, kind="stable"))
-        edges = np.flatnonzero(np.diff(spots.body, prepend=-1, append=-1))
-        return [
+                found += [self._unresolved(one) for one in self._spots(parts, transmitter_m)]
+        spots = _Spots.joined(found) if found else None
+        if spots is None or not spots.body.size:
+            return [], chosen[:0]
+        bodies, place = np.unique(spots.body, return_inverse=True)
+        order = np.argsort(-np.bincount(place, spots.echo), kind="stable")
+        spots = spots.take(np.isin(spots.body, bodies[order[:_MOST_BODIES]]))
+        glints = [
             glint
-            for first, stop in itertools.pairwise(edges.tolist())
-            for group in _groups(spots.take(np.arange(first, stop)))
+            for body in bodies[order[:_MOST_BODIES]].tolist()
+            for group in _groups(spots.take(spots.body == body))
             for glint in self._glint(group)
         ]
+        return glints, bodies[order[_MOST_BODIES:]]
+
+    def _unresolved(self, spots: _Spots) -> _Spots:
+        """Spots of bodies with one that may be a glint."""
+        fine = self._window.pitch <= _RESOLVED * spots.deviation
+        bodies, place = np.unique(spots.body, return_inverse=True)
+        area = np.bincount(place, spots.solid, bodies.size)
+        large = area > (_LARGE_FACETS * self._window.pitch) ** 2
+        glints = ~fine | (spots.flat & ~large[place])
+        return spots.take(np.bincount(place, glints, bodies.size)[place] > 0)
 
     def _glint(self, group: _Spots) -> list[Glint]:
         """The glint of neighbouring spots of one body; none where the view resolves it."""
@@ -470,7 +497,9 @@ def _least_deviation(spread: Real) -> Real:
     # half - root loses its digits where the spot is long: the determinant keeps them
     determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2
     larger = np.maximum(half + np.hypot(across, spread[:, 0, 1]), 1e-300)
-    return np.sqrt(np.maximum(np.where(determinant > 0, determinant / larger, least), 0.0))
+    return np.asarray(
+        np.sqrt(np.maximum(np.where(determinant > 0, determinant / larger, least), 0.0))
+    )
 
 
 def _groups(spots: _Spots) -> Iterator[_Spots]:

@@ -373,7 +373,7 @@ class PathJob(MeasurementJob):
         known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
         for item in record.findings:
             if item.code == "power-uncertain":
-                known += f" (caution: the power of {len(item.subjects)} objects is uncertain)"
+                known += f" (caution: uncertain power of {', '.join(item.subjects[:3])})"
         self.summary = (
             f"{record.path_count:,} paths, standard error {known}, lengths within "
             f"{record.length_sigma_wavelengths:.2g} wavelengths"

@@ -9,7 +9,7 @@ slope of its polish. Does not import bpy.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -38,6 +38,8 @@ _ROUGH = 0.125 * (1 - 1e-4)
 _NEAR = 2.0
 #: Difference from the measured level of a curved face that is worth a caution [dB].
 _DIFFERS_DB = 1.0
+#: Objects that are looked at, the largest first.
+_MOST_OBJECTS = 256
 #: Normals and heights over the size of the body up to which triangles are in one plane.
 _ALIKE, _LEVEL = 1e-4, 1e-5
 #: Wavelengths across a face from which on physical optics describes it, and part of the area of its
@@ -63,79 +65,84 @@ class _Face:
     aspect_rad: float
     place_m: Real
 
-    @property
-    def curved(self) -> bool:
-        return self.beam_rad == math.pi
 
+class SmoothFaces:
+    """The largest smooth face of each object in a view, found while the bodies are evaluated.
 
-def smooth_face_findings(
-    obstacles: Obstacles,
-    receiver: contract.ReceiverRecord,
-    transmitter: contract.TransmitterRecord,
-    window: ViewWindow,
-    carrier_hz: float,
-    power_w: Mapping[int, float],
-) -> list[Finding]:
-    """Compare the level of objects with smooth faces with physical optics.
-
-    `power_w` is the received power of objects by their number.
+    Only objects of a single body: instances have one power for all of them.
     """
-    if receiver.kind == "orthographic":  # its powers tell no cross section
-        return []
-    bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
-    wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
-    smooth = cache(
-        lambda one: (
-            _reflectance(one) > 0 and _height_m(one, wavelength_m)[0] < _ROUGH * wavelength_m
-        )
-    )
-    slopes = [
-        np.array([glint_slope(one) if smooth(one) else 0.0 for one in shape.materials])
-        for shape in shapes
-    ]
-    shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
-    chosen = np.flatnonzero(shiny[bodies.shape] & np.isin(bodies.number, list(power_w)))
-    if not chosen.size:
-        return []
-    search = BrightParts(obstacles, receiver, window, slopes)
-    chosen, _ = search.affordable(search.in_view(chosen))
-    poses = (np.array(one.matrix_world, dtype=np.float64) for one in (transmitter, receiver))
-    antennas_m = [pose[:3, 3] for pose in poses]
-    strongest: dict[int, tuple[float, _Face, Any]] = {}
-    for shape in np.unique(bodies.shape[chosen]).tolist():
-        own = chosen[bodies.shape[chosen] == shape]
-        materials = dict(zip(slopes[shape].tolist(), shapes[shape].materials, strict=True))
-        for parts in search.candidates(shape, own, antennas_m[0]):
-            for face in _faces(search, parts, antennas_m, wavelength_m):
-                number, material = int(bodies.number[face.body]), materials[face.slope]
-                rcs_m2 = face.rcs_m2 * _reflectance(material)
-                if rcs_m2 > strongest.get(number, (0.0,))[0]:
-                    strongest[number] = rcs_m2, face, material
-    levels: dict[str, dict[str, float]] = {}
-    unknown: dict[str, dict[str, float]] = {}
-    for number, (rcs_m2, face, material) in strongest.items():
-        ways_m2 = math.prod(float(np.sum((face.place_m - one) ** 2)) for one in antennas_m)
-        scale = (4 * math.pi) ** 3 * ways_m2 / (transmitter.eirp_w * wavelength_m**2)
-        expected_dbsm, measured_dbsm = (
-            10 * math.log10(one) for one in (rcs_m2, power_w[number] * scale)
-        )
-        if face.curved and abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB:
-            continue  # all of its lobe is returned: the optical limit. A plane is right by chance
-        height_m, known = _height_m(material, wavelength_m)
-        (levels if known else unknown)[bodies.name(number)] = {
-            "height_m": height_m,
-            "eighth_m": wavelength_m / 8,
-            "aspect_deg": math.degrees(face.aspect_rad),
-            "beam_deg": math.degrees(face.beam_rad),
-            "measured_dbsm": measured_dbsm,
-            "expected_dbsm": expected_dbsm,
-        }
-    findings = []
-    if levels:
-        findings.append(finding_about("smooth-face-level", levels))
-    if unknown:
-        findings.append(finding_about("face-height-unknown", unknown))
-    return findings
+
+    def __init__(
+        self,
+        obstacles: Obstacles,
+        receiver: contract.ReceiverRecord,
+        transmitter: contract.TransmitterRecord,
+        window: ViewWindow,
+        carrier_hz: float,
+    ) -> None:
+        self._wavelength_m = wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
+        self._eirp_w = transmitter.eirp_w
+        poses = (np.array(one.matrix_world, dtype=np.float64) for one in (transmitter, receiver))
+        self._antennas_m = [pose[:3, 3] for pose in poses]
+        #: By the object's number: cross section [m^2], face, and what `_height_m` says.
+        self._faces: dict[int, tuple[float, _Face, float, bool]] = {}
+        if receiver.kind == "orthographic":  # its powers tell no cross section
+            return
+        bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
+        height = cache(lambda one: _height_m(one, wavelength_m))
+        smooth = cache(lambda one: _reflectance(one) > 0 and height(one)[0] < _ROUGH * wavelength_m)
+        slopes = [
+            np.array([glint_slope(one) if smooth(one) else 0.0 for one in shape.materials])
+            for shape in shapes
+        ]
+        shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)[bodies.shape]
+        chosen = np.flatnonzero(shiny & (np.bincount(bodies.number)[bodies.number] == 1))
+        if not chosen.size:
+            return
+        search = BrightParts(obstacles, receiver, window, slopes)
+        chosen, _ = search.affordable(search.in_view(chosen), _MOST_OBJECTS)
+        for shape in np.unique(bodies.shape[chosen]).tolist():
+            own = chosen[bodies.shape[chosen] == shape]
+            materials = dict(zip(slopes[shape].tolist(), shapes[shape].materials, strict=True))
+            for parts in search.candidates(shape, own, self._antennas_m[0]):
+                for face in _faces(search, parts, self._antennas_m, wavelength_m):
+                    number, material = int(bodies.number[face.body]), materials[face.slope]
+                    rcs_m2 = face.rcs_m2 * _reflectance(material)
+                    if rcs_m2 > self._faces.get(number, (0.0,))[0]:
+                        self._faces[number] = rcs_m2, face, *height(material)
+
+    def findings(self, power_w: Mapping[str, float], names: Sequence[str]) -> list[Finding]:
+        """Compare the faces with the received power of objects by name; `names` are those of the
+        numbers from 1.
+        """
+        levels: dict[str, dict[str, float]] = {}
+        unknown: dict[str, dict[str, float]] = {}
+        for number, (rcs_m2, face, height_m, known) in self._faces.items():
+            name = names[number - 1]
+            if not power_w.get(name, 0.0) > 0:
+                continue
+            ways_m2 = math.prod(float(np.sum((face.place_m - m) ** 2)) for m in self._antennas_m)
+            scale = (4 * math.pi) ** 3 * ways_m2 / (self._eirp_w * self._wavelength_m**2)
+            expected_dbsm, measured_dbsm = (
+                10 * math.log10(one) for one in (rcs_m2, power_w[name] * scale)
+            )
+            curved = face.beam_rad == math.pi
+            if curved and abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB:
+                continue  # all of its lobe returns: the optical limit. A plane is right by chance
+            (levels if known else unknown)[name] = {
+                "height_m": height_m,
+                "eighth_m": self._wavelength_m / 8,
+                "aspect_deg": math.degrees(face.aspect_rad),
+                "beam_deg": math.degrees(face.beam_rad),
+                "measured_dbsm": measured_dbsm,
+                "expected_dbsm": expected_dbsm,
+            }
+        findings = []
+        if levels:
+            findings.append(finding_about("smooth-face-level", levels))
+        if unknown:
+            findings.append(finding_about("face-height-unknown", unknown))
+        return findings
 
 
 def _height_m(material: Any, wavelength_m: float) -> tuple[float, bool]:
@@ -177,7 +184,7 @@ def _faces(
         yield _Face(
             body,
             float(parts.slope[first]),
-            float(specular_face(*lengths_m, wavelength_m, *bends)),
+            _level_m2(lengths_m, bends, wavelength_m),
             wavelength_m / float(lengths_m.max()),
             math.atan(tangents[first]),
             places_m[first],
@@ -190,9 +197,14 @@ def _faces(
         lengths_m = np.ptp(corners_m @ axes.T, axis=0)
         if lengths_m.min() < _LEAST_ACROSS * wavelength_m:
             continue
-        rcs_m2 = float(specular_face(*lengths_m, wavelength_m, *bends))
+        rcs_m2 = _level_m2(lengths_m, bends, wavelength_m)
         place_m = places_m[first]
         yield _Face(body, float(parts.slope[first]), rcs_m2, math.pi, 0.0, place_m)
+
+
+def _level_m2(lengths_m: Real, bends: Real, wavelength_m: float) -> float:
+    (first_m, second_m), (first, second) = lengths_m.tolist(), bends.tolist()
+    return float(specular_face(first_m, second_m, wavelength_m, first, second))
 
 
 def _nearest(search: BrightParts, parts: SurfaceParts, slopes: Real) -> tuple[Real, Real]:

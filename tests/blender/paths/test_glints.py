@@ -46,7 +46,7 @@ def test_few_pixels_give_the_power_of_a_rough_sphere(
     tmp_path: Path, slope: float, radius: float, range_m: float, fov_deg: float
 ) -> None:
     """Against the integral of the Kirchhoff model; far away it is |Gamma|^2 pi a^2."""
-    scenes.new_scene(fov_deg)
+    scenes.new_scene(fov_deg, metres_per_unit=0.1 if radius > 1 else 1.0)
     rough_sphere((0, range_m, 0), radius, slope)
     run = ph.run_paths(tmp_path, width_px=16, height_px=16, options={"replicates": 4})
     measured_dbw, error = power_dbw(run)
