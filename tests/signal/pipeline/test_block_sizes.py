@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sizes of blocks, and what is kept: a frame has the same results when they are far smaller."""
+"""Sizes of blocks and caches change no result; limits refuse or shorten, and say so."""
 
 from __future__ import annotations
 
 import importlib
+import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,8 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import AntennaRecord, LinkBudget, TransmitterRecord
+from radarsim_addon.errors import ConfigError, FrameFileError
+from radarsim_addon.physics.clutter_table import read_clutter_table
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -19,7 +23,10 @@ from radarsim_addon.signal import (
     ProcessOptions,
     Radar,
     process_run,
+    waveform_to_dict,
 )
+from radarsim_addon.signal.radar import read_system
+from radarsim_addon.signal.radar.radar_files import load_radar, load_samples
 from tests.signal import path_runs as pr
 
 RADARS = {
@@ -80,11 +87,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
 
 
-def results(folder: Path, radar: Radar) -> dict[str, Any]:
+def frame_result(folder: Path, radar: Radar) -> FrameResult:
     options = ProcessOptions(
         products=False, plots=False, cfar=Cfar("os", 1e-5), radar=radar, speckle_seed=1
     )
-    found = next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
+    return next(e for e in process_run(folder, options) if isinstance(e, FrameResult))
+
+
+def results(folder: Path, radar: Radar) -> dict[str, Any]:
+    found = frame_result(folder, radar)
     assert found.expected is not None and found.detections is not None
     arrays = {**vars(found.expected), "samples": found.echoes.samples, "map": found.rd_map.values}
     lists = {
@@ -115,3 +126,47 @@ def test_results_do_not_depend_on_sizes_of_blocks(
         wanted = usual[kind][key]
         scale = np.abs(wanted[np.isfinite(wanted)]).max(initial=0.0)
         np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=3e-6 * scale, err_msg=key)
+
+
+def test_lists_hold_the_strongest(
+    folder: Path, usual: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("radarsim_addon.signal.detection.detections.MAX_DETECTIONS", 2)
+    monkeypatch.setattr("radarsim_addon.signal.detection.moving_targets._MAX_TARGETS", 1)
+    monkeypatch.setattr("radarsim_addon.signal.pipeline.frame.MAX_EDGES", 1)
+    found = frame_result(folder, RADARS["pulses"])
+    assert found.detections is not None
+    kept = [[t.range_m, t.velocity_mps] for t in found.detections.targets]
+    assert all(min(abs(usual["pulses"]["targets"] - one).sum(axis=1)) < 1e-6 for one in kept)
+    assert len(kept) == 2 and found.detections.left_out == len(usual["pulses"]["targets"]) - 2
+    assert len(found.moving_targets) == 1
+    assert len(found.edges) == 1 and found.edges_left_out >= 1
+    assert found.edges[0].peak_range_m == pytest.approx(20.0, abs=2.0)  # the nearest plate
+
+
+@pytest.mark.parametrize(
+    ("limit", "read", "name"),
+    [
+        ("physics.checks._MAX_TABLE_BYTES", read_clutter_table, "table.csv"),
+        ("signal.radar.radar_files._MAX_RADAR_BYTES", load_radar, "radar.json"),
+        ("signal.radar.link_budget._MAX_BYTES", read_system, "budget.json"),
+        ("signal.radar.radar_files._MAX_SAMPLE_BYTES", load_samples, "wave.npy"),
+    ],
+)
+def test_a_file_beyond_its_limit_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, read: Any, name: str
+) -> None:
+    """Read as it is, refused with a limit of 40 bytes."""
+    radar = {"waveform": waveform_to_dict(pr.WAVEFORM), "burst": {"pulses": 4, "prf_hz": 1e3}}
+    path = tmp_path / name
+    if name == "table.csv":
+        path.write_text("grazing_deg,sigma0_db\n1,-30\n10,-20\n90,-10\n")
+    elif name == "wave.npy":
+        np.save(path, np.exp(1j * np.arange(64.0)))
+    else:
+        given = {"radar.json": radar, "budget.json": asdict(LinkBudget(1e3))}[name]
+        path.write_text(json.dumps(given))
+    read(path)
+    monkeypatch.setattr(f"radarsim_addon.{limit}", 40)
+    with pytest.raises((ConfigError, FrameFileError), match=name):
+        read(path)
