@@ -76,7 +76,10 @@ def build(metres_per_unit: float = 1.0, side: int = 1) -> Any:
 
 
 class Echo(NamedTuple):
-    """Of an object: power on the direct path, its error with those over the mirror; azimuth in the receiver's axes, right positive, weighted by power."""
+    """Of an object: power and azimuth (right positive) of direct paths, power over the mirror.
+
+    The error and the range are those of all paths.
+    """
 
     power_w: float
     error_w: float
@@ -103,7 +106,7 @@ def measured(folder: Path, frame: int = 1, **changes: Any) -> tuple[dict[str, Ec
         weight = rows["power_w"][mine]
         azimuth = float(azimuth_rad[mine] @ weight / weight.sum()) if mine.any() else math.nan
         found[echo.name] = Echo(
-            echo.power_w - mirrored_w, echo.power_error_w, mirrored_w, echo.range_m,
+            float(weight.sum()), echo.power_error_w, mirrored_w, echo.range_m,
             echo.range_rate_mps, azimuth,
         )  # fmt: skip
     paths = frame_paths(open_run(folder).frame(frame))
