@@ -76,9 +76,9 @@ def build(metres_per_unit: float = 1.0, side: int = 1) -> Any:
 
 
 class Echo(NamedTuple):
-    """Of an object: power and azimuth (right positive) of direct paths, power over the mirror.
+    """Of an object: power, range, rate, azimuth (right positive) of its direct paths.
 
-    The error and the range are those of all paths.
+    The error is that of all paths, with those over the mirror.
     """
 
     power_w: float
@@ -104,11 +104,11 @@ def measured(folder: Path, frame: int = 1, **changes: Any) -> tuple[dict[str, Ec
         mirrored_w = float(rows["power_w"][mine & (rows["order"] > 1)].sum())
         mine &= rows["order"] == 1
         weight = rows["power_w"][mine]
-        azimuth = float(azimuth_rad[mine] @ weight / weight.sum()) if mine.any() else math.nan
-        found[echo.name] = Echo(
-            float(weight.sum()), echo.power_error_w, mirrored_w, echo.range_m,
-            echo.range_rate_mps, azimuth,
-        )  # fmt: skip
+        means = [
+            float(values[mine] @ weight / weight.sum()) if mine.any() else math.nan
+            for values in (rows["length_m"] / 2, rows["range_rate_mps"], azimuth_rad)
+        ]
+        found[echo.name] = Echo(float(weight.sum()), echo.power_error_w, mirrored_w, *means)
     paths = frame_paths(open_run(folder).frame(frame))
     return found, synthesize(paths, open_run(folder).radar, range_limits_m=(0, 60)).samples
 
@@ -186,8 +186,9 @@ def test_nothing_changes(usual: Any, tmp_path: Path, name: str) -> None:
     change()
     found, samples = measured(tmp_path, frame)
     assert_same(found, usual[0], names)
-    off = np.linalg.norm(samples - usual[1]) / np.linalg.norm(usual[1])
-    assert off < 0.02, off  # 0.1 mm is 0.02 rad
+    if change is not moved_scene:  # speckle has another realisation there
+        off = np.linalg.norm(samples - usual[1]) / np.linalg.norm(usual[1])
+        assert off < 0.02, off  # 0.1 mm is 0.02 rad
 
 
 #: Finer and without the mirror, so that standard errors are about 1 %.
