@@ -133,10 +133,10 @@ def detect_targets(
     for row, col in peaks[order]:
         if not free[row, col]:
             continue
-        if len(chosen) >= MAX_DETECTIONS:
+        if len(chosen) < MAX_DETECTIONS:
+            chosen.append((int(row), int(col)))
+        else:
             left_out += 1
-            continue
-        chosen.append((int(row), int(col)))
         rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
         free[rows, max(0, col - guard[1]) : col + guard[1] + 1] = False
     targets = _interpolate(rd_map, chosen, result, cfar, wide or rd_map, noise_power)

@@ -7,9 +7,11 @@ import json
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,7 +20,8 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
 from radarsim_addon.blender.nodes import attributes, groups
-from radarsim_addon.blender.rings import ring_job
+from radarsim_addon.blender.paths import PathJob
+from radarsim_addon.blender.rings import RingJob, ring_job
 from radarsim_addon.blender.run import output_folder
 from radarsim_addon.errors import OutputError, RenderError, SceneError
 from radarsim_addon.sidecar import file_sha256, read_record
@@ -413,3 +416,14 @@ def test_links_at_folders(plate: Any, tmp_path: Path) -> None:
     rendered(link)
     assert len(list(elsewhere.rglob("ring_*.exr"))) == 3
     assert sorted(path.name for path in tmp_path.iterdir()) == ["elsewhere", "link"]
+
+
+def test_the_remaining_time_counts_this_session_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 20 renders 8 were there, 4 took 10 s: 8 remain, 20 s."""
+    monkeypatch.setattr(time, "monotonic", lambda: 110.0)
+    state = {"_started_s": 100.0, "total": 20, "done": 12, "_rendered": 4, "_done_before": 8}
+    for kind in (RingJob, PathJob):
+        left_s = kind.seconds_left.fget
+        assert left_s is not None and left_s(SimpleNamespace(**state)) == pytest.approx(20.0)
+        begun = {**state, "done": 8, "_rendered": 0}
+        assert left_s(SimpleNamespace(**begun)) is None

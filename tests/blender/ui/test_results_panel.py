@@ -18,19 +18,20 @@ from mathutils import Vector
 from matplotlib import image as matplotlib_image
 from PIL import Image as pillow
 
-from radarsim_addon import movie_file
+from radarsim_addon import contract, movie_file, signal
 from radarsim_addon.blender import addon as addon_module
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.ui import results_panel as rp
 from radarsim_addon.blender.ui import shown_results as sr
-from radarsim_addon.blender.ui.frame_views import COLUMNS, ROWS, shrunk_axis
+from radarsim_addon.blender.ui.frame_views import COLUMNS, ROWS, read_view, shrunk_axis, write_view
 from radarsim_addon.blender.ui.overlays import overlay_lines
 from radarsim_addon.blender.ui.pictures import HEIGHT, WIDTH, cell_edges
 from radarsim_addon.blender.ui.result_pictures import KINDS, FrameProfile, Shown
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
+from tests.signal import path_runs
 
 pytestmark = pytest.mark.blender
 
@@ -392,3 +393,23 @@ def test_plan_position_shows_a_target_where_the_radar_looked() -> None:
         else:
             assert x == pytest.approx(9.5 / 36, abs=0.01)
             assert 1 - y == pytest.approx(0.405, abs=0.01)
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 35.0, -120.0])
+def test_a_view_has_the_direction_that_the_receiver_looks_in(
+    tmp_path: Path, azimuth_deg: float
+) -> None:
+    """From +Y clockwise as seen from above, over a width of 40 degrees, looking up by 10."""
+    pose = path_runs.pose((3.0, -2.0, 1.0), azimuth_deg, 10.0)
+    receiver, emitter = path_runs.camera(pose, 20.0), contract.TransmitterRecord(pose, 1e3)
+    right, up, back, place = np.array(pose)[:3].T
+    wall = path_runs.Plate("Wall", tuple(place - 30 * back), tuple(2 * right), tuple(2 * up))
+    rows = path_runs.trace([wall], receiver, emitter, 32)
+    assert rows.size
+    path_runs.write_run(tmp_path / "run", rows, ["Wall"], receiver, emitter, range_limits_m=60.0)
+    options = signal.ProcessOptions(plots=False, products=False)
+    (result,) = (e for e in signal.process_run(tmp_path / "run", options) if hasattr(e, "rd_map"))
+    write_view(result, tmp_path)
+    view = read_view(tmp_path, 1)
+    assert view.azimuth_deg == pytest.approx(azimuth_deg, abs=1e-9)
+    assert view.width_deg == pytest.approx(40.0)

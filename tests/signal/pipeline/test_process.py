@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon import contract
+from radarsim_addon import contract, errors
 from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
 from radarsim_addon.findings import finding
 from radarsim_addon.signal import (
@@ -26,7 +26,7 @@ from radarsim_addon.signal import (
     read_exr,
 )
 from radarsim_addon.signal.pictures import figure, frame_pictures
-from radarsim_addon.signal.pipeline import main
+from radarsim_addon.signal.pipeline import cli, main
 from radarsim_addon.signal.pipeline.console import frame_lines
 from tests.signal import path_runs
 from tests.signal.synthetic import Setup, empty, points, write_run
@@ -282,6 +282,49 @@ def test_exit_code_of_bad_numbers_and_arguments(
     with pytest.raises(SystemExit) as stop:
         main([])
     assert stop.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.ConfigError("x"), 2),
+        (errors.SettingNameError("x"), 2),
+        (errors.SceneError("x"), 1),
+        (errors.OutputError("x"), 1),
+        (errors.FrameFileError("x"), 1),
+        (errors.SchemaError("x"), 1),
+        (errors.MissingDependencyError("x"), 1),
+        (errors.PathDataError("x"), 1),
+        (errors.WorkerError("x"), 1),
+        (MemoryError("x"), 1),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+@pytest.mark.parametrize(
+    ("words", "function"),
+    [
+        (["process", "run"], "_process"),
+        (["info", "run"], "print_run"),
+        (["objects", "run"], "print_objects"),
+        (["merge", "out", "part"], "merge_parts"),
+        (["antennas", "radar.json"], "print_antennas"),
+    ],
+)
+def test_exit_codes_of_all_commands_and_errors(
+    words: list[str], function: str, error: BaseException, code: int,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture,
+) -> None:  # fmt: skip
+    """As docs/headless.md has them."""
+
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(cli, function, fail)
+    assert main(words) == code
+    said = capsys.readouterr().err
+    assert said.startswith("radarsim: ") and said.count("\n") == 1
+    if code != 130:
+        assert type(error).__name__ in said
 
 
 def test_a_detectors_options_without_a_detector_are_refused(

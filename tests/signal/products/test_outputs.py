@@ -221,3 +221,57 @@ def test_carrier_and_window_that_differ_are_mentioned(folder: Path) -> None:
     assert found["carrier-differs-from-run"] == {"carrier_hz": 77e9, "run_carrier_hz": 5.3e9}
     assert found["range-limits-beyond-unambiguous-range"]["range_limit_m"] == 1000.0
     assert "paths-beyond-sampled-band" in found
+
+
+def test_axes_of_all_files_are_numbers_worked_out_by_hand(folder: Path) -> None:
+    """A wall at 300 m, a target at 600 m that recedes by 5 m/s: 1 kHz, 64 pulses, 60 MHz, 5.3 GHz.
+
+    Velocities have steps of 1000/64 Hz times half of 56.56 mm, ranges of c / (4 x 60 MHz).
+    """
+    h5py = pytest.importorskip("h5py")
+    options = ProcessOptions(
+        plots=False, hdf5=True, sigmf=True, cfar=Cfar(), speckle_seed=None, doppler_taper="none"
+    )
+    result_of(folder, options)
+    products, c_mps = folder / "products", 299_792_458.0
+    doppler_hz, wavelength_m = (np.arange(64) - 32) * 1000 / 64, c_mps / 5.3e9
+    with (
+        h5py.File(products / "frame_0001.h5") as file,
+        np.load(products / "frame_0001_map.npz") as arrays,
+    ):
+        for axes, power in (
+            (file["map"], np.abs(file["map/values"][0]) ** 2),
+            (arrays, arrays["power"][0]),
+        ):
+            np.testing.assert_allclose(axes["doppler_hz"][:], doppler_hz, atol=1e-9)
+            rates_mps = -doppler_hz * wavelength_m / 2
+            np.testing.assert_allclose(axes["velocity_mps"][:], rates_mps, atol=1e-9)
+            steps_m = np.diff(axes["range_m"][:])
+            np.testing.assert_allclose(steps_m, c_mps / 4 / 60e6, rtol=1e-9)
+            far = axes["range_m"][:] > 450
+            row, column = np.unravel_index(np.argmax(power * far), power.shape)
+            assert axes["range_m"][column] == pytest.approx(600.0, abs=1.3)
+            assert axes["velocity_mps"][row] == pytest.approx(5.0, abs=0.23)
+        echoes = file["echoes"]
+        samples = echoes["samples"]
+        for number, name in enumerate(("/channels/number", "slow_time_s", "fast_time_s")):
+            scale = samples.dims[number][0]
+            assert scale.name.endswith(name) and scale.shape == (samples.shape[number],)
+        np.testing.assert_allclose(echoes["slow_time_s"][:], np.arange(64) / 1000, atol=1e-12)
+        np.testing.assert_allclose(np.diff(echoes["fast_time_s"][:]), 1 / 60e6, rtol=1e-6)
+        energy = (np.abs(samples[0]) ** 2).sum(axis=0)  # a pulse is symmetric about its middle
+        assert echoes["fast_time_s"][:] @ energy / energy.sum() == pytest.approx(
+            2 * 300.0 / c_mps, abs=2e-8
+        )
+        units = {name: echoes[name].attrs["units"] for name in ("slow_time_s", "fast_time_s")}
+        assert set(units.values()) == {"s"}
+        shape = samples.shape
+    meta = json.loads((products / "frame_0001.sigmf-meta").read_text("utf-8"))
+    assert meta["global"]["core:sample_rate"] == 60e6
+    starts = [(a["core:sample_start"], a["radarsim:slow_time_s"]) for a in meta["annotations"]]
+    assert starts == [(k * shape[2], pytest.approx(k / 1000)) for k in range(64)]
+    raw = np.fromfile(products / "frame_0001.sigmf-data", "<c8").reshape(shape[1:])
+    energy = (np.abs(raw) ** 2).sum(axis=0)
+    first_s = meta["global"]["radarsim:first_sample_s"]
+    middle_s = first_s + np.arange(shape[2]) @ energy / energy.sum() / 60e6
+    assert middle_s == pytest.approx(2 * 300.0 / c_mps, abs=2e-8)
