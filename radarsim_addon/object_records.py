@@ -26,10 +26,10 @@ class ObjectRecord:
     """Where one mesh object truly is: the reference that measured ranges are compared with.
 
     nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t, and
-    null if a shader displaces the surface. centre_range_m is the distance to the centre of its bounding
-    box. range_rate_mps is the rate of that distance between the snapshots (receding > 0); null with
-    one snapshot. collections are those that hold the object, at any depth. rms_height_m and
-    correlation_length_m are those of the first of its materials that has any; null: none has.
+    null if a shader displaces the surface. centre_range_m is the distance to the centre of its
+    bounding box. range_rate_mps is the rate of that distance between the snapshots (receding > 0);
+    null with one snapshot. collections are those that hold the object, at any depth. rms_height_m
+    and correlation_length_m are those of the first of its materials that has any; null: none has.
     fluctuation and clutter (the name of the clutter model) likewise.
     """
 

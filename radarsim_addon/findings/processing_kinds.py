@@ -101,6 +101,15 @@ PROCESSING = {
         "opposite sign. Lists of targets give the true one as unfolded_velocity_mps.",
         "Raise the PRF to at least {prf_hz:frequency}.",
     ),
+    "all-echoes-outside-ranges": Kind(
+        "error",
+        "All {count:#path} of the frame are outside the recorded ranges, {start_m:length} to "
+        "{stop_m:length}: they are at {nearest_m:length} to {farthest_m:length}.",
+        "All maps are empty, or contain noise only.",
+        "Set the range limits to the ranges of the paths (Range Start and Range Stop in the "
+        "window, --range-limits on the command line). If an FMCW radar ends at its sampled band, "
+        "raise the sampling rate or lower the sweep slope.",
+    ),
     "paths-outside-range-limits": Kind(
         "info",
         "The frame has {count:#path} outside the range limits.",
@@ -116,10 +125,12 @@ PROCESSING = {
     ),
     "paths-without-length": Kind(
         "info",
-        "The table of the frame has {count:#path} without a length.",
-        "They carry no range encoding that float32 can hold, and are in no echo. Where they matter "
-        "the finding unranged-power gives their fraction of the power.",
-        "Give every object a Radar Material, or set Range encoding to World volume.",
+        "The table of the frame has {count:#path} without a length, with {fraction:percent} of the "
+        "received power.",
+        "These paths are in no echo. Absorption inside objects made them too weak for the range "
+        "encoding in float32, or they come from a material that has no range encoding.",
+        "If an object has no Radar Material, assign one, or set Range encoding to World volume. If "
+        "all have one, use less absorption or shorter paths inside the objects.",
     ),
     "no-range-encoding": Kind(
         "caution",

@@ -191,6 +191,10 @@ def _sampling_mode(arguments: argparse.Namespace, values: dict[str, Any]) -> str
 def _parse_resolution(text: str) -> tuple[int, int]:
     """Return ``640x360`` as two numbers."""
     parts = text.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
+    if len(parts) != 2 or not all(part.isdecimal() for part in parts):
         raise ConfigError(f"Resolution {text!r} is not understood; expected WxH, such as 640x360.")
-    return int(parts[0]), int(parts[1])
+    width, height = map(int, parts)
+    for name, value in (("width", width), ("height", height)):
+        if value == 0:
+            raise ConfigError(f"Resolution {text!r} has a {name} of 0; expected at least 1 pixel.")
+    return width, height

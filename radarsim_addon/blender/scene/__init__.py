@@ -4,7 +4,6 @@
 In: the evaluated scene in Blender units. Out: records in metres.
 """
 
-from .boxes import Boxes
 from .closing_speeds import (
     VELOCITY_FRAMES,
     ClosingSpeeds,
@@ -75,7 +74,6 @@ __all__ = [
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
     "VELOCITY_FRAMES",
-    "Boxes",
     "ClosingSpeeds",
     "GroundBelow",
     "InstancePose",

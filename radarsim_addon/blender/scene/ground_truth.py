@@ -223,7 +223,18 @@ def _centre_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> R
 
 
 def displaced_surfaces(depsgraph: Any) -> list[Finding]:
-    """Name the rendered objects whose surface Cycles displaces: their meshes do not show it."""
+    """Name the rendered objects whose surface Cycles displaces: their meshes do not show it.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+
+    Returns
+    -------
+    list of Finding
+        At most one.
+    """
     found = rendered_surfaces(depsgraph)
     shapes = found.snapshot.shapes
     displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])

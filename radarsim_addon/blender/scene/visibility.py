@@ -135,8 +135,8 @@ def limited_visibility(depsgraph: Any) -> list[Finding]:
             unseen.add(item.name_full)
         if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy):
             passed.add(item.name_full)
-    kinds = {"hidden-from-receiver": unseen, "rays-pass-through": passed}
-    return [finding(code, *sorted(names)) for code, names in kinds.items() if names]
+    found = [finding("hidden-from-receiver", *sorted(unseen))] if unseen else []
+    return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
 
 
 def is_hidden_at_times(item: Any) -> bool:

@@ -134,7 +134,7 @@ def write_view(result: Any, folder: Path) -> None:
         watts = result.echoes.amplitude_model == "radar-equation"
         true_mps = item.unfolded_velocity_mps
         return Target(
-            name=found.object_name if found else "",
+            name=found.name if found else "",
             range_m=item.range_m,
             velocity_mps=item.velocity_mps if true_mps is None else true_mps,
             map_range_m=item.range_m,

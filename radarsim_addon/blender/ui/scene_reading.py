@@ -34,7 +34,6 @@ from ..rig_settings import (
     settings,
 )
 from ..scene import (
-    Boxes,
     PixelSpans,
     Rig,
     active_radar,
@@ -191,9 +190,7 @@ def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
     )
 
 
-def _assigned(
-    surfaces: Boxes, visibility: Iterable[Finding]
-) -> tuple[set[str], set[str], set[str]]:
+def _assigned(surfaces: Any, visibility: Iterable[Finding]) -> tuple[set[str], set[str], set[str]]:
     """Return the names of the objects with a surface, of those that have a Radar Material, and of
     those without a direct echo.
     """

@@ -40,7 +40,7 @@ class Detection:
         target that is no point returns from beyond the guard cells.
     row, col
         Cell of the map.
-    unfolded_velocity_mps
+    unfolded_velocity_mps, name
         As in `Peak`.
     """
 
@@ -54,6 +54,7 @@ class Detection:
     row: int
     col: int
     unfolded_velocity_mps: float | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True)

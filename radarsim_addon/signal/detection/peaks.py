@@ -42,6 +42,8 @@ class Peak:
     unfolded_velocity_mps
         Range rate of the paths there [m/s]: `velocity_mps` plus a multiple of lambda PRF / 2.
         None: not looked up, or no moving path is there.
+    name
+        Objects that its paths touch, as in `TargetPaths`; empty: not looked up, or unknown.
     """
 
     range_m: float
@@ -50,6 +52,7 @@ class Peak:
     level_db: float
     peak_to_background_db: float
     unfolded_velocity_mps: float | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True)

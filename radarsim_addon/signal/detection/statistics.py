@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...array_types import Mask, Real
 from ...findings import Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
-from ..paths import PathCounts, PathFlag, Paths, path_power_w
+from ..paths import NEGLIGIBLE_FRACTION, PathCounts, PathFlag, Paths, path_power_w
 from ..radar import Radar, range_limit
 from ..runs import RadarFrame
 
@@ -37,6 +38,8 @@ class FrameStatistics:
         Numbers of paths.
     fastest_mps
         Largest |range rate| of a path [m/s].
+    in_maps
+        Number of paths whose echo the maps show at their range, folded if it is ambiguous.
     outside_range_limits
         Number of paths that the range limits exclude (mean over the pulses).
     """
@@ -50,6 +53,7 @@ class FrameStatistics:
     beyond_max_velocity: int
     outside_range_limits: float
     fastest_mps: float = 0.0
+    in_maps: int = 0
 
 
 class StatisticsSum:
@@ -61,10 +65,18 @@ class StatisticsSum:
         Waveform and burst.
     receiver_gain
         G_r, linear.
+    range_limits_m
+        One-way ranges of the maps [m].
     """
 
-    def __init__(self, radar: Radar, receiver_gain: float) -> None:
+    def __init__(
+        self,
+        radar: Radar,
+        receiver_gain: float,
+        range_limits_m: tuple[float, float] = (0.0, np.inf),
+    ) -> None:
         self._radar, self._gain = radar, receiver_gain
+        self._limits_m, self._in_maps = range_limits_m, 0
         self._counts = PathCounts()
         self._power = self._mixed = 0.0
         self._far = self._fast = 0
@@ -86,6 +98,22 @@ class StatisticsSum:
         speed = np.abs(paths.range_rate_mps)
         self._fastest = max(self._fastest, float(speed.max()))
         self._fast += int(np.count_nonzero(speed > self._radar.max_unambiguous_velocity_mps))
+        self._in_maps += int(np.count_nonzero(self._are_in_maps(range_m, speed)))
+
+    def _are_in_maps(self, range_m: Real, speed_mps: Real) -> Mask:
+        """Return which paths the maps show at some time of the burst, (n,)."""
+        waveform, burst = self._radar.waveform, self._radar.burst
+        reach_m = waveform.range_resolution_m + speed_mps * burst.pulses / burst.prf_hz
+        start_m, stop_m = self._limits_m
+        found = range_m - reach_m < self._radar.unambiguous_range_m
+        if waveform.kind != "fmcw" and np.isfinite(self._radar.unambiguous_range_m):
+            # An ambiguous echo is shown at the largest of its ranges that the maps contain.
+            period_m = self._radar.unambiguous_range_m
+            beyond_m = np.maximum(range_m - stop_m - reach_m, 0.0)
+            range_m = range_m - np.ceil(beyond_m / period_m) * period_m
+            found = np.ones(range_m.size, dtype=bool)
+        found &= (range_m + reach_m >= start_m) & (range_m - reach_m <= stop_m)
+        return np.asarray(found)
 
     def result(self, outside: float) -> FrameStatistics:
         """Return the statistics of all paths added so far.
@@ -111,6 +139,7 @@ class StatisticsSum:
             beyond_max_velocity=self._fast,
             outside_range_limits=outside,
             fastest_mps=self._fastest,
+            in_maps=self._in_maps,
         )
 
 
@@ -140,7 +169,11 @@ def frame_statistics(
 
 
 def statistics_findings(
-    statistics: FrameStatistics, radar: Radar, sampling_mode: str = "rings"
+    statistics: FrameStatistics,
+    radar: Radar,
+    sampling_mode: str = "rings",
+    range_limits_m: tuple[float, float] = (0.0, np.inf),
+    unranged_fraction: float = 0.0,
 ) -> list[Finding]:
     """Find what to know before you trust a frame's products.
 
@@ -152,6 +185,10 @@ def statistics_findings(
         Waveform and burst, whose ambiguities count.
     sampling_mode
         "rings" or "paths", whose render has told of mixed pixels.
+    range_limits_m
+        One-way ranges of the maps [m].
+    unranged_fraction
+        Fraction of the received power in paths without a length.
 
     Returns
     -------
@@ -182,14 +219,13 @@ def statistics_findings(
                 prf_hz=radar.prf_for_hz(statistics.fastest_mps),
             )
         )
-    if statistics.outside_range_limits >= 0.5:
-        count = round(statistics.outside_range_limits)
-        found.append(finding("paths-outside-range-limits", count=count))
+    found += _outside(statistics, radar, range_limits_m)
     if counts.range_encoding_underflow:
         count = counts.range_encoding_underflow
-        if of_paths:
-            found.append(finding("paths-without-length", count=count))
-        else:
+        if of_paths and unranged_fraction > NEGLIGIBLE_FRACTION:
+            numbers = {"count": count, "fraction": unranged_fraction}
+            found.append(finding("paths-without-length", **numbers))
+        elif not of_paths:
             found.append(finding("range-encoding-underflow", count=count))
     if counts.no_range_encoding:
         found.append(finding("no-range-encoding", count=counts.no_range_encoding))
@@ -202,3 +238,18 @@ def statistics_findings(
     if statistics.mixed_power_fraction > _MIXED_POWER and not of_paths:
         found.append(finding("mixed-pixels", fraction=statistics.mixed_power_fraction))
     return found
+
+
+def _outside(
+    statistics: FrameStatistics, radar: Radar, range_limits_m: tuple[float, float]
+) -> list[Finding]:
+    """Find echoes outside the ranges that are recorded; if these are all, the maps are empty."""
+    paths, outside = statistics.counts.paths, statistics.outside_range_limits
+    start_m, stop_m = range_limits_m
+    if radar.waveform.kind == "fmcw":
+        stop_m = min(stop_m, radar.unambiguous_range_m)
+    if paths and not statistics.in_maps:
+        numbers = {"nearest_m": statistics.nearest_m, "farthest_m": statistics.farthest_m}
+        limits = {"start_m": start_m, "stop_m": stop_m}
+        return [finding("all-echoes-outside-ranges", count=paths, **numbers, **limits)]
+    return [finding("paths-outside-range-limits", count=round(outside))] if outside >= 0.5 else []

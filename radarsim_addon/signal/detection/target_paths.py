@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which paths make a target of a map, and on which object they end."""
+"""Paths that make a target of a map, and the objects that they touch."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,10 +14,14 @@ from ...array_types import Integers, Real
 from ...contract import ImageRecord
 from ...physics.mirrors import mirror_matrix
 from ..decoding import FrameInput
+from ..motion import which_move
 from ..paths import PathRows, has_images, iter_rows, usable
 from ..scattering import Link
+from .detections import Detection
 from .objects import path_power_w
+from .peaks import Peak
 
+_Target = TypeVar("_Target", Peak, Detection)
 #: A path that is further than this from a target, in resolution cells, has no part in it.
 _REACH_CELLS = 1.5
 
@@ -26,8 +32,10 @@ class TargetPaths:
 
     Attributes
     ----------
-    object_name
-        Object that the largest part of their power comes from; "": unknown.
+    name
+        Objects that the largest part of their power touches: "Car", "Car via House" (the car moves,
+        the house does not, or is a mirror), "Car and House"; "": unknown. The number of reflections
+        follows if the path touches more than these.
     lines_m
         Corners of each path: receiver, mirrors, scatterers, transmitter, (k, 3) [m]. Scatterers
         between the first and the last are not known and left out.
@@ -35,7 +43,7 @@ class TargetPaths:
         Power of each path, (n,) [W].
     """
 
-    object_name: str
+    name: str
     lines_m: list[Real]
     power_w: Real
 
@@ -61,6 +69,10 @@ class PathFinder:
         table, waveform = frame_input.table, self._radar.waveform
         self._record, self._rows = table.record, table.rows
         later_s = (self._radar.burst.pulses - 1) / 2 / self._radar.burst.prf_hz
+        motion = table.motion
+        self._moves = np.zeros(0, bool) if motion is None else which_move(motion.bodies)
+        if motion is not None and motion.tracks is not None:  # these deform
+            self._moves[motion.tracks.body - 1] = True
         columns = []
         for rows in iter_rows(self._rows):
             power = path_power_w(
@@ -87,7 +99,7 @@ class PathFinder:
             Its place in the map: range in the middle of the burst, and range rate, which may have
             folded [m, m/s].
         most
-            Most paths of the answer; the object is that of all of them.
+            Most paths of the answer; the name is that of all of them.
 
         Returns
         -------
@@ -134,20 +146,48 @@ class PathFinder:
         found = self._answer(mine, self._power_w[mine], most)
         return TargetPaths(name, found.lines_m, found.power_w)
 
+    def named(self, targets: Iterable[_Target]) -> list[_Target]:
+        """Return the targets with the names of the objects that their paths touch."""
+        return [
+            dataclasses.replace(one, name=self.of_target(one.range_m, one.velocity_mps, 1).name)
+            for one in targets
+        ]
+
     def _answer(self, rows: Integers, weight: Real, most: int) -> TargetPaths:
         rows, weight = rows[weight > 0], weight[weight > 0]
-        names = self._record.objects
         if not rows.size:
             return TargetPaths("", [], np.zeros(0))
-        # the radar sees what the wave comes from last
-        seen = self._rows["first_object"][rows]
-        seen = np.where(seen == 0, self._rows["last_object"][rows], seen)
-        by_object = np.bincount(seen, weight, len(names) + 1)
-        strongest = int(np.argmax(by_object[1:])) + 1 if names else 0
-        name = names[strongest - 1] if by_object[strongest] > 0 and strongest else ""
+        ends = np.sort([self._rows[end][rows] for end in ("first_object", "last_object")], axis=0)
+        _, pair = np.unique(ends, axis=1, return_inverse=True)
+        # A path and its reverse touch the same objects.
+        strongest = np.flatnonzero(pair == np.bincount(pair, weight).argmax())
+        name = self._name(self._rows[rows[strongest[weight[strongest].argmax()]]])
         chosen = rows[np.argsort(-weight, kind="stable")[:most]]
         lines = [self._line(self._rows[row]) for row in chosen]
         return TargetPaths(name, lines, np.asarray(self._power_w[chosen], dtype=np.float64))
+
+    def _name(self, row: PathRows) -> str:
+        """Return the names of the objects that a path touches, as `TargetPaths` has them."""
+        names = self._record.objects
+        ends = [int(row[end]) for end in ("first_object", "last_object")]
+        touched = [names[number - 1] for number in dict.fromkeys(ends) if number]
+        via: list[str] = []
+        if len(touched) == 2:
+            first, last = (self._moves_at(int(row[end])) for end in ("first_body", "last_body"))
+            if first != last:
+                via = [touched.pop(1 if first else 0)]
+        touched.sort()
+        unknown = int(row["order"]) - len(touched) - len(via)
+        if has_images(row):
+            unknown -= int(row["mirrors"])
+            images = (int(row[end]) for end in ("receiver_image", "transmitter_image"))
+            via += [name for n in images if n for name in self._record.images[n - 1].objects]
+        text = " and ".join(touched)
+        text += f" via {' and '.join(dict.fromkeys(via))}" if via else ""
+        return f"{text} ({row['order']} reflections)" if text and unknown > 0 else text
+
+    def _moves_at(self, body: int) -> bool:
+        return 0 < body <= self._moves.size and bool(self._moves[body - 1])
 
     def _line(self, row: PathRows) -> Real:
         """Corners of a path, from the receiver to the transmitter."""

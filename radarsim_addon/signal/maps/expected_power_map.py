@@ -306,7 +306,7 @@ class _TableSums:
         steps = steps_of(rows, record.receiver, record.replicates, self._grids.of_views(number))
         if self._footprints is not None:
             self._footprints.take(number, rows, steps)
-        self.gaps.add(rows, steps)
+        self.gaps.add(rows, steps, power)
         views = len(planes[0])
         whole = record.replicates * power
         for part in spread(rows, steps, *cells.spacing, views):

@@ -16,7 +16,7 @@ from .footprints import (
     views_by_replicate,
 )
 from .geometry import PathGeometry
-from .paths import PathCounts, Paths, make_paths, path_power_w
+from .paths import NEGLIGIBLE_FRACTION, PathCounts, Paths, make_paths, path_power_w
 from .pixel_spacing import GridPlaces, Places, joined_places
 from .range_bins import power_of_range_bins
 from .replicates import MOST_UNCERTAIN, edge_variances, lone_variances, replicate_offset_px
@@ -64,6 +64,7 @@ __all__ = [
     "CURVED_IMAGE_DTYPE",
     "IMAGE_DTYPE",
     "MOST_UNCERTAIN",
+    "NEGLIGIBLE_FRACTION",
     "PATH_DTYPE",
     "PATH_FLAGS",
     "AnyRows",

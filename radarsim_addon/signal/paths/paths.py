@@ -220,6 +220,11 @@ def make_paths(
     return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, PathCounts.of(flags))
 
 
+#: Fraction of the received power below which paths cause no finding. Where 1 W is received, this
+#: is thermal noise in a bandwidth of 2.5 Hz: no burst shorter than 0.4 s shows weaker echoes.
+NEGLIGIBLE_FRACTION = 1e-20
+
+
 def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) -> Real:
     """Return the power that each path brings to the receiver's terminals.
 

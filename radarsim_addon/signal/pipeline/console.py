@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ...option_arguments import CommandParser
+from ...terminal_text import printable
 from ..detection import Detection, Peak, target_count, velocity_before_folding_mps
 from ..maps import RangeDopplerMap, level_unit
 from ..pictures import cell_width, decimals_for, fixed
@@ -37,9 +38,9 @@ class Digits:
         doppler = fixed(target.doppler_hz, self.doppler, signed=True)
         text = f"range rate {rate:>9} m/s   Doppler {doppler:>9} Hz"
         true_mps = velocity_before_folding_mps(target)
-        if true_mps is None:
-            return text
-        return f"{text}   folded, true range rate {fixed(true_mps, self.rate, signed=True)} m/s"
+        if true_mps is not None:
+            text += f"   folded, true range rate {fixed(true_mps, self.rate, signed=True)} m/s"
+        return text
 
 
 def map_digits(rd_map: RangeDopplerMap | None) -> Digits:
@@ -63,12 +64,16 @@ def detection_lines(
     digits = map_digits(rd_map)
     lines = [
         f"target       {digits.range_text(t.range_m)}   SNR {t.snr_db:z8.2f} dB   "
-        f"{digits.motion_text(t)}"
+        f"{digits.motion_text(t)}{_name_text(t)}"
         for t in targets[:most]
     ]
     if len(targets) > most:
         lines.append(f"{len(targets) - most} more targets in the files")
     return lines
+
+
+def _name_text(target: Peak | Detection) -> str:
+    return f"   {printable(target.name)}" if target.name else ""
 
 
 def kept_lines(kept: KeptFrame) -> list[str]:
@@ -90,6 +95,7 @@ def frame_lines(result: FrameResult) -> list[str]:
     lines += [
         f"  moving target {digits.range_text(peak.range_m)}   level {peak.level_db:z8.2f} {unit}   "
         f"{digits.motion_text(peak)}   {peak.peak_to_background_db:.1f} dB above its surroundings"
+        f"{_name_text(peak)}"
         for peak in result.moving_targets
     ]
     if result.detections is not None:

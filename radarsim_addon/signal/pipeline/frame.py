@@ -15,6 +15,7 @@ from ..detection import (
     Detections,
     DopplerFolds,
     FrameBudget,
+    PathFinder,
     Peak,
     StatisticsSum,
     detect_targets,
@@ -94,7 +95,8 @@ def frame_steps(
 ) -> Generator[str, None, FrameResult]:
     """Process one radar frame step by step, as `process_frame`; yield what was done."""
     number, radar = frame_input.frame.number, frame_input.radar
-    statistics_sum, folds = StatisticsSum(radar, options.receiver_gain), DopplerFolds(radar)
+    statistics_sum = StatisticsSum(radar, options.receiver_gain, frame_input.range_limits_m)
+    folds = DopplerFolds(radar)
     profile_sum = ProfileAccumulator(
         radar,
         frame_input.range_limits_m,
@@ -152,6 +154,13 @@ def frame_steps(
     )
     shown_rain = _shows_rain(frame_input, options.weather)
     shown_weather = dataclasses.replace(options.weather, rain_echo=shown_rain)
+    moving = _moving_targets(frame_input, options, received, first_map, recording, folds)
+    detections = _detections(options, received, first_map, recording, folds)
+    if frame_input.tables and (moving or (detections is not None and detections.targets)):
+        finder = PathFinder(frame_input, budget.link)
+        moving = finder.named(moving)
+        if detections is not None:
+            detections = dataclasses.replace(detections, targets=finder.named(detections.targets))
     speckle, edges = echo_sum.speckle, find_edges(profile_sum.result(within=True))
     result = FrameResult(
         source=frame_input,
@@ -163,14 +172,14 @@ def frame_steps(
         rd_map=rd_map,
         mti=options.mti,
         edges=edges[:MAX_EDGES],
-        moving_targets=_moving_targets(frame_input, options, received, first_map, recording, folds),
+        moving_targets=moving,
         budget=report,
         findings=findings_of_frame(
             frame_input, statistics, report, speckle, expected, received, shown_weather
         ),
         expected=expected,
         speckle=speckle.report(),
-        detections=_detections(options, received, first_map, recording, folds),
+        detections=detections,
         spectrogram=_spectrogram(frame_input, options, compressed),
         edges_left_out=max(len(edges) - MAX_EDGES, 0),
     )

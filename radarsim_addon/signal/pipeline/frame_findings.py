@@ -32,7 +32,10 @@ def findings_of_frame(
     rendered = [*frame_input.frame.record.findings]
     rendered += itertools.chain(*(table.record.findings for table in frame_input.tables))
     explained = any(item.code in NO_ECHO_CODES for item in rendered)
-    of_paths = statistics_findings(statistics, frame_input.radar, mode)
+    unranged = frame_input.table.record.unranged_power_fraction if frame_input.tables else 0.0
+    of_paths = statistics_findings(
+        statistics, frame_input.radar, mode, frame_input.range_limits_m, unranged
+    )
     found = itertools.chain(
         rendered,
         (item for item in of_paths if item.code != "no-echo" or not explained),

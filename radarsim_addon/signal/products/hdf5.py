@@ -44,6 +44,7 @@ _UNITS = {
     "unfolded_velocity_mps": "m/s",
     "row": "1",
     "col": "1",
+    "name": "1",
 }
 
 
@@ -176,6 +177,8 @@ def _write_detections(group: Group, found: Detections, unit_of_levels: str) -> N
     for field in dataclasses.fields(Detection):
         values = [getattr(target, field.name) for target in found.targets]
         column = np.array([np.nan if value is None else value for value in values])
+        if field.name == "name":
+            column = np.array(values, dtype=_h5py().string_dtype())
         unit = _UNITS[field.name]
         if field.name in ("level_db", "noise_db", "surroundings_db"):
             unit = unit_of_levels

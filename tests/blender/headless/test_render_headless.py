@@ -213,6 +213,8 @@ def test_help(tmp_path: Path) -> None:
         (["--rings", "x"], 2, "invalid int value"),
         (["--frames", "1:2:3:4"], 2, "ConfigError: Frames '1:2:3:4'"),
         (["--resolution", "10"], 2, "ConfigError: Resolution '10'"),
+        (["--resolution", "0x36"], 2, "Resolution '0x36' has a width of 0"),
+        (["--resolution", "64x0"], 2, "Resolution '64x0' has a height of 0"),
         (["--prf-hz", "1e6"], 2, "ConfigError: Chirp of 2.5e-06 s is longer"),
         (["--scene", "None"], 1, "SceneError: The file has no scene 'None'"),
     ],

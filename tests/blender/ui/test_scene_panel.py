@@ -318,3 +318,26 @@ def test_numbers_that_do_not_fit_have_no_button(scene: Any) -> None:
         max_unambiguous_velocity_mps=1.0, prf_hz=64e3,
     )  # fmt: skip
     assert fixes_of(item, measurement) == []
+
+
+@pytest.mark.parametrize("encoding", ["world", "materials"])
+def test_the_checklist_counts_what_is_measured(scene: Any, encoding: str) -> None:
+    """Geometry Nodes are no Radar Material, and what the receiver does not see is not measured."""
+    radarsim.add_radar(range_encoding=encoding)
+    rs.add_plate(10.0)
+    for number in range(3):
+        plate = rs.add_plate(20.0 + number, preset=None)
+        plate.modifiers.new("Nodes", "NODES").node_group = bpy.data.node_groups.new(
+            "Nodes", "GeometryNodeTree"
+        )
+    bpy.context.view_layer.update()
+    any_material = encoding == "world"
+    texts = recording.drawn(RADARSIM_PT_scene).texts
+    assert f"{4 if any_material else 1} of 4 objects are measured" in texts
+    assert f"1 of these {4 if any_material else 1} have a Radar Material" in texts
+    assert "hidden-from-receiver" not in listed()
+    plate.visible_camera = False
+    bpy.context.view_layer.update()
+    texts = recording.drawn(RADARSIM_PT_scene).texts
+    assert f"{3 if any_material else 1} of 4 objects are measured" in texts
+    assert plate.name in listed()["hidden-from-receiver"].values["message"]

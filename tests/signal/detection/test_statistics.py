@@ -11,7 +11,7 @@ import pytest
 
 from radarsim_addon.signal.detection.statistics import StatisticsSum, statistics_findings
 from radarsim_addon.signal.paths import PathCounts, PathFlag, Paths, make_paths
-from radarsim_addon.signal.radar import Burst, Radar, Waveform
+from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar, Waveform
 
 # 749 m and 2828 m/s are unambiguous.
 RADAR = Radar(Waveform(5.3e9, 50e6, 0.5e-6, 60e6), Burst(200e3, 32))
@@ -62,10 +62,19 @@ def test_what_a_render_of_paths_has_told_is_not_told_as_of_rings() -> None:
     paths = six_paths()
     counts = dataclasses.replace(paths.counts, range_encoding_underflow=7)
     total.add(dataclasses.replace(paths, counts=counts))
-    found = statistics_findings(total.result(0.0), RADAR, "paths")
+    found = statistics_findings(total.result(0.0), RADAR, "paths", unranged_fraction=1e-4)
     assert "mixed-pixels" not in {item.code for item in found}
     (without,) = (item for item in found if item.code == "paths-without-length")
-    assert (without.severity, without.numbers["count"]) == ("info", 7)
+    assert (without.severity, without.numbers) == ("info", {"count": 7, "fraction": 1e-4})
+    # 1e-20 of the received power is thermal noise in 2.5 Hz where a whole watt is received
+    for fraction, told in ((1e-34, False), (0.9e-20, False), (1.1e-20, True)):
+        codes = {
+            item.code
+            for item in statistics_findings(
+                total.result(0.0), RADAR, "paths", unranged_fraction=fraction
+            )
+        }
+        assert ("paths-without-length" in codes) == told
     assert not any("ring" in item.message.split() for item in found)
 
 
@@ -84,3 +93,61 @@ def test_a_few_edges_without_a_range_rate_are_information(
     total.add(dataclasses.replace(paths, flags=flags, counts=PathCounts.of(flags)))
     (found,) = statistics_findings(total.result(0.0), RADAR)
     assert (found.code, found.severity) == ("no-range-rate", severity)
+
+
+@pytest.mark.parametrize(
+    ("limits_m", "in_maps", "severity"),
+    [
+        ((0.0, 1000.0), 6, ""),
+        # 749.48 m are unambiguous: 760 m folds to 10.5 m, 900 m to 150.5 m
+        ((0.0, 200.0), 4, "info"),
+        ((140.0, 160.0), 1, "info"),
+        ((110.0, 140.0), 0, "error"),
+        ((320.0, 700.0), 0, "error"),
+        ((2000.0, 2100.0), 0, "error"),
+    ],
+)
+def test_an_empty_result_is_an_error(
+    limits_m: tuple[float, float], in_maps: int, severity: str
+) -> None:
+    """Six paths at 10, 100, 300, 740, 760 and 900 m, stationary; the cell has 3 m."""
+    total = StatisticsSum(RADAR, 1.0, limits_m)
+    paths = dataclasses.replace(six_paths(), range_rate_mps=np.zeros(6))
+    for part in (slice(0, 4), slice(4, 6)):
+        total.add(paths[part])
+    result = total.result(float(6 - in_maps))
+    assert result.in_maps == in_maps
+    found = statistics_findings(result, RADAR, "paths", limits_m)
+    here = [item for item in found if "outside" in item.code]
+    assert [item.severity for item in here] == ([severity] if severity else [])
+    if severity == "error":
+        assert here[0].code == "all-echoes-outside-ranges"
+        assert here[0].numbers == {
+            "count": 6, "nearest_m": 10.0, "farthest_m": 900.0,
+            "start_m": limits_m[0], "stop_m": limits_m[1],
+        }  # fmt: skip
+        assert "10 m to 900 m" in here[0].text
+        assert "--range-limits" in here[0].remedy
+
+
+def test_what_comes_into_the_limits_during_the_burst_is_no_empty_result() -> None:
+    """32 pulses at 200 kHz last 160 us: at 1e5 m/s a path moves 16 m."""
+    for rate_mps, there in ((-1e5, True), (0.0, False)):
+        total = StatisticsSum(RADAR, 1.0, (100.0, 200.0))
+        total.add(make_paths(1.0, 2 * 210.0, rate_mps, 1e-6))
+        assert bool(total.result(0.0).in_maps) == there
+
+
+def test_all_beyond_the_band_of_an_fmcw_radar_is_an_error_too() -> None:
+    """20 Msps and 10 MHz/us: f_s c / (2 K) = 300 m; complex samples hold the whole band."""
+    radar = Radar(FmcwWaveform(77e9, 100e6, 200, 20e6), Burst(50e3, 16))
+    limit_m = 20e6 * 299_792_458 / (2 * 100e6 / 10e-6)
+    assert radar.unambiguous_range_m == pytest.approx(limit_m)
+    for ranges_m, code in (([400.0, 500.0], True), ([200.0, 500.0], False)):
+        total = StatisticsSum(radar, 1.0, (0.0, 1000.0))
+        total.add(make_paths(np.ones(2), 2 * np.array(ranges_m), 0.0, 1e-6))
+        found = statistics_findings(total.result(0.0), radar, "paths", (0.0, 1000.0))
+        codes = {item.code: item.numbers for item in found}
+        assert ("all-echoes-outside-ranges" in codes) == code
+        if code:
+            assert codes["all-echoes-outside-ranges"]["stop_m"] == pytest.approx(limit_m)

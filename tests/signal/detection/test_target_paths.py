@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import csv
+import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +14,15 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.contract import ImageRecord
 from radarsim_addon.signal import ProcessOptions, Radar, open_frame, open_run, process_frame
-from radarsim_addon.signal.detection import PathFinder
+from radarsim_addon.signal.detection import Cfar, PathFinder, Peak
 from radarsim_addon.signal.detection.target_paths import mirror_corners
+from radarsim_addon.signal.motion import BodyMotion, FrameMotion
+from radarsim_addon.signal.motion.body_motion import Segment
+from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE
+from radarsim_addon.signal.pipeline.cli import main
+from radarsim_addon.signal.pipeline.console import frame_lines
+from radarsim_addon.signal.products.detection_files import write_detections
+from radarsim_addon.signal.products.hdf5 import write_hdf5
 from tests.signal import path_runs as pr
 
 
@@ -36,7 +46,7 @@ def test_a_target_is_the_object_at_its_range(
 ) -> None:
     range_m = float(np.linalg.norm(centre))
     found = finder.of_target(range_m, 0.0, most=5)
-    assert found.object_name == name
+    assert found.name == name
     assert len(found.lines_m) == 5 == found.power_w.size
     for line in found.lines_m:
         assert line.shape == (3, 3)
@@ -44,7 +54,7 @@ def test_a_target_is_the_object_at_its_range(
         assert abs(np.linalg.norm(line[1]) - range_m) < 1.5 * pr.WAVEFORM.range_resolution_m
         assert abs(line[1] - centre)[[0, 2]].max() <= 75 / 2
     of_object = finder.of_object(name)
-    assert of_object.object_name == name
+    assert of_object.name == name
     assert (np.diff(of_object.power_w) <= 0).all() and of_object.power_w[0] > 0
     assert abs(of_object.lines_m[0][1] - centre)[1] < 1e-6
 
@@ -54,8 +64,8 @@ def test_velocity_decides_too_and_folds(finder: PathFinder) -> None:
     radar = Radar(pr.WAVEFORM, pr.BURST)
     assert finder.of_target(306.0, 20 * radar.velocity_resolution_mps).lines_m == []
     folded = finder.of_target(306.0, 2 * radar.max_unambiguous_velocity_mps)
-    assert folded.object_name == "Near"
-    assert finder.of_target(360.0, 0.0).object_name == ""
+    assert folded.name == "Near"
+    assert finder.of_target(360.0, 0.0).name == ""
     assert finder.of_object("Nothing").lines_m == []
 
 
@@ -74,7 +84,7 @@ def test_the_strongest_cell_of_the_map_is_on_the_strongest_object(tmp_path: Path
     found = PathFinder(result.source).of_target(
         float(shown.range_m[col]), float(shown.velocity_mps[row])
     )
-    assert found.object_name == "Strong"
+    assert found.name == "Strong"
 
 
 def test_corners_on_mirrors_obey_the_law_of_reflection() -> None:
@@ -89,3 +99,118 @@ def test_corners_on_mirrors_obey_the_law_of_reflection() -> None:
     walked = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
     assert walked == pytest.approx(np.linalg.norm(scatterer - [20.0, 0.0, -2.0]))
     assert mirror_corners(antenna, None, scatterer) == ()
+
+
+def moving(mps: float) -> BodyMotion:
+    if not mps:
+        return BodyMotion(np.eye(4))
+    translation = np.array([np.zeros(3), [0.0, 0.05 * mps, 0.0]])
+    return BodyMotion(np.eye(4), (Segment(0.0, 0.1, translation),))
+
+
+#: Objects of first and last vertex, reflections, mirrors of the images, what moves, and the name.
+NAMES = [
+    (("Car", "Car"), 1, [], ["Car"], "Car"),
+    (("Car", "House"), 2, [], ["Car"], "Car via House"),
+    (("House", "Car"), 2, [], ["Car"], "Car via House"),
+    (("Car", "House"), 2, [], [], "Car and House"),
+    (("House", "Car"), 2, [], ["Car", "House"], "Car and House"),
+    (("House", "Car"), 3, [], ["Car"], "Car via House (3 reflections)"),
+    (("Car", "Car"), 2, [], ["Car"], "Car (2 reflections)"),
+    (("Car", "Car"), 2, ["Road"], ["Car"], "Car via Road"),
+    (("Car", "House"), 3, ["Road"], ["Car"], "Car via House and Road"),
+    (("", "Car"), 1, [], ["Car"], "Car"),
+    (("", ""), 1, [], [], ""),
+]
+
+
+@pytest.mark.parametrize(("ends", "order", "mirrors", "moves", "name"), NAMES)
+def test_a_target_is_named_after_all_that_its_paths_touch(
+    ends: tuple[str, str], order: int, mirrors: list[str], moves: list[str], name: str,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    """Two thirds of the power at 28.27 m have the path that is named, one third is of a fence."""
+    objects = ["Car", "House", "Fence"]
+    number = {"": 0} | {item: n for n, item in enumerate(objects, start=1)}
+    rows = np.zeros(3, dtype=IMAGE_DTYPE)
+    rows["power_w"], rows["length_m"], rows["solid_angle_sr"] = 1e-9, 2 * 28.27, 1e-6
+    rows["order"] = order, order, 1
+    for end, item in zip(("first", "last"), ends, strict=True):
+        rows[f"{end}_object"] = rows[f"{end}_body"] = number[item], number[item], 3
+        rows[f"{end}_scatterer_m"] = 0.0, 28.27, 0.0
+    plain = np.zeros(3, dtype=PATH_DTYPE)
+    for column in PATH_DTYPE.names:
+        plain[column] = rows[column]
+    if mirrors:
+        rows["mirrors"][:2], rows["transmitter_image"][:2] = 1, 1
+    else:
+        rows = plain
+    here = pr.pose((0, 0, 0))
+    receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    folder = pr.write_run(
+        tmp_path / "run", plain, objects, receiver, transmitter, range_limits_m=100.0
+    )
+    frame = open_frame(open_run(folder).frame(1))
+    still = BodyMotion(np.array(here))
+    bodies = [moving(3.0 * (item in moves)) for item in objects]
+    record = dataclasses.replace(
+        frame.table.record, images=[ImageRecord([[0, 0, 1]], [-2.0], mirrors)]
+    )
+    table = dataclasses.replace(
+        frame.table, rows=rows, record=record,
+        motion=FrameMotion(0.1, still, still, False, bodies),
+    )  # fmt: skip
+    finder = PathFinder(dataclasses.replace(frame, tables=(table,)))
+    assert finder.of_target(28.27, 0.0).name == name
+    (peak,) = finder.named([Peak(28.27, 0.0, 0.0, 1.0, 2.0)])
+    assert (peak.name, peak.range_m, peak.peak_to_background_db) == (name, 28.27, 2.0)
+
+
+def test_lists_and_files_have_the_names(tmp_path: Path) -> None:
+    """Console, summary, CSV and HDF5 of two plates; the names need quotes and are not ASCII."""
+    here = pr.pose((0, 0, 0))
+    receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    plates = [pr.plate("a", (-60, 300, 0), 25.0), pr.plate("b", (120, 430, 0), 75.0)]
+    rows = pr.trace(plates, receiver, transmitter, 48, 1)
+    names = ['Wall, "old"', "Türe"]
+    folder = pr.write_run(
+        tmp_path / "run", rows, names, receiver, transmitter, range_limits_m=600.0
+    )
+    options = ProcessOptions(cfar=Cfar()).for_run(open_run(folder))
+    result = process_frame(options.open(open_run(folder).frame(1)), options)
+    found = result.detections
+    assert found is not None
+    near = {target.name for target in found.targets if abs(target.range_m - 306) < 5}
+    far = {target.name for target in found.targets if abs(target.range_m - 446) < 12}
+    assert (near, far) == ({names[0]}, {names[1]})
+    assert any(line.endswith(names[1]) for line in frame_lines(result))
+    table, record = write_detections(tmp_path / "x", found)
+    with open(table, encoding="utf-8", newline="") as lines:
+        assert {line["name"] for line in csv.DictReader(lines)} >= set(names)
+    assert {one["name"] for one in json.loads(record.read_text("utf-8"))["targets"]} >= set(names)
+    h5py = pytest.importorskip("h5py")
+    (path,) = write_hdf5(result, tmp_path)
+    with h5py.File(path) as file:
+        assert {one.decode() for one in file["detections/name"][:]} >= set(names)
+
+
+@pytest.mark.parametrize(
+    ("limits", "code"), [("0:600", 0), ("290:320", 0), ("1000:1200", 3), ("0:100", 3)]
+)
+def test_limits_without_an_echo_end_with_the_code_of_empty_results(
+    limits: str, code: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A plate at 300 m: a script that runs `radarsim process` sees that the maps are empty."""
+    here = pr.pose((0, 0, 0))
+    receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    rows = pr.trace([pr.plate("Plate", (0, 300, 0), 25.0)], receiver, transmitter, 32, 1)
+    folder = pr.write_run(
+        tmp_path / "run", rows, ["Plate"], receiver, transmitter, range_limits_m=600.0
+    )
+    words = ["--no-plots", "--no-products", "--range-limits", limits]
+    assert main(["process", str(folder), *words]) == code
+    said = capsys.readouterr()
+    text = said.out + said.err
+    assert ("[all-echoes-outside-ranges]" in text) == (code == 3)
+    if code:
+        assert "they are at 300" in text
