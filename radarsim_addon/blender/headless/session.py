@@ -93,7 +93,7 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     )
     by_scripts = changed_by_scripts(opened_here=arguments.blend is not None)
     if by_scripts:
-        job.early_findings.append(finding("scene-of-scripts", *by_scripts))
+        job.early_findings.append(finding("changed-by-scripts", *by_scripts))
     else:
         job.identity = f"{file_identity()} {arguments.mirrors!r} {arguments.no_mirrors!r}"
     job.view_camera = cameras[-1]
@@ -122,7 +122,7 @@ def changed_by_scripts(opened_here: bool) -> list[str]:
 
 
 def check_workers(opened_here: bool) -> None:
-    """See that all workers of a run measure the same scene, that of the file; ConfigError if not."""
+    """Check that all workers of a run measure the scene of the file; ConfigError if not."""
     changed = changed_by_scripts(opened_here)
     if changed:
         raise ConfigError(

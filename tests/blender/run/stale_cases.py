@@ -447,7 +447,7 @@ def another_image() -> Iterator[None]:
 
 @case
 def projection_of_an_image() -> Iterator[None]:
-    tree, texture = textured()
+    _, texture = textured()
     pixels = np.tile(np.array([0.1, 0.1, 0.1, 1, 0.8, 0.8, 0.8, 1], np.float32), 8)
     texture.image.pixels.foreach_set(pixels)
     texture.interpolation = "Linear"
@@ -457,7 +457,7 @@ def projection_of_an_image() -> Iterator[None]:
 
 @case
 def map_of_a_texture() -> Iterator[None]:
-    tree, texture = textured()
+    _, texture = textured()
     pixels = np.repeat(np.array([0.1, 0.4, 0.6, 0.8], np.float32), 16)
     texture.image.pixels.foreach_set(pixels)
     mesh = next(one for one in bpy.data.meshes if one.uv_layers)

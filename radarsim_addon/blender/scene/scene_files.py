@@ -79,15 +79,18 @@ def _linked_files() -> list[Path]:
     usd = [path for path in found if path.suffix.startswith(".usd")]
     found |= {layer for path in usd for layer in path.parent.rglob("*.usd*")}  # of its layers
     program = Path(bpy.utils.system_resource("SCRIPTS")).parent  # its version is in the run's plan
-    return sorted(path for path in found if not path.is_relative_to(program))
+    above = Path(bpy.data.filepath).parents  # an ocean that is not baked names them
+    return sorted(p for p in found if not (p.is_relative_to(program) or p in above))
 
 
 def _caches() -> tuple[set[Path], set[Path]]:
     """Folders that simulations write while they are played, and those of baked ones."""
-    written, baked = set(), set()
+    written: set[Path] = set()
+    baked: set[Path] = set()
     file = Path(bpy.data.filepath or "unsaved.blend")
     own = file.with_name(f"blendcache_{file.stem}")
-    caches = [getattr(scene.rigidbody_world, "point_cache", None) for scene in bpy.data.scenes]
+    worlds = [scene.rigidbody_world for scene in bpy.data.scenes]
+    caches: list[Any] = [getattr(world, "point_cache", None) for world in worlds]
     for item in bpy.data.objects:
         caches += [system.point_cache for system in item.particle_systems]
         for modifier in item.modifiers:
@@ -101,7 +104,9 @@ def _caches() -> tuple[set[Path], set[Path]]:
                 baked |= {_absolute(one.directory) for one in modifier.bakes if one.directory}
                 baked |= {_absolute(modifier.bake_directory)} if modifier.bake_directory else set()
                 baked |= {_absolute(text) for text in _texts(modifier) if Path(text).is_file()}
-    on_disk = [one for one in caches if one is not None and one.use_disk_cache]
+    caches = [one for one in caches if one is not None]
+    baked |= {_absolute(one.filepath) for one in caches if one.use_external}
+    on_disk = [one for one in caches if one.use_disk_cache and not one.use_external]
     written |= {own} if on_disk else set()
     baked |= {own} if any(one.is_baked for one in on_disk) else set()
     return written, {path for path in baked if path.exists()}
