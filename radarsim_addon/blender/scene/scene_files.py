@@ -96,8 +96,11 @@ def _caches() -> tuple[set[Path], set[Path]]:
         for modifier in item.modifiers:
             caches.append(getattr(modifier, "point_cache", None))
             domain = getattr(modifier, "domain_settings", None)
-            if domain is not None and domain.cache_type == "REPLAY":
+            replayed = domain is not None and domain.cache_type == "REPLAY"
+            if domain is not None and (replayed or not domain.has_cache_baked_any):
                 written.add(_absolute(domain.cache_directory))
+            if modifier.type == "OCEAN" and not modifier.is_cached:
+                written.add(_absolute(modifier.filepath))
             canvas = getattr(modifier, "canvas_settings", None)
             caches += [one.point_cache for one in (canvas.canvas_surfaces if canvas else ())]
             if modifier.type == "NODES":
