@@ -6,12 +6,14 @@ from __future__ import annotations
 import re
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon import blender as radarsim
 from radarsim_addon import contract, signal
 from radarsim_addon.sidecar import read_record
 from tests.blender import path_helpers as ph

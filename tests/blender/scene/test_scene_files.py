@@ -217,10 +217,12 @@ def test_code_of_add_ons_counts(
     [
         ("-b {file} -P render_radar.py -- --out x -P no.py", True),
         ("--background {file} --python render_radar.py -- --out x", True),
-        ("-b --factory-startup -noaudio {file} -P render_radar.py", True),
+        ("-b -Y --factory-startup -noaudio -t 2 {file} -P render_radar.py", True),
+        ("-b {file} --python-exit-code 1 -P render_radar.py --", True),
+        ("-b {file} other.blend -P render_radar.py --", False),
         ("-b {file} -P other.py -P render_radar.py -- --out x", False),
         ("-b {file} --python-expr 1 -P render_radar.py --", False),
-        ("-b -y {file} -P render_radar.py --", False),
+        ("-b -y {file} -P render_radar.py --", True),
         ("-b -P render_radar.py -- {file}", False),
     ],
 )
@@ -234,6 +236,19 @@ def test_words_of_the_blender_program(
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     monkeypatch.setattr(sys, "argv", ["/usr/bin/blender", *own])
     assert (session.changed_by_scripts(opened_here=False) == []) is plain
+    assert session.changed_by_scripts(opened_here=True) == []
+
+
+def test_texts_that_run_when_the_file_is_opened(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bpy.ops.wm.open_mainfile(filepath=str(made / "scene.blend"))
+    bpy.data.texts.new("startup.py").use_module = True
+    words = [bpy.data.filepath, "-P", "render_radar.py"]
+    monkeypatch.setattr(sys, "argv", ["blender", "-b", "-Y", *words])
+    assert session.changed_by_scripts(opened_here=False) == []
+    monkeypatch.setattr(sys, "argv", ["blender", "-b", "--enable-autoexec", *words])
+    assert session.changed_by_scripts(opened_here=False) == ["startup.py"]
     assert session.changed_by_scripts(opened_here=True) == []
 
 
