@@ -129,7 +129,7 @@ def _runs_one_script(own: list[str]) -> bool:
     """Whether Blender's command line opens the file that is open, and runs one script, this one."""
     words, files, scripts = iter(own), 0, 0
     for word in words:
-        if os.path.abspath(word) == bpy.data.filepath:
+        if bpy.data.filepath and os.path.realpath(word) == os.path.realpath(bpy.data.filepath):
             files += 1
         elif word in ("-P", "--python"):
             scripts += 1
