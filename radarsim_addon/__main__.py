@@ -97,7 +97,7 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         return error.exit_code
     except KeyboardInterrupt as stop:
         print(
-            "radarsim: Interrupted; the same command without --overwrite resumes the run.",
+            "radarsim: Interrupted; the same command resumes the run (without --overwrite).",
             file=sys.stderr,
         )
         return getattr(stop, "exit_code", 130)

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
         return _fail(error_line(error), error.exit_code)
     except KeyboardInterrupt:
         return _fail(
-            "radarsim: Interrupted; the same command without --overwrite resumes the run.",
+            "radarsim: Interrupted; the same command resumes the run (without --overwrite).",
             stop.code,
         )
 

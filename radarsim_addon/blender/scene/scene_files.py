@@ -46,7 +46,10 @@ def file_identity() -> str:
 def foreign_handlers() -> list[str]:
     """Return the names of functions of scripts that Blender calls when it loads or renders.
 
-    Functions of add-ons are not among them: each process of a run has the same add-ons.
+    Returns
+    -------
+    list of str
+        Functions of add-ons are not among them: each process of a run has the same add-ons.
     """
     places = [
         bpy.utils.user_resource("EXTENSIONS"),
@@ -61,7 +64,13 @@ def foreign_handlers() -> list[str]:
 
 
 def unreadable_files() -> list[Finding]:
-    """Return a finding if the scene reads files that are missing; empty if all are there."""
+    """Find files that the scene reads and that are missing.
+
+    Returns
+    -------
+    list of Finding
+        At most one.
+    """
     lost = [path for path in _linked_files() if not any(_parts(path))]
     return [finding("linked-file-missing", *map(str, lost))] if lost else []
 
