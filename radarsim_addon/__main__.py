@@ -96,7 +96,10 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         print(error_line(error), file=sys.stderr)
         return error.exit_code
     except KeyboardInterrupt as stop:
-        print("radarsim: Interrupted; the same command resumes the run.", file=sys.stderr)
+        print(
+            "radarsim: Interrupted; the same command resumes the run (without --overwrite).",
+            file=sys.stderr,
+        )
         return getattr(stop, "exit_code", 130)
     print(f"radarsim: wrote {about['folder']}", flush=True)
     processed = process_main(["process", about["folder"], *share.words]) if process else 0

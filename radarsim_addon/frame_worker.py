@@ -44,13 +44,16 @@ _MODULES = {"render": ".blender.headless", "process": ".signal.pipeline"}
 _open: dict[tuple[str, ...], FrameWorker] = {}
 
 
-def run_frame(folder: str, words: Sequence[str], frame: int | None) -> dict[str, Any]:
+def run_frame(
+    folder: str, words: Sequence[str], frame: int | None, command: str = ""
+) -> dict[str, Any]:
     """Do a frame of a command line given in `folder`; None: say what the run is.
 
-    An error is part of the answer. It closes the run: the next frame finds a new one.
+    `command` names the call of the command: each call opens its files again. An error is part of
+    the answer. It closes the run: the next frame finds a new one.
     """
     try:
-        worker = _opened(folder, words, joins=frame is not None)
+        worker = _opened(folder, words, command, joins=frame is not None)
         return worker.about() if frame is None else {"frame": frame, **worker.do(frame)}
     except Exception as error:
         close()
@@ -65,8 +68,8 @@ def close() -> None:
         _open.popitem()[1].close()
 
 
-def _opened(folder: str, words: Sequence[str], joins: bool) -> FrameWorker:
-    key = (folder, *words)
+def _opened(folder: str, words: Sequence[str], command: str, joins: bool) -> FrameWorker:
+    key = (command, folder, *words)
     if key not in _open:
         close()
         with contextlib.chdir(folder), _signals_wait():  # for file names of the command line

@@ -37,7 +37,7 @@ SCENE = {
         "library or cache are empty or have no motion.",
         "Choose File > External Data > Find Missing Files, or remove what uses them.",
     ),
-    "scene-of-scripts": Kind(
+    "changed-by-scripts": Kind(
         "info",
         "Scripts may have changed the scene since its file was opened: {subjects}.",
         "radarsim cannot know whether an earlier run is of the same scene, so it measures all "

@@ -36,7 +36,7 @@ def make_job(
     radar : bpy.types.Object
         The rig; None: the scene's active one.
     overwrite
-        Remove another run's frames.
+        Replace any run in the folder.
     given
         Values in place of the radar's settings, by their names, in SI; see `read_measurement`.
     link_budget_file

@@ -61,7 +61,10 @@ def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
     except RadarSimError as error:
         return _fail(error_line(error), error.exit_code)
     except KeyboardInterrupt:
-        return _fail("radarsim: Interrupted; the same command resumes the run.", stop.code)
+        return _fail(
+            "radarsim: Interrupted; the same command resumes the run (without --overwrite).",
+            stop.code,
+        )
 
 
 def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:

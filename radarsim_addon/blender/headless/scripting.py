@@ -220,11 +220,12 @@ def measure(
     rig : bpy.types.Object
         The radar.
     folder
-        Folder of the run; made if its parent exists. A run that was stopped resumes.
+        Folder of the run; made if its parent exists. The earlier run of this file and scene in it
+        is replaced.
     frames
         Blender frames; None: those of the radar's settings.
     overwrite
-        Remove the frames of another run from the folder.
+        Replace also the run of another file or scene.
     progress
         Called with the fraction that is done, 0 to 1, after each render.
     scene : bpy.types.Scene, optional

@@ -29,6 +29,12 @@ from ..views import ViewCamera
 from .early_camera import add_early_camera, before_sorting
 from .jobs import make_job, sampling_mode
 
+_AUTOEXEC = {"-y", "--enable-autoexec"}
+#: Words of Blender's command line that change no scene, and those that a value follows.
+_PLAIN = {"-b", "--background", "-Y", "--disable-autoexec", "--factory-startup", "-noaudio", "-q"}
+_PLAIN |= _AUTOEXEC
+_VALUED = {"-t", "--threads", "--python-exit-code"}
+
 
 def open_scene(
     arguments: argparse.Namespace, early: Callable[[Any, Any], None] | None = None
@@ -92,7 +98,7 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     )
     by_scripts = changed_by_scripts(opened_here=arguments.blend is not None)
     if by_scripts:
-        job.early_findings.append(finding("scene-of-scripts", *by_scripts))
+        job.early_findings.append(finding("changed-by-scripts", *by_scripts))
     else:
         job.identity = f"{file_identity()} {arguments.mirrors!r} {arguments.no_mirrors!r}"
     job.view_camera = cameras[-1]
@@ -111,17 +117,31 @@ def changed_by_scripts(opened_here: bool) -> list[str]:
     found = foreign_handlers()
     if not opened_here:
         own = sys.argv[1 : sys.argv.index("--")] if "--" in sys.argv else sys.argv[1:]
-        known = ("-b", "--background", "-noaudio", "--factory-startup", bpy.data.filepath)
-        words = [word for word in own if os.path.abspath(word) not in known and word not in known]
-        if words[:1] not in (["-P"], ["--python"]) or len(words) != 2 or not bpy.data.filepath:
+        if not _runs_one_script(own):
             found.append(" ".join(["blender", *own]))
-        if bpy.context.preferences.filepaths.use_scripts_auto_execute:
-            found.append("Auto Run Python Scripts")
+        if bpy.context.preferences.filepaths.use_scripts_auto_execute or _AUTOEXEC & set(own):
+            found += [text.name for text in bpy.data.texts if text.use_module]
     return found
 
 
+def _runs_one_script(own: list[str]) -> bool:
+    """Whether Blender's command line opens the file that is open, and runs one script, this one."""
+    words, files, scripts = iter(own), 0, 0
+    for word in words:
+        if bpy.data.filepath and os.path.realpath(word) == os.path.realpath(bpy.data.filepath):
+            files += 1
+        elif word in ("-P", "--python"):
+            scripts += 1
+            next(words, "")
+        elif word in _VALUED:
+            next(words, "")
+        elif word not in _PLAIN:
+            return False
+    return (files, scripts) == (1, 1)
+
+
 def check_workers(opened_here: bool) -> None:
-    """See that all workers of a run measure the same scene, that of the file; ConfigError if not."""
+    """Check that all workers of a run measure the scene of the file; ConfigError if not."""
     changed = changed_by_scripts(opened_here)
     if changed:
         raise ConfigError(

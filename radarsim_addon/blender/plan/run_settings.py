@@ -84,7 +84,7 @@ class RunSettings:
     )
     overwrite: bool = setting(
         "Overwrite",
-        "Remove the frames of another run from the output folder. Off: a run that was stopped "
-        "resumes, another one is refused",
+        "Measure all frames again, in place of any run in the output folder. Off: the run of "
+        "another scene is refused, and radarsim render resumes a stopped run of the same file",
         False,
     )

@@ -29,7 +29,7 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
     if not path.exists():
         raise OutputError(
             f"Blender has not written {path}. {disk_of(path).capitalize()} is full, or the folder "
-            "was removed. Make room and render again: the run resumes where it stopped."
+            "was removed. Make room and render again."
         )
     try:
         header = read_header(path)
@@ -38,7 +38,7 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
     except (OSError, ValueError, zlib.error, FrameFileError) as error:
         raise OutputError(
             f"Blender has written {path} incompletely ({error}). The disk is probably full: "
-            f"{disk_of(path)}. Make room and render again: the run resumes where it stopped."
+            f"{disk_of(path)}. Make room and render again."
         ) from error
     if not finite:
         raise RenderError(

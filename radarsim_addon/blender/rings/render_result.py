@@ -17,8 +17,7 @@ def save_render(scene: Any, path: Path) -> None:
     result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
     if result is None:
         raise RenderError(
-            "Blender has no render result, so the frame is incomplete. Start the run again: it "
-            "resumes."
+            "Blender has no render result, so the frame is incomplete. Start the run again."
         )
     try:
         # write_still would expand # and {} in folder names.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run: job, output folder, lock, the scene's settings for a measurement."""
 
+from .output_folder import scene_text
 from .run_job import MeasurementJob
 from .scene_state import MeasurementSettings
 from .shared_folder import FramesHeldError
@@ -9,4 +10,5 @@ __all__ = [
     "FramesHeldError",
     "MeasurementJob",
     "MeasurementSettings",
+    "scene_text",
 ]

@@ -116,7 +116,17 @@ def _check_replaceable(
 
 
 def scene_text(record: contract.RunRecord) -> str:
-    """Return the file and the scene of a run for messages."""
+    """Return the file and the scene of a run for messages.
+
+    Parameters
+    ----------
+    record
+        Plan of the run.
+
+    Returns
+    -------
+    str
+    """
     file = f"{record.blend_file!r}" if record.blend_file else "a file that was never saved"
     return f"{file}, scene {record.scene!r}" if record.scene else file
 

@@ -121,6 +121,8 @@ class MeasurementJob:
         #: Hash of the scene's files, set by who has opened them, if nobody can have changed the
         #: scene since. Empty: this run resumes no earlier one, and no later one resumes it.
         self.identity = ""
+        #: Fingerprint in the plan of this run, once that is written.
+        self.fingerprint = ""
         #: Camera that renders paths, where who opened the file has added it: a `ViewCamera`.
         self.view_camera: Any = None
         #: Frames of the run that this process measures, as long as no other one does.
@@ -197,7 +199,9 @@ class MeasurementJob:
                 *unreadable_files(),
                 *self._config_findings(),
             ]
-            self._shared.open(self._record(self.run_findings), self.overwrite)
+            record = self._record(self.run_findings)
+            self._shared.open(record, self.overwrite)
+            self.fingerprint = record.fingerprint
         self.take(self.own_frames)
 
     def take(self, frames: Sequence[int]) -> None:
@@ -214,10 +218,8 @@ class MeasurementJob:
         """What ``run.json`` holds of this run."""
         identity = self.identity
         if identity:
-            identity += (
-                f" {self.scene_name!r} {self._view_layer.name!r} {self.rig.camera.name_full!r}"
-            )
-            identity += f" {self.rig.emitter.name_full!r}"
+            chosen = self._scene, self._view_layer, self.rig.camera, self.rig.emitter
+            identity += f" {[one.name for one in chosen]!r}"
             # The carrier changes what a physical material reflects; others render alike at any.
             if any(is_physical(material) for material in bpy.data.materials):
                 identity += f" {self._measurement.waveform.carrier_hz!r} Hz"

@@ -20,7 +20,6 @@ from .driver_checks import (
     moved_by_scripts,
     reads_context,
 )
-from .file_identity import file_identity, foreign_handlers, unreadable_files
 from .finite_checks import check_poses, check_vertices
 from .ground_truth import displaced_surfaces, echoing_boxes, scene_extent
 from .instance_poses import (
@@ -52,6 +51,7 @@ from .rig import (
     radars,
     setup_rig,
 )
+from .scene_files import file_identity, foreign_handlers, unreadable_files
 from .simulations import (
     check_particles_are_baked,
     has_simulation_zone,

@@ -185,8 +185,7 @@ class InteractiveRender:
         if self._idle_ticks > _PATIENCE_TICKS:
             raise RenderError(
                 "Cycles stopped without a message, so the frame is incomplete. Render an image of "
-                "this scene with Cycles to check that it works, then start the run again: it "
-                "resumes."
+                "this scene with Cycles to check that it works, then start the run again."
             )
         return False
 
@@ -205,8 +204,7 @@ class InteractiveRender:
             ) from error
         if "CANCELLED" in result:
             raise RenderError(
-                "Blender did not start the render. Close other renders, then start the run again: "
-                "it resumes."
+                "Blender did not start the render. Close other renders, then start the run again."
             )
 
     def close(self) -> None:

@@ -32,7 +32,7 @@ from .preset_menu import preset_choice
 from .result_settings import chosen_processing
 from .results import ProcessingJob
 from .shown_findings import findings_text, report_findings, reported
-from .shown_results import show_run
+from .shown_results import check_own_run, note_measured, show_run
 from .timed_operator import TimedOperator
 from .translations import tr
 
@@ -119,13 +119,13 @@ class RADARSIM_OT_watch_escape(bpy.types.Operator):
 
 
 class RADARSIM_OT_render_frames(TimedOperator):
-    """Measure every radar frame, by rings or by paths. Goes on with a stopped run"""
+    """Measure every radar frame, by rings or by paths. Replaces the last run of this scene"""
 
     bl_idname = "radarsim.render_frames"
     bl_label = "Render Radar Frames"
 
     _run: InteractiveRender
-    _began_s: float | None = None
+    _began_s = 0.0
     _watched: object | None = None
 
     def _start(self, context: Any) -> list[Finding]:
@@ -133,7 +133,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
             raise RenderError("Another render is running. Wait for its end, or stop it.")
         job = _job_of(context)
         job.prepare()
-        self._began_s = None if job.done else time.monotonic()  # a resumed run has fewer rays
+        self._began_s = time.monotonic()
         try:
             self._run = InteractiveRender(job, context.preferences)
         except BaseException:
@@ -164,7 +164,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
         job, reason = self._run.job, self._run.stop_reason
         if reason:
             text = tr(
-                "{done} of {total} {unit} done, {reason}; start again to resume",
+                "{done} of {total} {unit} done, {reason}; the next run measures all again",
                 done=job.done, total=job.total, unit=job.unit, reason=reason,
             )  # fmt: skip
             self._end(context, text)
@@ -176,7 +176,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
         # Some is known only at the end: what was left out, what was not met by any ray.
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         progress.findings = findings_text(job.findings)
-        if isinstance(job, PathJob) and self._began_s is not None:
+        if isinstance(job, PathJob):
             took_s = time.monotonic() - self._began_s
             if job.rays > _MANY_RAYS and not job.options.refines:
                 progress.seconds_per_ray = took_s / job.rays
@@ -185,7 +185,9 @@ class RADARSIM_OT_render_frames(TimedOperator):
         return {"FINISHED"}
 
     def _end(self, context: Any, text: str) -> None:
-        self._run.close()
+        if not self._run.closed:  # else the file was saved, loaded or undone
+            self._run.close()
+            note_measured(context, self._run.job.fingerprint)
         for failure in self._run.job.unrestored:
             self.report({"WARNING"}, f"Not restored: {failure}")
         super()._end(context, text)
@@ -202,6 +204,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
                     job.render(task)
                     job.finish(task)
                     line.show(job.done, job.total, job.seconds_left)
+            note_measured(context, job.fingerprint)
             report_findings(self, job.frame_findings, job.frames)
             self.report({"INFO"}, f"{job.total} {job.unit} in {job.folder}")
             return {"FINISHED"}
@@ -220,8 +223,11 @@ class RADARSIM_OT_process_last_run(TimedOperator):
 
     def _start(self, context: Any) -> list[Finding]:
         folder = output_folder(active_radar(context.scene))
+        fingerprint = check_own_run(context.scene, folder)
         apart = not bpy.app.background
         self._job = ProcessingJob(folder, apart, chosen_processing(context))
+        self._job.result.fingerprint = fingerprint
+        self._job.result.scene_uid = context.scene.session_uid
         self._images = []
         return []
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ... import contract, errors
+from ... import errors
 from ...errors import OutputError
 from ...findings import Finding, from_json
 from ...processes import own_folder
@@ -26,9 +26,14 @@ from .worker_process import python_program, start_worker
 
 @dataclass
 class ProcessedRun:
-    """A run as the window shows it: files of its frames in a folder of the session."""
+    """A run as the window shows it: files of its frames in a folder of the session.
+
+    `fingerprint` is that of its plan, `scene_uid` the number of its scene in this session.
+    """
 
     folder: tempfile.TemporaryDirectory[str]
+    fingerprint: str = ""
+    scene_uid: int = 0
     frames: list[int] = field(default_factory=list)
     profiles: list[FrameProfile] = field(default_factory=list)
 
@@ -47,15 +52,10 @@ class ProcessingJob:
     """Processing of a run folder in steps; `close` ends it before its end.
 
     With `apart` a process of its own does it, so that no step takes long. `words`: options of
-    `radarsim process`. Raises OutputError for a folder without a run.
+    `radarsim process`.
     """
 
     def __init__(self, folder: Path, apart: bool = False, words: Sequence[str] = ()) -> None:
-        if not (folder / contract.RUN_FILE).is_file():
-            raise OutputError(
-                f"{folder} contains no run ({contract.RUN_FILE} is missing). "
-                "Press Render Radar Frames first, or choose the folder of a run."
-            )
         #: What there is to show; belongs to the caller once the last step is done.
         self.result = ProcessedRun(tempfile.TemporaryDirectory(prefix="radarsim_"))
         views = Path(self.result.folder.name)

@@ -13,6 +13,7 @@ from .fields import RadarPanel, active_group, draw_number, draw_state, split
 from .frame_views import Target
 from .shown_results import (
     RESULTS_PROPERTY,
+    age_of_results,
     choose_row,
     chosen_target,
     show_frame,
@@ -116,6 +117,9 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
         layout.operator("radarsim.process_last_run", icon="GRAPH")
         state = getattr(context.window_manager, RESULTS_PROPERTY)
         run, view = shown_run(), shown_view()
+        age = age_of_results()
+        if age:
+            layout.label(text=age, icon="ERROR")
         if run is not None and view is not None:
             if len(run.frames) > 1:
                 row = layout.row(align=True)

@@ -5,17 +5,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import bpy
 
 from ...array_types import Single
+from ...contract import RUN_FILE, RunRecord
+from ...errors import OutputError
+from ...sidecar import read_record
 from ...signal.paths import MOST_UNCERTAIN
+from ..rig_settings import PROGRESS_PROPERTY
+from ..run import scene_text
 from .frame_views import FrameView, Target
 from .picture_images import as_image, show_images
 from .result_pictures import KINDS, Kind, Shown
 from .results import ProcessedRun
 from .scene_reading import redraw_panels
+from .translations import tr
 
 #: Where the state of the tab's results hangs on the window manager.
 RESULTS_PROPERTY = "radarsim_results"
@@ -28,24 +35,100 @@ class _State:
     chosen: Target | None = None
     row: int = -1
     owner: object = field(default_factory=object)
+    #: Fingerprints of all runs that this window has measured of the open file, and of the last one.
+    own: set[str] = field(default_factory=set)
+    measured: str = ""
+    #: Whether the scene was edited since, and its settings as they were then.
+    edited: bool = False
+    settings: tuple[Any, ...] = ()
 
 
 _state = _State()
 
 
 def shown_run() -> ProcessedRun | None:
-    """Return the run that is shown; None before one was processed."""
-    return _state.run
+    """Return the run that is shown; None before one of the current scene was processed."""
+    run = _state.run
+    return run if run is not None and run.scene_uid == bpy.context.scene.session_uid else None
 
 
 def shown_view() -> FrameView | None:
-    """Return the frame that is shown; None before a run was processed."""
-    return None if _state.run is None else _state.run.view(_state.frame)
+    """Return the frame that is shown; None before a run of the current scene was processed."""
+    run = shown_run()
+    return None if run is None else run.view(_state.frame)
 
 
 def chosen_target() -> Target | None:
     """Return the target whose paths are drawn; None where none is chosen."""
-    return _state.chosen
+    return None if shown_run() is None else _state.chosen
+
+
+# -- whose results these are, and how old ----------------------------------------------------------
+
+
+def check_own_run(scene: Any, folder: Path) -> str:
+    """Check that a folder holds a run of the open file and scene; return its fingerprint.
+
+    OutputError: there is no run, or it is of another file or scene.
+    """
+    if not (folder / RUN_FILE).is_file():
+        raise OutputError(
+            f"{folder} contains no run ({RUN_FILE} is missing). "
+            "Press Render Radar Frames first, or choose the folder of a run."
+        )
+    record = read_record(folder / RUN_FILE, RunRecord)
+    here = Path(bpy.data.filepath).name, scene.name
+    if record.fingerprint not in _state.own and (record.blend_file, record.scene) != here:
+        raise OutputError(
+            f"{folder} holds the run of another scene: {scene_text(record)}. Its targets and paths "
+            "do not belong to this scene. Choose the output folder of this scene, or open that "
+            "file. `radarsim process` processes any run."
+        )
+    return record.fingerprint
+
+
+def note_measured(context: Any, fingerprint: str) -> None:
+    """Note that a run of the scene as it is now has just ended."""
+    context.view_layer.update()  # evaluates what the run has put back: this is no edit
+    _state.measured, _state.edited = fingerprint, False
+    _state.own.add(fingerprint)
+    _state.settings = _settings_of(context.scene)
+
+
+def age_of_results() -> str:
+    """Return why the results that are shown may not be those of the scene; empty if they are."""
+    run = shown_run()
+    if run is None:
+        return ""
+    if run.fingerprint not in _state.own:
+        return tr("Of an earlier session: the scene may have changed")
+    if run.fingerprint != _state.measured:
+        return tr("Older than the last run: process it")
+    return tr("The scene was edited after this run") if _state.edited else ""
+
+
+def _settings_of(scene: Any) -> tuple[Any, ...]:
+    """Settings of a scene that change results; Blender reports them as it reports a selection."""
+    render, world = scene.render, scene.world
+    times = render.fps, render.fps_base, render.frame_map_old, render.frame_map_new
+    scale = scene.unit_settings.scale_length
+    return scene.session_uid, scale, *times, world and world.name, len(scene.objects)
+
+
+@bpy.app.handlers.persistent
+def _note_edit(scene: Any, depsgraph: Any) -> None:
+    """Note an edit of the scene. A selection, another frame and the run itself are none."""
+    if _state.edited or not _state.measured or scene.session_uid != _state.settings[0]:
+        return
+    if getattr(bpy.context.window_manager, PROGRESS_PROPERTY).running:
+        return
+    others = any(not isinstance(one.id, bpy.types.Scene) for one in depsgraph.updates)
+    if others or _settings_of(scene) != _state.settings:
+        _state.edited = True
+        redraw_panels(bpy.context)
+
+
+# -- what is shown ---------------------------------------------------------------------------------
 
 
 def chosen_row() -> int:
@@ -227,6 +310,7 @@ def uncertain_text(item: Target) -> str:
 @bpy.app.handlers.persistent
 def _forget_at_load(*_: Any) -> None:
     forget_run()
+    _state.measured, _state.own, _state.edited = "", set(), False
     _subscribe()
 
 
@@ -245,6 +329,7 @@ def follow_objects() -> None:
     """Follow the active object from now on; a second call changes nothing."""
     if _forget_at_load not in bpy.app.handlers.load_post:
         bpy.app.handlers.load_post.append(_forget_at_load)
+        bpy.app.handlers.depsgraph_update_post.append(_note_edit)
         _subscribe()
 
 
@@ -253,4 +338,5 @@ def ignore_objects() -> None:
     forget_run()
     if _forget_at_load in bpy.app.handlers.load_post:
         bpy.app.handlers.load_post.remove(_forget_at_load)
+        bpy.app.handlers.depsgraph_update_post.remove(_note_edit)
         bpy.msgbus.clear_by_owner(_state.owner)

@@ -68,7 +68,7 @@ class TimedOperator(bpy.types.Operator):
 
     def cancel(self, context: Any) -> None:
         """Blender closes the window or loads another file."""
-        self._end(context, tr("Stopped; start again to resume"))
+        self._end(context, tr("Stopped"))
 
     def execute(self, context: Any) -> set[str]:
         """Do all of it at once."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import secrets
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -27,10 +28,12 @@ _POLL_S = 0.01
 _LOCK = threading.Lock()
 
 
-def do_frame(module: str, folder: str, words: Sequence[str], frame: int | None) -> Reply:
+def do_frame(
+    module: str, folder: str, words: Sequence[str], command: str, frame: int | None
+) -> Reply:
     """Do a frame in this process of the cluster: `module` has a function `run_frame`."""
     with _LOCK:
-        reply: Reply = importlib.import_module(module).run_frame(folder, words, frame)
+        reply: Reply = importlib.import_module(module).run_frame(folder, words, frame, command)
         return reply
 
 
@@ -44,7 +47,8 @@ class DaskWorkers:
             raise MissingDependencyError(
                 f"Dask cannot be imported ({error}). Install it with pip install 'radarsim[dask]'."
             ) from error
-        self._task = (module, folder, tuple(words))
+        # A worker process outlives the command: the next call must not find its run open.
+        self._task = (module, folder, tuple(words), secrets.token_hex(8))
         try:
             self._client = self._dask.Client(address, timeout=_TIMEOUT_S, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:

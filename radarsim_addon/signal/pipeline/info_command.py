@@ -21,7 +21,8 @@ def print_run(folder: str) -> int:
     gaps = run.missing()
     rows = [
         ("run", str(run.path)),
-        ("scene", record.blend_file or "(not saved)"),
+        ("file", record.blend_file or "(not saved)"),
+        ("scene", record.scene),
         ("frames", f"{len(record.frames)} ({record.frames[0]} to {record.frames[-1]})"),
         *_acquisition_rows(run, len(gaps)),
         ("scale", f"1 Blender unit = {record.metres_per_unit:g} m"),

@@ -270,7 +270,7 @@ def radar_input(name: str, value: float) -> None:
     CASES[f"radar_material_{name}"] = change
 
 
-for _name, _value in (("Roughness", 0.9), ("Specularity", 0.0), ("Index of Refraction", 4.0)):
+for _name, _value in (("Roughness", 0.9), ("Index of Refraction", 4.0)):
     radar_input(_name, _value)
 
 
@@ -326,26 +326,6 @@ def value_of_a_node() -> Iterator[None]:
 
 
 @case
-def muted_node() -> Iterator[None]:
-    _, tree, colour = painted()
-    inverted = node(tree, "Invert")
-    inverted.inputs["Color"].default_value = ph.grey(0.2)
-    colour(inverted.outputs[0])
-    yield
-    inverted.mute = True
-
-
-@case
-def removed_link() -> Iterator[None]:
-    _, tree, colour = painted()
-    value = node(tree, "Value")
-    value.outputs[0].default_value = 0.2
-    made = colour(value.outputs[0])
-    yield
-    tree.links.remove(made)
-
-
-@case
 def blend_of_a_mix_node() -> Iterator[None]:
     _, tree, colour = painted()
     mixed = node(tree, "MixRGB", blend_type="MIX")
@@ -380,7 +360,6 @@ def _set(path: str, value: Any) -> Callable[[Any], None]:
 
 
 ramp(_set("elements.1.color", (0.5, 0.5, 0.5, 1)), "colour")
-ramp(_set("elements.0.position", 0.3), "position")
 ramp(_set("interpolation", "CONSTANT"), "interpolation")
 
 
@@ -439,15 +418,8 @@ def pixels_of_an_image() -> Iterator[None]:
 
 
 @case
-def another_image() -> Iterator[None]:
-    _, texture = textured()
-    yield
-    texture.image = picture(0.7)
-
-
-@case
 def projection_of_an_image() -> Iterator[None]:
-    tree, texture = textured()
+    _, texture = textured()
     pixels = np.tile(np.array([0.1, 0.1, 0.1, 1, 0.8, 0.8, 0.8, 1], np.float32), 8)
     texture.image.pixels.foreach_set(pixels)
     texture.interpolation = "Linear"
@@ -457,22 +429,13 @@ def projection_of_an_image() -> Iterator[None]:
 
 @case
 def map_of_a_texture() -> Iterator[None]:
-    tree, texture = textured()
+    _, texture = textured()
     pixels = np.repeat(np.array([0.1, 0.4, 0.6, 0.8], np.float32), 16)
     texture.image.pixels.foreach_set(pixels)
     mesh = next(one for one in bpy.data.meshes if one.uv_layers)
     yield
     for corner in mesh.uv_layers[0].data:
         corner.uv = 0.5 * corner.uv[0], 0.5 * corner.uv[1]
-
-
-@case
-def scale_of_a_noise() -> Iterator[None]:
-    _, tree, colour = painted()
-    noise = node(tree, "TexNoise")
-    colour(noise.outputs["Fac"] if "Fac" in noise.outputs else noise.outputs[0])
-    yield
-    noise.inputs["Scale"].default_value = 12.0
 
 
 @case
@@ -513,18 +476,6 @@ def colour_of_an_object() -> Iterator[None]:
     colour(node(tree, "ObjectInfo").outputs["Color"])
     yield
     item.color = ph.grey(0.7)
-
-
-@case
-def number_of_an_object() -> Iterator[None]:
-    item, tree, colour = painted()
-    scaled = node(tree, "Math", operation="MULTIPLY")
-    scaled.inputs[1].default_value = 0.1
-    tree.links.new(node(tree, "ObjectInfo").outputs["Material Index"], scaled.inputs[0])
-    colour(scaled.outputs[0])
-    item.data.materials[0].pass_index = 2
-    yield
-    item.data.materials[0].pass_index = 7
 
 
 @case
@@ -589,11 +540,8 @@ for _kind, _name, _new, _given in (
     ("SUBSURF", "render_levels", 2, {"levels": 0, "render_levels": 1}),
     ("DISPLACE", "strength", 0.9, {"strength": 0.3}),
     ("DISPLACE", "show_render", False, {"strength": 0.3}),
-    ("CAST", "factor", 0.9, {"factor": 0.3}),
     ("DECIMATE", "ratio", 0.3, {"ratio": 0.8}),
     ("SIMPLE_DEFORM", "factor", 0.9, {"deform_method": "TAPER", "factor": 0.3}),
-    ("WAVE", "height", 0.9, {"height": 0.2}),
-    ("SCREW", "screw_offset", 1.0, {"screw_offset": 0.2}),
     ("BUILD", "frame_duration", 3.0, {"frame_start": 0.0, "frame_duration": 9.0}),
 ):
     with_modifier(_kind, _name, _new, **_given)
@@ -770,13 +718,6 @@ def point_of_a_curve() -> Iterator[None]:
     item.data.splines[0].bezier_points[0].co[0] -= 1.0
 
 
-@case
-def resolution_of_a_curve() -> Iterator[None]:
-    item = bent_curve()
-    yield
-    item.data.resolution_u = 1
-
-
 def metaball() -> Any:
     bpy.ops.object.metaball_add(type="BALL", radius=2.0, location=(0, 8, 0))
     item = bpy.context.object
@@ -790,23 +731,6 @@ def radius_of_a_metaball() -> Iterator[None]:
     item = metaball()
     yield
     item.data.elements[0].radius = 3.0
-
-
-@case
-def threshold_of_a_metaball() -> Iterator[None]:
-    item = metaball()
-    yield
-    item.data.threshold = 0.2
-
-
-@case
-def points_of_a_surface() -> Iterator[None]:
-    bpy.ops.surface.primitive_nurbs_surface_sphere_add(radius=1.5, location=(0, 8, 0))
-    item = bpy.context.object
-    item.data.materials.append(ph.rough_metal())
-    yield
-    for point in item.data.splines[0].points:
-        point.co[1] *= 1.3
 
 
 def hair(**values: Any) -> Any:
@@ -848,13 +772,6 @@ def scale_of_an_object() -> Iterator[None]:
 
 
 @case
-def delta_location() -> Iterator[None]:
-    item = grid()
-    yield
-    item.delta_location.y = 1.0
-
-
-@case
 def matrix_of_an_object() -> Iterator[None]:
     item = grid()
     yield
@@ -869,13 +786,6 @@ def place_of_a_parent() -> Iterator[None]:
     item.parent = place
     yield
     place.location.y = 2.0
-
-
-@case
-def another_parent() -> Iterator[None]:
-    item, place = grid(), empty((0, 3, 0))
-    yield
-    item.parent = place
 
 
 @case
@@ -894,15 +804,6 @@ def target_of_a_constraint() -> Iterator[None]:
     item.constraints.new("COPY_LOCATION").target = place
     yield
     place.location.y = 11.0
-
-
-@case
-def muted_constraint() -> Iterator[None]:
-    item = grid()
-    made = item.constraints.new("LIMIT_LOCATION")
-    made.use_max_y, made.max_y = True, 7.0
-    yield
-    made.mute = True
 
 
 @case
@@ -1008,18 +909,6 @@ def contents_of_an_instance() -> Iterator[None]:
 
 
 @case
-def offset_of_a_collection() -> Iterator[None]:
-    made = bpy.data.collections.new("Part")
-    item = grid()
-    made.objects.link(item)
-    bpy.context.scene.collection.objects.unlink(item)
-    place = empty()
-    place.instance_type, place.instance_collection = "COLLECTION", made
-    yield
-    made.instance_offset = (0, 1, 0)
-
-
-@case
 def instances_on_faces() -> Iterator[None]:
     carrier, item = grid(), ball()
     item.scale = (0.2, 0.2, 0.2)
@@ -1051,8 +940,6 @@ of_part("LIGHT", "location", (0.5, 0, 0.5), item=True)
 of_part("CAMERA", "lens", 20.0)
 of_part("CAMERA", "type", "ORTHO", ortho_scale=6.0)
 of_part("CAMERA", "ortho_scale", 4.0, type="ORTHO", ortho_scale=6.0)
-of_part("CAMERA", "shift_x", 0.1)
-of_part("CAMERA", "sensor_width", 20.0)
 of_part("CAMERA", "rotation_euler", (0.05, 0, 0), item=True)
 of_part("CAMERA", "latitude_max", 0.5, type="PANO", panorama_type="EQUIRECTANGULAR")
 of_part("CAMERA", "longitude_min", -0.5, type="PANO", panorama_type="EQUIRECTANGULAR")

@@ -6,13 +6,16 @@ from __future__ import annotations
 import re
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon import contract
+from radarsim_addon import blender as radarsim
+from radarsim_addon import contract, signal
+from radarsim_addon.sidecar import read_record
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.run.stale_cases import CASES
@@ -40,6 +43,33 @@ def measure(folder: Path) -> dict[str, bytes]:
         warnings.simplefilter("ignore")
         ph.run_paths(folder, width_px=12, height_px=12, options={"max_reflections": 1})
     return found(folder)
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_script_that_moves_what_it_has_opened(overwrite: bool, tmp_path: Path) -> None:
+    """Blender calls the file unchanged after that; the interface for scripts is used."""
+    rs.new_scene()
+    rs.add_plate(10.0)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scene.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "scene.blend"))
+
+    def nearest_m(name: str, **given: Any) -> float:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            run = radarsim.measure(
+                bpy.data.objects["Radar"], tmp_path / name, frames=[1], sampling_mode="paths",
+                width_px=16, height_px=16, replicates=1, **given,
+            )  # fmt: skip
+        return float(signal.frame_paths(run.frame(1)).range_m.min())
+
+    assert nearest_m("run") == pytest.approx(10.0, abs=0.01)
+    for item in bpy.data.objects:
+        if item.type == "MESH":
+            item.location.y += 5.0
+    assert nearest_m("run", overwrite=overwrite) == pytest.approx(15.0, abs=0.01)
+    nearest_m("fresh")
+    assert found(tmp_path / "run") == found(tmp_path / "fresh")
+    assert read_record(tmp_path / "run" / "run.json", contract.RunRecord).scene == "Scene"
 
 
 @pytest.mark.parametrize("name", CASES)

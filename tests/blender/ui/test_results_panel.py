@@ -56,8 +56,8 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     view.frame_mode, view.frame_start, view.frame_end, view.frame_step = "range", 1, 7, 6
     folder = tmp_path_factory.mktemp("results")
     view.output_folder = str(folder / "run")
-    assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "scene.blend"))
+    assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
     yield folder / "scene.blend"
     addon_module.unregister()
 
@@ -120,6 +120,73 @@ def test_objects_have_their_range_rate_and_place_in_the_map(state: Any) -> None:
     assert abs(arrays["map_range_m"][column] - strongest["map_range_m"]) < 1.0
     rate = -arrays["map_doppler_hz"][row] * view.wavelength_m / 2
     assert abs(rate - strongest["map_velocity_mps"]) < 0.4
+
+
+def test_the_run_of_another_file_or_scene_is_refused_with_its_name(
+    state: Any, measured: Path
+) -> None:
+    folder = str(measured.parent / "run")
+    process()
+    rs.ring_scene()
+    rs.radar().output_folder = folder
+    for name, text in (("", "a file that was never saved"), ("cube.blend", "'cube.blend'")):
+        if name:
+            bpy.ops.wm.save_as_mainfile(filepath=str(measured.with_name(name)))
+        with pytest.raises(RuntimeError, match=r"another scene: 'scene\.blend', scene 'Scene'"):
+            bpy.ops.radarsim.process_last_run()
+        assert sr.shown_view() is None and not any("m/s" in text for text in texts())
+        with pytest.raises(RuntimeError, match=f"'scene.blend', scene 'Scene'; this is {text}"):
+            bpy.ops.radarsim.render_frames()
+    assert (measured.parent / "run" / "frames" / "frame_0007" / "paths.npy").is_file()
+
+
+def test_results_belong_to_one_scene_of_the_file(state: Any) -> None:
+    process()
+    first = bpy.context.scene
+    assert sr.shown_run() is not None and "Older" not in "".join(texts())
+    bpy.context.window.scene = bpy.data.scenes.new("Empty")
+    assert sr.shown_run() is sr.shown_view() is sr.chosen_target() is None
+    assert not any("m/s" in text for text in texts())
+    bpy.context.window.scene = first
+    assert sr.shown_view() is not None
+
+
+def test_results_older_than_the_last_edit_are_marked(state: Any, tmp_path: Path) -> None:
+    """A selection, another frame and a change of the tab's own state are no edits."""
+    scene, car = bpy.context.scene, bpy.data.objects["Car"]
+    process()
+    earlier = "Of an earlier session: the scene may have changed"
+    assert sr.age_of_results() == earlier and earlier in texts()
+    settings(active_radar(scene)).output_folder = str(tmp_path / "run")
+    for _ in range(2):  # the second time in place of the first run
+        assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
+    process()
+    assert sr.age_of_results() == ""
+
+    def after(change: Any) -> str:
+        change()
+        bpy.context.view_layer.update()
+        return sr.age_of_results()
+
+    assert after(lambda: car.select_set(True)) == ""
+    assert after(lambda: bpy.ops.object.select_all(action="DESELECT")) == ""
+    assert after(lambda: setattr(bpy.context.view_layer.objects, "active", car)) == ""
+    assert after(lambda: scene.frame_set(3)) == ""
+    assert after(lambda: setattr(state, "span_db", 60.0)) == ""
+    assert after(lambda: setattr(car, "visible_camera", False)) == sr.age_of_results() != ""
+    assert "The scene was edited after this run" in texts()
+    assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
+    assert sr.age_of_results() == "Older than the last run: process it"
+    process()
+    assert sr.age_of_results() == ""
+    for name, change in {
+        "unit": lambda: setattr(scene.unit_settings, "scale_length", 2.0),
+        "node": lambda: setattr(car.data.materials[0].node_tree.nodes[-1], "mute", True),
+        "removal": lambda: bpy.data.objects.remove(bpy.data.objects["Wall"]),
+    }.items():
+        sr.note_measured(bpy.context, sr._state.measured)
+        assert sr.age_of_results() == "", name
+        assert after(change) == "The scene was edited after this run", name
 
 
 def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:

@@ -168,7 +168,7 @@ def script(robot: Any) -> Any:
     }
     yield from robot.shot("07_cancelled")
 
-    # 6. It goes on where it stopped.
+    # 6. Begun again: it replaces the run that was stopped, without a question.
     yield from robot.click_until(
         "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
     )

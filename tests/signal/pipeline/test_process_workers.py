@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from radarsim_addon import frame_worker
 from radarsim_addon.errors import OutputError, WorkerError
 from radarsim_addon.frame_worker import close, run_frame
 from radarsim_addon.signal import Burst, ProcessOptions, Radar, Waveform, process_run
@@ -122,6 +123,12 @@ def test_an_answer_holds_the_error_and_closes_the_run(folder: Path, tmp_path: Pa
         assert run_frame(str(tmp_path), words, 99)["error"] == "FrameFileError"
         assert "frame_0002_map.npz" not in os.listdir(tmp_path)
         assert run_frame(str(tmp_path), words, 2)["frame"] == 2
+        # the next call of the command, in a worker process that outlived this one
+        (first,) = frame_worker._open.values()
+        for frame in (2, 1):
+            assert run_frame(str(tmp_path), words, frame, "next call")["frame"] == frame
+            (later,) = frame_worker._open.values()
+            assert later is not first
         assert "frame_0002_map.npz" in os.listdir(tmp_path)
     finally:
         close()

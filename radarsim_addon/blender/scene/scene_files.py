@@ -46,7 +46,10 @@ def file_identity() -> str:
 def foreign_handlers() -> list[str]:
     """Return the names of functions of scripts that Blender calls when it loads or renders.
 
-    Functions of add-ons are not among them: each process of a run has the same add-ons.
+    Returns
+    -------
+    list of str
+        Functions of add-ons are not among them: each process of a run has the same add-ons.
     """
     places = [
         bpy.utils.user_resource("EXTENSIONS"),
@@ -61,7 +64,13 @@ def foreign_handlers() -> list[str]:
 
 
 def unreadable_files() -> list[Finding]:
-    """Return a finding if the scene reads files that are missing; empty if all are there."""
+    """Find files that the scene reads and that are missing.
+
+    Returns
+    -------
+    list of Finding
+        At most one.
+    """
     lost = [path for path in _linked_files() if not any(_parts(path))]
     return [finding("linked-file-missing", *map(str, lost))] if lost else []
 
@@ -79,29 +88,37 @@ def _linked_files() -> list[Path]:
     usd = [path for path in found if path.suffix.startswith(".usd")]
     found |= {layer for path in usd for layer in path.parent.rglob("*.usd*")}  # of its layers
     program = Path(bpy.utils.system_resource("SCRIPTS")).parent  # its version is in the run's plan
-    return sorted(path for path in found if not path.is_relative_to(program))
+    above = Path(bpy.data.filepath).parents  # an ocean that is not baked names them
+    return sorted(p for p in found if not (p.is_relative_to(program) or p in above))
 
 
 def _caches() -> tuple[set[Path], set[Path]]:
     """Folders that simulations write while they are played, and those of baked ones."""
-    written, baked = set(), set()
+    written: set[Path] = set()
+    baked: set[Path] = set()
     file = Path(bpy.data.filepath or "unsaved.blend")
     own = file.with_name(f"blendcache_{file.stem}")
-    caches = [getattr(scene.rigidbody_world, "point_cache", None) for scene in bpy.data.scenes]
+    worlds = [scene.rigidbody_world for scene in bpy.data.scenes]
+    caches: list[Any] = [getattr(world, "point_cache", None) for world in worlds]
     for item in bpy.data.objects:
         caches += [system.point_cache for system in item.particle_systems]
         for modifier in item.modifiers:
             caches.append(getattr(modifier, "point_cache", None))
             domain = getattr(modifier, "domain_settings", None)
-            if domain is not None and domain.cache_type == "REPLAY":
+            replayed = domain is not None and domain.cache_type == "REPLAY"
+            if domain is not None and (replayed or not domain.has_cache_baked_any):
                 written.add(_absolute(domain.cache_directory))
+            if modifier.type == "OCEAN" and not modifier.is_cached:
+                written.add(_absolute(modifier.filepath))
             canvas = getattr(modifier, "canvas_settings", None)
             caches += [one.point_cache for one in (canvas.canvas_surfaces if canvas else ())]
             if modifier.type == "NODES":
                 baked |= {_absolute(one.directory) for one in modifier.bakes if one.directory}
                 baked |= {_absolute(modifier.bake_directory)} if modifier.bake_directory else set()
                 baked |= {_absolute(text) for text in _texts(modifier) if Path(text).is_file()}
-    on_disk = [one for one in caches if one is not None and one.use_disk_cache]
+    caches = [one for one in caches if one is not None]
+    baked |= {_absolute(one.filepath) for one in caches if one.use_external}
+    on_disk = [one for one in caches if one.use_disk_cache and not one.use_external]
     written |= {own} if on_disk else set()
     baked |= {own} if any(one.is_baked for one in on_disk) else set()
     return written, {path for path in baked if path.exists()}
