@@ -287,8 +287,9 @@ MIRRORS = {
         "power that they reflect into the other polarisation.",
         "Targets and the receiver take the part of a wave with the polarisation of the run. A "
         "target that keeps every polarisation, such as a sphere, also sends the other part back to "
-        "the mirror, which turns it again. The level of such a target can differ by up to "
-        "{error_db:.1f} dB.",
+        "the mirror, which turns it again. Compared with the direct path alone, this wave makes "
+        "the level of such a target up to {higher_db:.1f} dB higher, or up to {lower_db:.1f} dB "
+        "lower.",
         "Add this difference to the uncertainty of lobes and nulls near these mirrors. If the real "
         "antenna is polarised along or across the mirror, turn the whole scene about the line of "
         "sight, so that the mirror is level or upright.",

@@ -150,7 +150,18 @@ class MirrorMaterial:
 
 
 def reflected_ways(incoming: Real, normal: Real) -> Real:
-    """Return unit vectors along which waves leave a mirror, (n, 3); parameters of `reflect`."""
+    """Return the directions in which waves leave a mirror.
+
+    Parameters
+    ----------
+    incoming, normal
+        See `MirrorMaterial.reflect`.
+
+    Returns
+    -------
+    ndarray
+        Unit vectors, (n, 3).
+    """
     return np.asarray(incoming - 2 * dots(incoming, normal)[:, None] * normal)
 
 

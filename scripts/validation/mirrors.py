@@ -34,6 +34,7 @@ GROUNDS = {
 FLOOR_DB = 30.0
 BOUND_DB = 0.05
 CHAIN_BOUND_DB = 0.1
+TILTED_SOURCE = "co-polar r_s s s + r_p p p' of both ways, with spreading and cosines"
 SOURCE = "|1 + Gamma* exp(-jk d)|^4 with spreading and cosines, Gamma of the textbook"
 
 
@@ -146,6 +147,93 @@ def swept(
     return checks
 
 
+#: Tilts of the ground about the line of sight [degrees].
+TILTS_DEG = (0.0, 20.0, 45.0, 90.0)
+TILTED_PIXELS = 192
+
+
+def _field_vector(ways: Real, vertical: bool) -> Real:
+    """Level unit vectors across ways, (n, 3), or upright ones."""
+    level = np.stack([ways[:, 1], -ways[:, 0], 0 * ways[:, 0]], axis=1)
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    return np.cross(level, ways) if vertical else level
+
+
+def tilted_pattern(
+    points_m: Real,
+    normal: Real,
+    epsilon: complex,
+    carrier_hz: float,
+    vertical: bool,
+    transmitter_m: Real,
+) -> Real:
+    """As `pattern`, over a ground with any normal: its co-polar coefficient from vectors."""
+    found = np.ones(len(points_m))
+    for antenna_m in (np.zeros(3), transmitter_m):
+        image_m = antenna_m - 2 * (antenna_m @ normal + HEIGHT_M) * normal
+        onward = points_m - image_m
+        over_m = np.linalg.norm(onward, axis=1, keepdims=True)
+        onward = onward / over_m
+        sine = onward @ normal
+        ways = onward - 2 * sine[:, None] * normal
+        across = np.cross(normal, ways)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        sent, kept = _field_vector(ways, vertical), _field_vector(onward, vertical)
+        coefficient = np.zeros(len(points_m), dtype=complex)
+        for in_plane, before, after in (
+            (False, across, across),
+            (True, np.cross(ways, across), np.cross(onward, across)),
+        ):
+            parts = np.sum(sent * before, axis=1) * np.sum(kept * after, axis=1)
+            coefficient += gamma(epsilon, sine, in_plane) * parts
+        direct_m = np.linalg.norm(points_m - antenna_m, axis=1)
+        longer_m = over_m[:, 0] - direct_m
+        # irradiance of a surface across y: 1/R^2 and the cosine y/R
+        field = np.sqrt((points_m - image_m)[:, 1] / (points_m - antenna_m)[:, 1])
+        field *= np.sqrt((direct_m / over_m[:, 0]) ** 3)
+        turn = np.exp(-2j * math.pi / wavelength(carrier_hz) * longer_m)
+        found *= np.abs(1 + np.conj(coefficient) * field * turn) ** 2
+    return found
+
+
+def tilted(
+    bench: Bench, ground: str, transmitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> list[Check]:
+    """The pattern of the scene that is turned about the line of sight, for a radar that is not."""
+    import bpy
+    from mathutils import Matrix
+
+    checks = []
+    carrier_hz, epsilon = 3e9, GROUNDS[ground][3e9]
+    fov_deg = 2 * math.degrees(math.atan(1.005 * HEIGHT_M / RANGE_M))
+    apart = transmitter_m if any(transmitter_m) else None
+    for tilt_deg in TILTS_DEG:
+        turn = Matrix.Rotation(math.radians(tilt_deg), 4, "Y")
+        matrix = np.array(turn)[:3, :3]
+        for vertical in (False, True):
+            _scene(epsilon, fov_deg, CLEAR_M - HEIGHT_M, HEIGHT_M, 2.0, apart)
+            bpy.context.view_layer.update()
+            for item in bpy.context.scene.objects:
+                if item.parent is None:
+                    item.matrix_world = turn @ item.matrix_world
+            run = acquire(
+                bench, 2, 1, height_px=TILTED_PIXELS, carrier_hz=carrier_hz, max_reflections=3,
+                polarisation="vertical" if vertical else "horizontal",
+            )  # fmt: skip
+            point_m, found = expected_points(run, carrier_hz)
+            place_m = matrix @ np.array(transmitter_m)
+            expected = tilted_pattern(point_m, matrix[:, 2], epsilon, carrier_hz, vertical, place_m)
+            strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
+            worst = [
+                power_check("", one, other, BOUND_DB, TILTED_SOURCE, unit="dB")
+                for one, other in zip(expected[strong], found[strong], strict=True)
+            ]
+            name = f"{ground} tilted by {tilt_deg:g} deg, {'V' if vertical else 'H'}"
+            name += "" if apart is None else ", bistatic"
+            checks.append(worst_of(name, worst))
+    return checks
+
+
 def _heights(epsilon: complex, carrier_hz: float, vertical: bool) -> NDArray[np.float64]:
     """Heights of a target at a lobe's peak and on its way down to the floor [m]."""
     z = np.linspace(CLEAR_M, 2 * HEIGHT_M, 20_001)
@@ -223,6 +311,9 @@ GROUP = Group(
         Case("two-way pattern, sea", lambda bench: swept(bench, "sea"), 40.0, quick=True),
         Case("two-way pattern, wet ground", lambda bench: swept(bench, "wet ground"), 40.0),
         Case("two-way pattern, bistatic, sea", lambda bench: swept(bench, "sea", APART_M), 40.0),
+        Case("tilted conductor", lambda bench: tilted(bench, "conductor"), 40.0),
+        Case("tilted wet ground", lambda bench: tilted(bench, "wet ground"), 40.0),
+        Case("tilted sea, bistatic", lambda bench: tilted(bench, "sea", APART_M), 40.0),
         Case("from the scene to the map", chain, 120.0),
         Case("sphere", ball, 20.0, quick=True),
         Case("ellipsoid", ellipsoid, 10.0),

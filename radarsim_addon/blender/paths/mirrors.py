@@ -164,22 +164,27 @@ class TurnedPower:
     def finding(self) -> list[Finding]:
         """Find the mirrors that turn enough to change the level of a target, and by how much.
 
-        A target that keeps the polarisation sends the turned wave back to the mirror, which turns
-        it again. In relation to the direct path, this path has the amplitude of the turned power.
+        A target that keeps every polarisation sends the turned wave back to the mirror, which
+        turns it again. Over that of the direct path, the amplitude of this path is at most the
+        fraction of the power that is turned.
         """
         found = {
-            names: 20 * math.log10(1 + turned_w / power_w)
+            names: turned_w / power_w
             for names, (power_w, turned_w) in self._sums.items()
-            if power_w > 0
+            if 20 * math.log10(1 + turned_w / max(power_w, math.ulp(0))) > TURNED_DB
         }
-        large = {names: level_db for names, level_db in found.items() if level_db > TURNED_DB}
-        if not large:
+        if not found:
             return []
-        objects = dict.fromkeys(name for names in large for name in names)
-        error_db = max(large.values())
-        fraction = 10 ** (error_db / 20) - 1
-        code = "mirror-turns-polarisation"
-        return [finding(code, *objects, fraction=fraction, error_db=error_db)]
+        most = max(found.values())
+        return [
+            finding(
+                "mirror-turns-polarisation",
+                *dict.fromkeys(name for names in found for name in names),
+                fraction=most,
+                higher_db=20 * math.log10(1 + most),
+                lower_db=-20 * math.log10(max(1 - most, 1e-3)),
+            )
+        ]
 
 
 @dataclass(frozen=True)

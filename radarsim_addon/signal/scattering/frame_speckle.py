@@ -140,15 +140,14 @@ class FrameSpeckle:
         if paths.geometry is None or not marked.size:
             return paths
         assert self._speckle is not None
-        ends = {
-            "first_scatterer_m": paths.geometry.first_scatterer_m.copy(),
-            "last_scatterer_m": paths.geometry.last_scatterer_m.copy(),
-        }
-        for end_m, over_m in zip(
-            ends.values(), self._speckle.scatterers_m(cells[marked]), strict=True
-        ):
-            end_m[known[marked]] = over_m
-        return dataclasses.replace(paths, geometry=dataclasses.replace(paths.geometry, **ends))
+        first_m = paths.geometry.first_scatterer_m.copy()
+        last_m = paths.geometry.last_scatterer_m.copy()
+        here = known[marked]
+        first_m[here], last_m[here] = self._speckle.scatterers_m(cells[marked])
+        geometry = dataclasses.replace(
+            paths.geometry, first_scatterer_m=first_m, last_scatterer_m=last_m
+        )
+        return dataclasses.replace(paths, geometry=geometry)
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
         """The paths, with the range rates of clutter that moves by itself.

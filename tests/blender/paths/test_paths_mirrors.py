@@ -19,6 +19,8 @@ from radarsim_addon.signal.radar import Burst
 
 bpy = pytest.importorskip("bpy")
 
+from mathutils import Matrix
+
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import physical_materials as pm
 from tests.blender import path_helpers as ph
@@ -83,6 +85,10 @@ def wet_ground() -> Any:
     )
 
 
+def simple_ground() -> Any:
+    return nodes.make_material("Simple", 3.0, 0.4, 1.0, 0.0, penetrable=False)
+
+
 def sheet() -> Any:
     return pm.make_physical_material(
         "Sheet", "index", carrier_hz=5.3e9, n=2.5, k=0.1, sheet_thickness_m=0.008
@@ -99,7 +105,11 @@ def sheet_gammas(index: complex, sine: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.parametrize(
     ("ground", "coefficients", "index"),
-    [(wet_ground, gammas, 3 + 0.4j), (sheet, sheet_gammas, 2.5 + 0.1j)],
+    [
+        (wet_ground, gammas, 3 + 0.4j),
+        (simple_ground, gammas, 3 + 0.4j),
+        (sheet, sheet_gammas, 2.5 + 0.1j),
+    ],
 )
 def test_phase_and_power_of_each_polarisation(
     tmp_path: Path, ground: Any, coefficients: Any, index: complex
@@ -341,3 +351,59 @@ def test_slightly_rough_ground_shows_less(tmp_path: Path) -> None:
     rho = np.exp(-x) * np.i0(x)
     assert rho.max() < 0.95
     np.testing.assert_allclose(powers[1]["power_w"] / powers[0]["power_w"], rho**4, rtol=1e-3)
+
+
+def seen_in_the_ground(folder: Path, ground: Any, polarisation: str, tilt_deg: float) -> ph.PathRun:
+    """A plate that is visible in the ground alone; all is turned about the line of sight."""
+    scene(ground, view_deg=25.0, plate_m=0.8)
+    box("Screen", (-2, 35, 3.5), (2, 35.5, 5))
+    bpy.context.view_layer.update()
+    for item in bpy.context.scene.objects:
+        if item.parent is None:
+            item.matrix_world = Matrix.Rotation(math.radians(tilt_deg), 4, "Y") @ item.matrix_world
+    return ph.run_paths(folder, width_px=96, height_px=96, polarisation=polarisation, options=THREE)
+
+
+@pytest.mark.parametrize("ground", [simple_ground, wet_ground])
+def test_polarisation_of_what_is_seen_in_the_mirror_alone(tmp_path: Path, ground: Any) -> None:
+    """Both ways go over the ground, one of them by Cycles: powers are those of one polarisation."""
+    found = []
+    for polarisation in ("horizontal", "vertical"):
+        run = seen_in_the_ground(tmp_path / polarisation, ground, polarisation, 0.0)
+        rows = run.table()
+        found.append(rows[rows["last_object"] == run.record().objects.index("Plate") + 1])
+        assert set(found[-1]["order"]) == {3}
+    r_h, r_v = gammas(3 + 0.4j, np.abs(found[0]["direction"][:, 2]))
+    expected = np.abs(r_v / r_h) ** 4
+    assert expected.max() < 0.5  # 3 dB and more
+    np.testing.assert_allclose(found[1]["power_w"] / found[0]["power_w"], expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("tilt_deg", [25.0, 70.0])
+def test_tilted_conductor_that_the_receiver_sees(tmp_path: Path, tilt_deg: float) -> None:
+    """The part of the field that stays vertical over E' = 2 (n . E) n - E, on both ways."""
+    powers = []
+    for angle_deg in (0.0, tilt_deg):
+        run = seen_in_the_ground(tmp_path / str(angle_deg), ph.mirror, "vertical", angle_deg)
+        rows = run.table()
+        powers.append(rows[rows["last_object"] == run.record().objects.index("Plate") + 1])
+        told = [one for one in run.record().findings if one.code == "mirror-turns-polarisation"]
+        assert bool(told) == (angle_deg > 0)
+    assert powers[0].size == powers[1].size > 4
+    assert told[0].subjects == ("Ground",)
+    assert float(told[0].numbers["fraction"]) == pytest.approx(
+        math.sin(2 * math.radians(tilt_deg)) ** 2, abs=0.02
+    )
+    way = powers[1]["direction"]
+    tilt = math.radians(tilt_deg)
+    normal = np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+    onward = way - 2 * (way @ normal)[:, None] * normal
+    upright = [
+        (vectors := (0, 0, 1) - u[:, 2:] * u) / np.linalg.norm(vectors, axis=1, keepdims=True)
+        for u in (way, onward)
+    ]
+    field = 2 * (upright[0] @ normal)[:, None] * normal - upright[0]
+    kept = np.sum(field * upright[1], axis=1)
+    ratio = powers[1]["power_w"] / powers[0]["power_w"]
+    np.testing.assert_allclose(ratio, kept**4, rtol=4e-3)  # it reflects 99.9 % at this angle
+    assert kept.max() < 0.8

@@ -106,8 +106,9 @@ def test_what_a_rough_mirror_takes_from_the_image_is_in_its_lobe(tmp_path: Path)
         if height_m:
             radarsim.set_scattered_lobe(material, 200)
         tilt = math.radians(40.0)
-        up = np.array([0.0, math.sin(tilt), math.cos(tilt)]) * 0.5
-        right = np.array([0.5, 0.0, 0.0])
+        # upright, so that the mirrored waves keep their polarisation
+        up = np.array([0.0, 0.0, 0.5])
+        right = np.array([math.cos(tilt), math.sin(tilt), 0.0]) * 0.5
         at = np.array([0.0, 3.0, 0.0])
         corners = [at - right - up, at + right - up, at + right + up, at - right + up]
         ph.quad("Mirror", [tuple(one) for one in corners], material)
