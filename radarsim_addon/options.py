@@ -288,7 +288,7 @@ class Declared:
             self.number is not None
             and self.of.maximum is None
             and isinstance(value, int | float)
-            and abs(value) > most
+            and most < abs(value) < math.inf
         )
         return f"a number of at most {most:g}{unit}" if huge else self.expected
 
