@@ -141,6 +141,11 @@ class AntennaRecord:
     """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.radar.antennas`.
 
     The antenna looks along the -z of what carries it (the lamp, the camera), its y is up.
+
+    Parameters
+    ----------
+    parameters
+        Numbers of the pattern by name, in the units of their names; docs/settings.md lists them.
     """
 
     kind: str = setting(
@@ -169,6 +174,13 @@ class LinkBudget:
     """Power budget of the radar; see docs/system.md.
 
     With it the emitter's EIRP is the light level of the renders alone: it cancels.
+
+    Parameters
+    ----------
+    transmitter, receiver
+        Antennas.
+    schema, schema_version
+        Kind and version of the file.
     """
 
     transmit_power_w: float = setting(

@@ -281,7 +281,12 @@ class Declared:
     def _expected(self, value: Any) -> str:
         """What a value must be, where this one is not it."""
         most, unit = self._most, f" {self.of.unit}" if self.of.unit else ""
-        huge = self.number is not None and isinstance(value, int | float) and abs(value) > most
+        huge = (
+            self.number is not None
+            and self.of.maximum is None
+            and isinstance(value, int | float)
+            and most < abs(value) < math.inf
+        )
         return f"a number of at most {most:g}{unit}" if huge else self.expected
 
     @property

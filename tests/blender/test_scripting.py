@@ -17,11 +17,15 @@ pytest.importorskip("bpy")
 
 import bpy
 
+import radarsim_addon
 from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.blender import rig_settings
+from radarsim_addon.blender.materials.physical_materials import medium_of
+from radarsim_addon.blender.nodes.group_search import group_input, group_node
+from radarsim_addon.blender.nodes.materials import has_interior
 from radarsim_addon.blender.rig_settings import read_link_budget, read_measurement
-from radarsim_addon.errors import ConfigError, SceneError
+from radarsim_addon.errors import ConfigError, SceneError, SettingNameError
 from radarsim_addon.signal.paths import read_paths_record
 from radarsim_addon.signal.radar import make_system
 from tests.blender import radar_scenes as rs
@@ -189,6 +193,131 @@ def test_settings_without_a_field_in_the_window_are_taken(empty: Any, tmp_path: 
     wall(3.0)
     run = radarsim.measure(rig, tmp_path / "run", frames=[1], tile_px=8, replicates=1)
     assert read_paths_record(run.frame(1).path, 1).tiles == 4  # 16 pixels a side, 8 a tile
+
+
+def test_the_interface_shows_what_there_is(empty: Any) -> None:
+    assert {"blender", "signal", "physics", "__version__"} <= set(dir(radarsim_addon))
+    assert radarsim_addon.signal is signal and radarsim_addon.blender is radarsim
+    assert dir(radarsim) == sorted(radarsim.__all__)
+    for name in radarsim.__all__:
+        assert callable(getattr(radarsim, name))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = radarsim_addon.nothing
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("cariier_hz", r"did you mean carrier_hz\?"),
+        ("carrier_ghz", r"did you mean carrier_hz\?"),
+        ("azimuth_beamwidth_deg", r"such as settings\(rig\)\.transmitter\.azimuth_beamwidth_deg"),
+        ("range_taper", r"signal\.ProcessOptions\(range_taper=\.\.\.\)"),
+        ("frames", r"measure\(frames=\.\.\.\)"),
+        ("look_at", r"add_radar\(look_at=\.\.\.\)"),
+        ("rms_slope", r"material\(rms_slope=\.\.\.\)"),
+        ("nothing_like_it", "docs/settings.md lists them"),
+    ],
+)
+def test_names_that_are_no_settings_are_told_where_they_belong(
+    empty: Any, tmp_path: Path, name: str, hint: str
+) -> None:
+    rig = radarsim.add_radar()
+    with pytest.raises(SettingNameError, match=hint):
+        setattr(radarsim.settings(rig), name, 1)
+    if name not in ("frames", "range_taper"):
+        with pytest.raises(SettingNameError, match=hint):
+            radarsim.measure(rig, tmp_path / "run", **{name: 1})
+        assert not (tmp_path / "run").exists()
+
+
+def test_a_misspelt_argument_of_a_material_is_named(empty: Any) -> None:
+    with pytest.raises(ConfigError, match=r"no argument 'rms_slop'; did you mean rms_slope\?"):
+        radarsim.material("concrete", rms_slop=0.2)
+
+
+def test_simple_and_impenetrable_materials(empty: Any) -> None:
+    """Waves enter where the Volume is linked; a preset is the file's one."""
+
+    metal = radarsim.simple_material("metal")
+    assert radarsim.simple_material("metal") is metal and not has_interior(metal)
+    own = radarsim.simple_material(name="Own", n=2.0, kappa=0.1, specularity=0.3, roughness=0.6)
+    values = [socket.default_value for socket in group_node(own).inputs][:4]
+    assert own.name == "Own" and values == pytest.approx([2.0, 0.1, 0.3, 0.6], rel=1e-6)
+    assert has_interior(own) and not has_interior(radarsim.simple_material(n=2.0, penetrable=False))
+    assert has_interior(radarsim.material("concrete"))
+    assert not has_interior(radarsim.material("concrete", penetrable=False))
+    for wrong in ({}, {"preset": "metal", "n": 2.0}, {"preset": "metal", "roughness": 0.1}):
+        with pytest.raises(ConfigError, match="preset"):
+            radarsim.simple_material(**wrong)
+
+
+def test_a_medium_is_evaluated_at_the_carrier_of_the_radar_and_of_each_measurement(
+    empty: Any, tmp_path: Path
+) -> None:
+    """Ground, ITU-R P.2040: n falls with the carrier."""
+    rig = radarsim.add_radar(preset="paper", width_px=8, height_px=8)
+    ground = radarsim.material("itu_medium_dry_ground", rms_slope=0.3)
+
+    def index() -> float:
+        return float(group_input(ground, "Index of Refraction").default_value)
+
+    at_5_ghz = medium_of(ground).index(5.3e9).real
+    at_9_ghz = medium_of(ground).index(9.4e9).real
+    assert at_5_ghz - at_9_ghz > 0.05
+    assert index() == pytest.approx(at_5_ghz, rel=1e-6)
+    radarsim.settings(rig).carrier_hz = 9.4e9
+    assert index() == pytest.approx(at_9_ghz, rel=1e-6)
+
+
+def test_separate_antennas_and_their_lengths_at_every_pulse(empty: Any, tmp_path: Path) -> None:
+    """A plate that moves along y: both legs, from its points at every pulse."""
+    rig = radarsim.add_radar(
+        (0, 0, 0),
+        (0, 40, 0),
+        field_of_view_deg=4,
+        preset="paper",
+        width_px=16,
+        height_px=16,
+        sampling_mode="paths",
+        prf_hz=500,
+        pulses=5,
+    )
+    bpy.context.view_layer.update()
+    receiver, transmitter = radarsim.antennas(rig)
+    assert (receiver.type, transmitter.type) == ("CAMERA", "LIGHT")
+    transmitter.matrix_parent_inverse = rig.matrix_world.inverted()
+    transmitter.location = (30, 0, 0)
+    plate = rs.add_plate(40.0, 0.5, preset=None)
+    radarsim.assign_material(plate, radarsim.material("metal", rms_slope=0.3))
+    plate.driver_add("location", 1).driver.expression = "39 + frame"
+    run = radarsim.measure(rig, tmp_path / "run", frames=[1])
+    paths = signal.frame_paths(run.frame(1))
+    times_s = signal.pulse_times_s(run.radar)
+    assert times_s == pytest.approx(np.arange(5) / 500)
+    lengths_m = paths.lengths_at_m(times_s)
+    assert lengths_m.shape == (len(paths), 5) and len(paths)
+    assert lengths_m.mean() == pytest.approx(40 + 50, abs=0.2)
+    speed_mps = float(bpy.context.scene.render.fps)  # 1 m per frame
+    points = paths.geometry.last_scatterer_m[:, None] + np.multiply.outer(
+        times_s, [0.0, speed_mps, 0.0]
+    )
+    legs = np.linalg.norm(points, axis=-1) + np.linalg.norm(points - [30, 0, 0], axis=-1)
+    assert lengths_m == pytest.approx(legs, abs=2e-5)
+
+
+def test_link_budgets_are_made_by_public_names(empty: Any, tmp_path: Path) -> None:
+    """Twice the watts are 3 dB."""
+    rig = radarsim.add_radar(preset="automotive_77ghz", width_px=8, height_px=8, pulses=2)
+    wall(10.0)
+    run = radarsim.measure(rig, tmp_path / "run", frames=[1])
+    powers = []
+    for watts in (1.0, 2.0):
+        horn = signal.AntennaRecord("cosine", {"exponent": 2.0})
+        budget = signal.LinkBudget(transmit_power_w=watts, transmitter=horn)
+        options = signal.ProcessOptions(link_budget=budget, plots=False, products=False)
+        (result,) = radarsim.process(run, options, out=tmp_path / f"{watts}")
+        powers.append(result.budget.objects[0].power_dbm)
+    assert powers[1] - powers[0] == pytest.approx(10 * math.log10(2), abs=1e-6)
 
 
 def test_library_media_follow_the_carrier(empty: Any) -> None:

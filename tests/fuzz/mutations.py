@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import random
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,9 @@ import numpy as np
 from numpy.lib import format as npy_format
 
 NUMBERS: list[Any] = [
-    0, -0.0, 1, -1, 2, 3, 0.1, 1e-12, 1e-30, 1e-300, 5e-324, 1e6, 1e9, 8e9, 1e12, 1e20, 1e38, 1e154,
-    1e300, 1.7e308, -1e308, 2**31, 2**32 + 1, 2**53 + 1, 2**63, 2**64, -(2**31), 10**30, 10**400,
-    float("nan"), float("inf"), float("-inf"),
+    0, -0.0, 1, -1, 2, 3, 0.1, 400, 4194304, 9e18, 1e-12, 1e-30, 1e-300, 5e-324, 1e6, 1e9, 8e9,
+    1e12, 1e20, 1e38, 1e154, 1e300, 1.7e308, -1e308, 2**31, 2**32 + 1, 2**53 + 1, 2**63, 2**64,
+    -(2**31), 10**30, 10**400, float("nan"), float("inf"), float("-inf"),
 ]  # fmt: skip
 TEXTS = [
     "", "a", "x" * 1_000_000, "../../no/such", "/dev/zero", "\x1b[2Jgone", "\ud800", "a\0b",
@@ -138,13 +139,33 @@ def _spoil_values(rng: random.Random, array: Any) -> Any:
     return flat.reshape(array.shape)
 
 
+#: Shapes in headers that numpy's parser, or an allocation, cannot take.
+SHAPES = [
+    "(" * 150 + "3," + ")" * 150, "(" * 4000, "(3\0,)", "(10**9,)", f"({10**20},)",
+    f"({10**20}, 0)", "(-3,)", "(True,)", "(3.0,)", "3", "('3',)", "{}", "-" * 5000 + "3",
+]  # fmt: skip
+
+
+def _strange_npy(rng: random.Random, array: Any) -> bytes:
+    """An array whose header was written by hand."""
+    descr = npy_format.dtype_to_descr(np.asarray(array).dtype)
+    text = f"{{'descr': {descr!r}, 'fortran_order': False, 'shape': {rng.choice(SHAPES)}, }}\n"
+    head = text.encode("latin1")
+    version = rng.choice([b"\x01\x00", b"\x01\x00", b"\x02\x00", b"\x03\x00", b"\x09\x00"])
+    length = len(head).to_bytes(2 if version[0] == 1 else 4, "little")
+    return b"\x93NUMPY" + version + length + head + np.asarray(array).tobytes()
+
+
 def change_npy(rng: random.Random, path: Path) -> None:
-    """Other values, other columns, more rows claimed than there are."""
+    """Other values, other columns, more rows claimed than there are, strange headers."""
     array = np.load(path)
     if rng.random() < 0.7:
         if rng.random() < 0.2:
             array = np.repeat(array[:1], rng.choice([0, 1, 3]))
         np.save(path, _spoil(rng, array))
+        return
+    if rng.random() < 0.5:
+        path.write_bytes(_strange_npy(rng, array))
         return
     header = npy_format.header_data_from_array_1_0(array)
     header["shape"] = rng.choice(
@@ -158,15 +179,32 @@ def change_npy(rng: random.Random, path: Path) -> None:
 
 
 def change_npz(rng: random.Random, path: Path) -> None:
-    """Other arrays, lost arrays."""
+    """Other arrays, lost arrays, strange headers, archives that unpack to gigabytes."""
     with np.load(path) as archive:
         arrays = {name: archive[name] for name in archive.files}
     name = rng.choice(list(arrays))
+    if rng.random() < 0.25:
+        _strange_npz(rng, path, arrays, name)
+        return
     if rng.random() < 0.2:
         del arrays[name]
     else:
         arrays[name] = _spoil(rng, arrays[name])
     (np.savez_compressed if rng.random() < 0.3 else np.savez)(path, **arrays)
+
+
+def _strange_npz(rng: random.Random, path: Path, arrays: dict[str, Any], name: str) -> None:
+    """One array has a strange header, or is followed by 600 MB of zeros."""
+    bomb = rng.random() < 0.2
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for key, array in arrays.items():
+            with archive.open(f"{key}.npy", "w") as stream:
+                if key == name and not bomb:
+                    stream.write(_strange_npy(rng, array))
+                    continue
+                npy_format.write_array(stream, np.asarray(array))
+                for _ in range(600 if key == name else 0):
+                    stream.write(bytes(10**6))
 
 
 def change_exr(rng: random.Random, path: Path) -> None:
@@ -191,7 +229,7 @@ def change_csv(rng: random.Random, path: Path) -> None:
     for _ in range(rng.choice([1, 1, 3])):
         row = rng.choice(rows)
         if row:
-            row[rng.randrange(len(row))] = str(value(rng))[:100_000]
+            row[rng.randrange(len(row))] = str(value(rng))[: rng.choice([100_000, 200_000])]
     if rng.random() < 0.2:
         rows += [rng.choice(rows)] * rng.choice([1, 20_000])
     if rng.random() < 0.2:

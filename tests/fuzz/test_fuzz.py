@@ -7,6 +7,7 @@ import json
 import random
 import re
 import shutil
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ resource = pytest.importorskip("resource", reason="processes of POSIX")
 from radarsim_addon import contract
 from radarsim_addon.errors import RadarSimError
 from radarsim_addon.signal import open_run
+from radarsim_addon.signal.paths import PathFlag
 from radarsim_addon.signal.pipeline import cli, main
 from radarsim_addon.signal.radar import load_radar
 from tests.fuzz import cases
@@ -141,6 +143,85 @@ def test_lengths_that_overflow(run: Path, capsys: pytest.CaptureFixture[str], va
     correct_hashes(run)
     assert main(["process", str(run), "--no-plots"]) == 1
     assert re.search(r"row 3 has length_m .*; expected numbers from 0", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("solid_angle_sr", -1.0), ("solid_angle_sr", 0.0), ("solid_angle_sr", np.nan),
+        ("range_rate_mps", 1e308), ("range_rate_mps", -np.inf), ("power_w", 1e308),
+        ("length_sigma_m", -1.0), ("length_m", -3.0), ("first_scatterer_m", 1e200),
+        ("last_scatterer_m", -np.inf), ("direction", 2.0), ("direction", np.nan),
+    ],
+)  # fmt: skip
+def test_quantities_of_a_row_that_cannot_be(
+    run: Path, capsys: pytest.CaptureFixture[str], column: str, value: float
+) -> None:
+    """A solid angle of -1 sr was processed, with a warning of numpy and other numbers."""
+    path = run / contract.frame_dir(1) / contract.PATHS_TABLE
+    rows = np.load(path)
+    rows[column][7] = value
+    np.save(path, rows)
+    correct_hashes(run)
+    assert main(["process", str(run), "--no-plots"]) == 1
+    said = capsys.readouterr().err
+    assert f"PathDataError: {path}: row 7 has {column}" in said and "RuntimeWarning" not in said
+
+
+def test_rows_without_a_length_may_have_none(run: Path) -> None:
+    path = run / contract.frame_dir(1) / contract.PATHS_TABLE
+    rows = np.load(path)
+    rows["first_scatterer_m"][8] = rows["length_m"][8] = np.nan
+    rows["flags"][8] |= PathFlag.NO_RANGE
+    np.save(path, rows)
+    correct_hashes(run)
+    assert main(["process", str(run), "--no-plots"]) == 0
+
+
+def test_an_archive_that_unpacks_to_gigabytes(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """4 GiB of zeros in a file of 19 MB were read; here 1 GiB."""
+    path = run / contract.frame_dir(1) / contract.DEFORMING_SURFACES_FILE
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    count = 2**30 // 144
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, array in arrays.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+                if name != "series_1":
+                    npy_format.write_array(stream, array)
+                    continue
+                header = {"descr": "<f8", "fortran_order": False, "shape": (1, 2, 3 * count, 3)}
+                npy_format.write_array_header_1_0(stream, header)
+                for _ in range(count // 1000):
+                    stream.write(bytes(144_000))
+                stream.write(bytes(144 * (count % 1000)))
+    for _ in range(2):  # of the surfaces, then of the record that names them
+        correct_hashes(run)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    assert main(["process", str(run), "--no-plots"]) == 1
+    said = capsys.readouterr().err
+    assert re.search(r"holds 1073\d+ bytes when uncompressed, .* at most 268435456", said)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--range-limits", "0:9e18"], "argument --range-limits: 9e18 m is out of bounds"),
+        (["--range-limits", "0:9e14"], "takes 128 rows of .* samples"),
+        (["--noise-figure-db=-1"], "argument --noise-figure-db: -1 dB is out of bounds; .* 0 to"),
+    ],
+)
+def test_sizes_are_refused_before_anything_is_computed(
+    inputs: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str
+) -> None:
+    try:
+        code = main(["process", str(inputs / "corpus" / "rings"), "--no-plots", *words])
+    except SystemExit as end:
+        code = int(end.code or 0)
+    assert code == 2 and re.search(message, capsys.readouterr().err)
 
 
 def test_motion_beyond_sense(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -222,7 +222,22 @@ def make_material(
 
 
 def preset_material(preset: str) -> Any:
-    """Return the file's material for a preset; make one if it is missing or was changed."""
+    """Return the file's material for a preset; make one if it is missing or was changed.
+
+    Parameters
+    ----------
+    preset
+        Key of `PRESETS`.
+
+    Returns
+    -------
+    bpy.types.Material
+
+    Raises
+    ------
+    ConfigError
+        No preset of that name.
+    """
     values = PRESETS.get(preset)
     if values is None:
         raise ConfigError(

@@ -8,10 +8,13 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from ...errors import SceneError
+from ...errors import ConfigError, SceneError
 from ...options import Declared
-from ..rig_settings import RADAR_PROPERTY
+from ..rig_settings import RADAR_PROPERTY, RADAR_SETTINGS, Settings
 from ..scene import active_radar
+
+#: Letters of a line that a narrow sidebar holds.
+_NARROW = 40
 
 
 def active_group(scene: Any) -> Any:
@@ -54,6 +57,21 @@ def draw_number(layout: Any, name: str, text: str, icon: str = "NONE") -> None:
     parts.label(text=text, icon=icon, translate=False)
 
 
+def misfit(group: Any, item: Declared) -> str:
+    """Return why the value of a setting cannot be, as a measurement says it; "" where it can."""
+    try:
+        item.check(getattr(Settings(group, {item.name: item}), item.name))
+    except ConfigError as error:
+        return str(error)
+    return ""
+
+
+def shown_at_field(group: Any, wrong: str) -> bool:
+    """Return whether a field of the panels already shows an error of the settings."""
+    shown = group is not None and wrong != ""
+    return shown and any(misfit(group, item) == wrong for item in RADAR_SETTINGS.values())
+
+
 def _draw_quantity(layout: Any, group: Any, item: Declared) -> None:
     """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
     parts = layout.split(factor=0.4)
@@ -92,10 +110,17 @@ def draw_fields(
             column.prop(group, f"use_{name}")
             if not getattr(group, f"use_{name}"):
                 continue
+        wrong = misfit(group, item)
+        field = column.column() if wrong else column
+        if wrong:  # a file, a script or an animation may set what the field would not take
+            field.alert = True
         if item.shown_unit:
-            _draw_quantity(column, group, item)
+            _draw_quantity(field, group, item)
         else:
-            column.prop(group, item.shown_name)
+            field.prop(group, item.shown_name)
+        if wrong:
+            for line in textwrap.wrap(wrong, _NARROW):
+                field.label(text=line, translate=False)
         for label, text in after.get(name, ()):
             draw_number(column, label, text)
 

@@ -16,7 +16,15 @@ from ...signal.detection import predicted_snr
 from ...signal.radar import PATTERNS, Radar, RadarSystem, make_system
 from ..rig_settings import own_link_budget, read_measurement
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
-from .fields import ActiveRadarPanel, active_group, draw_fields, draw_state, split, wrapped
+from .fields import (
+    ActiveRadarPanel,
+    active_group,
+    draw_fields,
+    draw_state,
+    shown_at_field,
+    split,
+    wrapped,
+)
 from .shown_findings import reported
 from .translations import tr
 
@@ -108,7 +116,8 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
             system = scene_system(context.scene)
             lines = _shown_lines(system, read_measurement(context.scene).radar)
         except RadarSimError as error:
-            wrapped(context, layout, str(error), "ERROR")
+            if not shown_at_field(group, str(error)):
+                wrapped(context, layout, str(error), "ERROR")
             return
         box = layout.box().column(align=True)
         for line in lines:

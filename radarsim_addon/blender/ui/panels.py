@@ -27,6 +27,7 @@ from .fields import (
     draw_fields,
     draw_number,
     draw_state,
+    shown_at_field,
     split,
     wrapped,
 )
@@ -131,7 +132,7 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
         if group.waveform_kind == "lfm":
             layout.prop(group, "fm_rate_mhz_per_us")
         draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses", after=after)
-        if measurement is None:
+        if measurement is None and not shown_at_field(group, wrong):
             wrapped(context, layout, wrong, "ERROR")
 
 
@@ -186,7 +187,9 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
         draw_fields(layout, group, RADAR_SETTINGS, *fields)
         measurement, wrong = current_measurement(context.scene)
         if measurement is None:
-            wrapped(context, layout, wrong, "ERROR")
+            elsewhere = shown_at_field(group, wrong)
+            text = tr("A red field above holds a value that cannot be") if elsewhere else wrong
+            wrapped(context, layout, text, "ERROR")
         else:
             text, seconds = effort(context, measurement)
             if seconds > LONG_S:

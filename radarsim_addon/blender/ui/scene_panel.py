@@ -27,6 +27,7 @@ from .fields import (
     active_group,
     draw_fields,
     draw_state,
+    shown_at_field,
     split,
     wrapped,
 )
@@ -150,7 +151,8 @@ class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
         layout = self.layout
         measurement, record, wrong = _all_known(context)
         if measurement is None:
-            wrapped(context, layout, wrong, "ERROR")
+            if not shown_at_field(active_group(context.scene), wrong):
+                wrapped(context, layout, wrong, "ERROR")
             return
         if record is None:
             layout.label(text="Not read yet", icon="TIME")

@@ -61,6 +61,37 @@ def test_the_panel_warns_of_an_ambiguous_velocity_before_the_render(
     assert "unambiguous velocity" not in drawn()
 
 
+@pytest.mark.parametrize(
+    ("field", "value", "said"),
+    [
+        ("carrier_ghz", 0.0, "Carrier is 0.0 Hz; expected a finite number above 0"),
+        ("carrier_ghz", -5.0, "Carrier is -5000000000.0 Hz; expected"),
+        ("prf_hz", 0.0, "PRF is 0.0 Hz; expected"),
+        ("prf_hz", -1.0, "PRF is -1.0 Hz; expected"),
+        ("transmit_power_w", -1.0, "Transmit power is -1.0 W; expected"),
+    ],
+)
+def test_a_value_that_cannot_be_is_said_once_at_its_field(
+    registered: None, field: str, value: float, said: str
+) -> None:
+    """A script, a file or an animation may set what the field would not take."""
+    car_at(0.0)
+    group = active_radar(bpy.context.scene).radarsim
+    group.use_link_budget = True
+    assert said.split(" is ")[0] + " is " not in drawn()
+    setattr(group, field, value)
+    text = drawn()
+    assert text.count(said.split(";")[0]) == 1 and said in text
+    if field != "transmit_power_w":
+        assert text.count("A red field above") == 1
+
+
+def test_too_many_pulses_are_said_where_they_are_set(registered: None) -> None:
+    view = car_at(0.0)
+    view.pulses = 4_194_304
+    assert "A burst of 4194304 pulses takes" in drawn()
+
+
 def test_an_animation_that_is_stretched_is_slower(registered: None) -> None:
     view = car_at(15.0)
     bpy.context.scene.render.frame_map_new = 200

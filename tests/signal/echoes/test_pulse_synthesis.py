@@ -232,5 +232,5 @@ def test_window_too_long_for_memory_is_refused() -> None:
 
 
 def test_chirp_of_one_sample_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"holds 1\.5 samples .* expected at least 2"):
+    with pytest.raises(ConfigError, match=r"holds 1\.5 samples .* expected 2 to 4194304"):
         Waveform(5e9, 1e6, 1e-7, 15e6)
