@@ -253,7 +253,7 @@ def test_reflections_on_edges_and_along_one_ray_are_found_once() -> None:
     x, y = (one.ravel() for one in np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]))
     corners = np.stack([x, y, 0 * x + 0.2], axis=1)
     squares = np.array([0, 1, 3, 4])[:, None]
-    numbers = np.concatenate([squares + [0, 1, 4], squares + [0, 4, 3]])
+    numbers = np.concatenate([squares + np.array(one) for one in ([0, 1, 4], [0, 4, 3])])
     normals = np.broadcast_to([0, 0, 1.0], (8, 3, 3))
     patches, error_m = SmoothPatches.of_mesh(corners[numbers], normals, numbers)
     np.testing.assert_allclose(error_m, 0, atol=1e-12)
