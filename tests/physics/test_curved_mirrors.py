@@ -231,3 +231,38 @@ def test_meshes_that_do_not_tell_the_surface() -> None:
     normals = np.array([up, tilt, tilt, up, steep])
     _, error_m = SmoothPatches.of_mesh(strip[numbers], normals[numbers], numbers)
     assert error_m[0] > 0.005  # a bulge that the mesh does not have
+
+
+def test_a_lone_triangle_of_a_quartic_surface_has_an_error() -> None:
+    """Nothing next to it tells of another curvature: the ends of its edges do."""
+    x = np.array([0.2, 0.6, 0.4])
+    corners = np.stack([x, np.array([0.0, 0.0, 0.3]), 0.2 * x**4], axis=1)[None]
+    normals = np.stack([-0.8 * x**3, 0 * x, 0 * x + 1], axis=1)[None]
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    patches, error_m = SmoothPatches.of_mesh(corners, normals, np.array([[0, 1, 2]]))
+    weights = np.random.default_rng(1).dirichlet(np.ones(3), 2000)
+    points, _ = patches.select(np.zeros(2000, dtype=int)).at(weights)
+    off_m = np.abs(points[:, 2] - 0.2 * points[:, 0] ** 4) / (1 + 0.64 * points[:, 0] ** 6) ** 0.5
+    assert off_m.max() > 2e-4
+    assert off_m.max() <= error_m[0] <= 10 * off_m.max()
+
+
+def test_reflections_on_edges_and_along_one_ray_are_found_once() -> None:
+    """A plane of eight triangles: inside, on edges, on the common corner. Places behind one another
+    have one point of reflection, each its own reflection."""
+    x, y = (one.ravel() for one in np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]))
+    corners = np.stack([x, y, 0 * x + 0.2], axis=1)
+    squares = np.array([0, 1, 3, 4])[:, None]
+    numbers = np.concatenate([squares + np.array(one) for one in ([0, 1, 4], [0, 4, 3])])
+    normals = np.broadcast_to([0, 0, 1.0], (8, 3, 3))
+    patches, error_m = SmoothPatches.of_mesh(corners[numbers], normals, numbers)
+    np.testing.assert_allclose(error_m, 0, atol=1e-12)
+    antenna = np.array([-0.7, 0.4, 1.9])
+    spots = np.array([[0.61, 0.24], [0.37, 0.37], [0.0, 0.43], [-0.29, 0.0], [0.0, 0.0]])
+    points = np.column_stack([spots, np.full(5, 0.2)])
+    after = (points - antenna) * [1, 1, -1]
+    ends = np.concatenate([points + far * after for far in (0.5, 1.0, 3.0)])
+    found = SpecularSearch(patches, antenna).find(ends)
+    assert found.place.tolist() == list(range(15))
+    np.testing.assert_allclose(found.points_m, np.tile(points, (3, 1)), atol=1e-9)
+    np.testing.assert_allclose(found.normals, np.tile([0, 0, 1.0], (15, 1)), atol=1e-12)

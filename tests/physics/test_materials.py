@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Permittivities against independent values, and what happens outside the models' bands."""
 
+import cmath
 import csv
 import itertools
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -151,6 +153,43 @@ def test_error_class_of_a_carrier_beyond_the_band() -> None:
     assert far.absorption_ratio == pytest.approx((77 / 40) ** 0.3969, rel=0.02)
     wet = materials.material_model("wet_ground").out_of_band(77e9)
     assert wet is not None and wet.error_class == "large"
+
+
+@pytest.mark.parametrize(("f_ghz", "edge_ghz"), [(0.2, 1.0), (77.0, 10.0)])
+def test_difference_beyond_the_band_has_no_sign(f_ghz: float, edge_ghz: float) -> None:
+    """Wet ground by ITU-R P.2040 reflects more below its band than at the edge, less above it."""
+    index = []
+    for at_ghz in (edge_ghz, f_ghz):
+        sigma = 0.15 * at_ghz**1.3
+        loss = sigma / (2 * math.pi * at_ghz * 1e9 * 8.8541878128e-12)
+        index.append(cmath.sqrt(30 * at_ghz**-0.4 + 1j * loss))
+    power = [abs((n - 1) / (n + 1)) ** 2 for n in index]
+    found = materials.material_model("wet_ground").out_of_band(f_ghz * 1e9)
+    assert found is not None and found.edge_hz == 1e9 * edge_ghz
+    assert found.reflection_db == pytest.approx(abs(10 * math.log10(power[0] / power[1])))
+    ratio = index[1].imag / index[0].imag
+    assert found.absorption_ratio == pytest.approx(max(ratio, 1 / ratio))
+
+
+@pytest.mark.parametrize(
+    ("name", "bands_ghz"),
+    [
+        ("water", [(1e-3, 1000)]),  # ITU-R P.527: to 1 THz
+        ("water_kaatze", [(1.1, 57)]),  # abstract of the paper
+        ("sea_water", [(0.3, 10)]),
+        ("ice", [(0.01, 3000)]),
+        ("soil", [(0.3, 1.3), (1.4, 18)]),  # Peplinski; Dobson
+        ("concrete", [(1, 100)]),  # ITU-R P.2040, table 3
+        ("brick", [(1, 40)]),
+        ("glass", [(0.1, 100), (220, 450)]),
+        ("wood", [(0.001, 100)]),
+        ("very_dry_ground", [(1, 10)]),
+        ("metal", [(1, 100)]),
+    ],
+)
+def test_bands_are_those_of_the_sources(name: str, bands_ghz: list[tuple[float, float]]) -> None:
+    edges_hz = [edge for band in materials.material_model(name).bands_hz for edge in band]
+    assert edges_hz == pytest.approx([1e9 * edge for band in bands_ghz for edge in band])
 
 
 def test_a_table_goes_on_along_its_last_line(tmp_path: Path) -> None:
@@ -310,6 +349,8 @@ def test_table_by_index_and_in_hertz(tmp_path: Path) -> None:
         ("frequency_ghz,eps_real,eps_imag\n1,2\n", "line 2: 2 cells; expected 3"),
         ("frequency_ghz,eps_real,eps_imag\n1,x,0\n", "line 2: eps_real is 'x'"),
         ("frequency_ghz,eps_real,eps_imag\n1,nan,0\n", "line 2: eps_real is 'nan'"),
+        ("frequency_ghz,eps_real,eps_imag\n1,inf,0\n", "line 2: eps_real is 'inf'"),
+        ("frequency_ghz,eps_real,eps_imag\n1,2,0\n2,-1e999,0\n", "line 3: eps_real is '-1e999'"),
         ("frequency_ghz,eps_real,eps_imag\n0,2,0\n", "line 2: frequency 0 Hz"),
         ("# c\nfrequency_ghz,n,k\n1,2,-0.1\n", "line 3: imaginary part -0.1 means gain"),
         ("frequency_ghz,n,k\n1,2,0\n1,2,0\n", "1 GHz twice"),

@@ -180,7 +180,7 @@ class NoisyPathAccumulator:
         """One report of all; a path counts in the steps of both delays that it lies between."""
         report = dataclasses.replace(empty, paths=paths, steps=[], notes=[])
         energy = float(np.vdot(self.values, self.values).real)
-        expected, notes = 0.0, []
+        expected, fast, notes = 0.0, 0, []
         for part, own in self._parts:
             for step in part.steps:
                 report.count(step.motion, step.transform, step.paths, step.transforms, step.cpu_s)
@@ -195,11 +195,10 @@ class NoisyPathAccumulator:
             report.ramp_residual_phase_rad = max(
                 report.ramp_residual_phase_rad, part.ramp_residual_phase_rad
             )
-            report.doppler_ambiguous_count = max(
-                report.doppler_ambiguous_count, part.doppler_ambiguous_count
-            )
+            fast += part.doppler_ambiguous_count
             report.wall_s += part.wall_s
             notes += part.notes
+        report.doppler_ambiguous_count = -(-fast // 2)  # each is in two parts
         if energy > 0 and expected > 0:
             report.cancellation_db = 10 * float(np.log10(energy / expected))
         text = f"Phase noise path by path, each between two of {len(self._parts)} delays"

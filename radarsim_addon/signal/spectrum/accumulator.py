@@ -342,7 +342,7 @@ class SpectrumAccumulator:
             error_estimate=(root * still.random + moving.random) / norm if heard else 0.0,
             error_bound=(root * still.bound + moving.bound) / norm if heard else 0.0,
             cancellation_db=10 * float(np.log10(energy / expected)) if heard else None,
-            outside=max(self._added - (self._heard + sum(p.heard for p in parts)) / pulses, 0.0),
+            outside=self._added - (self._heard + sum(p.heard for p in parts)) / pulses,
             range_ambiguous_count=self._folded
             + sum(p.folded - (-p.folded_pulses // pulses) for p in parts),
             doppler_ambiguous_count=sum(p.fast for p in parts),

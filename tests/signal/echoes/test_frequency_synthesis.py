@@ -294,6 +294,40 @@ def test_phase_noise_has_a_report(waveform) -> None:
     assert sum(step.paths for step in noisy.report.steps) == 2 * 40
 
 
+@pytest.mark.parametrize("waveform", [FMCW, STEPPED], ids=lambda w: w.kind)
+def test_phase_noise_tells_what_the_report_without_it_tells(waveform) -> None:
+    """Paths that bend, two too fast for the PRF, one beyond the unambiguous range."""
+    radar = radar_of(waveform, 24)
+    fast_mps = 1.3 * radar.max_unambiguous_velocity_mps
+    start_m = np.array([2.0, 16.0, 9.0, 2 * waveform.unambiguous_range_m + 11])
+    rate_mps = 2 * np.array([fast_mps, -fast_mps, 0.0, 0.0])
+    span_s = 24 / radar.burst.prf_hz
+
+    def lengths(t: float) -> np.ndarray:
+        return start_m + rate_mps * t + 1e-3 * np.array([0, 0, 1, 0]) * np.sin(5 * t / span_s)
+
+    paths = dataclasses.replace(
+        unit_paths(radar, list(start_m / 2)),
+        motion=Function(lengths, np.array([True, True, True, False])),
+    )
+    clean = synthesize(paths, radar, range_limits_m=(0.0, 9.0)).report
+    # delays of its factors 0.3 m apart: each path has its own
+    quiet = PhaseNoise((1e3, 3e8), (-240.0, -240.0))
+    synthesizer = synthesizer_for(radar, (0.0, 9.0), phase_noise=quiet)
+    synthesizer.add(paths)
+    noisy = synthesizer.result().report
+    assert clean is not None and noisy is not None
+    beyond = 1 if waveform is FMCW else 0
+    assert (clean.doppler_ambiguous_count, clean.outside) == (2, beyond)
+    assert clean.range_ambiguous_count == 1 - beyond and clean.motion_error_rad > 0
+    for name in (
+        "paths", "pulses", "frequencies", "tolerance", "motion_error_rad", "outside",
+        "range_ambiguous_count", "doppler_ambiguous_count",
+    ):  # fmt: skip
+        assert getattr(noisy, name) == getattr(clean, name), name
+    assert noisy.ramp_residual_phase_rad == pytest.approx(clean.ramp_residual_phase_rad, rel=1e-6)
+
+
 def test_nodes_suffice() -> None:
     """Interpolation at the nodes against the exponential itself."""
     place = np.linspace(-1, 1, 501)

@@ -10,6 +10,7 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import (
+    ArbitraryPulse,
     Burst,
     Radar,
     Waveform,
@@ -59,6 +60,21 @@ def test_unit_path_peaks_at_one_at_its_range_with_its_phase(window: str, oversam
     assert int(np.argmax(np.abs(found.plane[0]))) == column
     phase = np.exp(-4j * np.pi * range_m / RADAR.waveform.wavelength_m)
     assert found.plane[0, column] == pytest.approx(phase, abs=1e-8)
+
+
+@pytest.mark.parametrize(("samples", "size"), [(25, 27), (41, 45), (43, 45), (73, 75)])
+def test_profile_between_samples_is_that_of_the_band(samples: int, size: int) -> None:
+    """An impulse fills the band of the sampling rate: the profile is Dirichlet's kernel of a
+    transform with an odd number of frequencies."""
+    radar = Radar(ArbitraryPulse(5.3e9, 50e6, np.array([1, 0j])), Burst(1000.0, 1))
+    cell_m = radar.waveform.sample_spacing_m
+    limits_m = (300.0, 300.0 + (samples - 3.9) * cell_m)
+    echoes = synthesize(unit_paths(radar, [300.0 + 20 * cell_m]), radar, range_limits_m=limits_m)
+    assert echoes.samples.shape[-1] == samples
+    found = range_process(echoes, "none", 4)
+    place = (found.range_m - 300.0) / cell_m - 20 + 1e-9
+    kernel = np.sin(np.pi * place) / (size * np.sin(np.pi * place / size))
+    np.testing.assert_allclose(np.abs(found.plane[0]), np.abs(kernel), atol=1e-6)
 
 
 def test_range_axis_covers_the_window() -> None:

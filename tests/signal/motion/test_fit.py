@@ -146,6 +146,18 @@ def test_corner_and_jump_at_a_keyframe(samples: int) -> None:
     assert np.abs(found - want).max() < 1e-6
 
 
+def test_a_corner_of_the_rotation_alone_splits_the_burst() -> None:
+    """A door on its hinge that starts to turn: its hinge, where it is known, does not move."""
+    span_s, corner_s = 0.1, 0.1 * 48 / 128
+
+    def door(t: float) -> np.ndarray:
+        return pose([0, 100, 0], rotation(3.0 * max(t - corner_s, 0) * SLANTED))
+
+    body, found, want = fitted(door, span_s, 129, corners_s=[corner_s])
+    assert [part.start_s for part in body.segments[1:]] == [corner_s]
+    assert np.abs(found - want).max() < 1e-6
+
+
 def test_noise_falls_with_samples() -> None:
     motion = MOTIONS["steady"][0]
     few, _, _ = fitted(motion, SPAN_S, 33)

@@ -26,6 +26,7 @@ from radarsim_addon.signal.paths import (
     PATH_DTYPE,
     PathRows,
     Steps,
+    TableFootprints,
     joined_places,
     replicate_offset_px,
     spread,
@@ -216,6 +217,27 @@ def test_steps_of_a_plane() -> None:
     across = np.diff(length, axis=1)
     assert by_length[:, 1:11, 0, 0] == pytest.approx(across[:, 0:10])
     assert by_length[:, 1:11, 0, 1] == pytest.approx(across[:, 1:11])
+
+
+def test_points_have_the_lengths_of_their_places(tmp_path: Path) -> None:
+    """Antennas 60 m apart: a point of a row is as long as the ways from its place to both, and
+    rows keep their power."""
+    camera = view(10.0)
+    emitter = contract.TransmitterRecord(pr.pose((-40.0, 30.0, 55.0)), 5.0)
+    rows = pr.trace([GROUND], camera, emitter, 16)
+    pr.write_run(tmp_path / "run", rows, ["Ground"], camera, emitter, range_limits_m=1200.0)
+    table = open_frame(open_run(tmp_path / "run").frame(1)).table
+    footprints = TableFootprints(table.record, table.rows, 3.0, 1.0)
+    index, points = footprints.points(np.arange(rows.size))
+    assert len(index) > 2 * rows.size
+    place = np.asarray(points["last_scatterer_m"])
+    ways = [place - np.array(one.matrix_world)[:3, 3] for one in (camera, emitter)]
+    back_m, there_m = (np.linalg.norm(way, axis=1) for way in ways)
+    np.testing.assert_allclose(points["length_m"], back_m + there_m, atol=1e-6)
+    np.testing.assert_allclose(points["direction"], ways[0] / back_m[:, None], atol=1e-9)
+    np.testing.assert_array_equal(points["first_scatterer_m"], place)
+    for name in ("power_w", "solid_angle_sr"):
+        np.testing.assert_allclose(np.bincount(index, points[name]), rows[name], rtol=1e-9)
 
 
 def test_where_nothing_is_spread() -> None:

@@ -3,15 +3,19 @@
 
 import csv
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import (
+    ArbitraryPulse,
     Burst,
     FmcwWaveform,
+    PhaseCodedPulse,
     PmcwWaveform,
     Radar,
     SteppedWaveform,
@@ -81,6 +85,25 @@ def test_fmcw_numbers_are_those_of_published_radars(row: dict[str, str]) -> None
         assert waveform.unambiguous_range_m == pytest.approx(expected_m, rel=5e-6)
         assert radar.max_unambiguous_velocity_mps == pytest.approx(vmax, rel=5e-6)
         assert radar.velocity_resolution_mps == pytest.approx(dv, rel=5e-6)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda f: Waveform(f, 50e6, 2.5e-6, 60e6),
+        lambda f: PhaseCodedPulse(f, 20e-9, 13, 2),
+        lambda f: ArbitraryPulse(f, 60e6, np.ones(9, dtype=complex), band_hz=50e6),
+        lambda f: FmcwWaveform(f, 50e6, 64, 1e6),
+        lambda f: SteppedWaveform(f, 1e6, 50, 1e-6),
+        lambda f: PmcwWaveform(f, 20e-9, 5),
+    ],
+    ids=["lfm", "barker", "arbitrary", "fmcw", "stepped", "pmcw"],
+)
+def test_a_band_reaches_no_lower_than_zero(make: Callable[[float], AnyWaveform]) -> None:
+    """50 MHz of bandwidth: 25.1 MHz is a carrier, 24.9 MHz is none."""
+    assert make(25.1e6).bandwidth_hz == pytest.approx(50e6)
+    with pytest.raises(ConfigError, match="not above half the bandwidth"):
+        make(24.9e6)
 
 
 def test_stepped_and_pmcw_ranges() -> None:

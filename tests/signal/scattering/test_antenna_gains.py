@@ -18,10 +18,12 @@ from radarsim_addon.signal.detection import (
     FrameBudget,
     object_echoes,
 )
+from radarsim_addon.signal.motion import LinearMotion
 from radarsim_addon.signal.paths import PATH_DTYPE, Paths, make_paths, path_power_w
-from radarsim_addon.signal.radar import make_system
+from radarsim_addon.signal.radar import Channel, Element, make_system
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import Link
+from radarsim_addon.signal.scattering.antenna_gains import PathEnds
 from tests.signal import path_runs as pr
 from tests.signal import synthetic
 
@@ -179,6 +181,29 @@ def test_rings_know_their_vertices(tmp_path: Path) -> None:
     gain = budget.link.receive_gain(paths.geometry.direction)
     np.testing.assert_allclose(paths.gain, 3.0 / eirp_w * gain, rtol=1e-12)
     assert budget.link.guessed == 0
+
+
+def test_an_unknown_vertex_lies_half_way(tmp_path: Path) -> None:
+    """An element 0.5 m off the receiver sees a target at 3 m 9.5 degrees off its axis, a narrow
+    beam 3.0 dB times (2 x 9.46 / 12)^2 down; so where the first vertex of the path is not known.
+    """
+    beam = contract.AntennaRecord(
+        "gaussian", {"azimuth_beamwidth_deg": 12.0, "elevation_beamwidth_deg": 12.0}
+    )
+    system = make_system(contract.LinkBudget(1.0, receiver=beam), WAVELENGTH_M)
+    here = pr.pose((0, 0, 0))
+    link = Link(system, pr.camera(here), contract.TransmitterRecord(here, 1.0))
+    known = np.array([[0.0, 3.0, 0.0]])
+    channel = Channel(rx=Element(position_m=(0.5, 0.0, 0.0)))
+    angle_deg = math.degrees(math.atan2(0.5, 3.0))
+    loss_db = 40 * math.log10(2) * (angle_deg / 12) ** 2
+    peak = float(system.receiver.gain((0, 0, -1.0)))
+    for first, last in ((known, known), (np.full((1, 3), np.nan), known)):
+        length_m, direction = np.array([6.0]), np.array([[0, 1.0, 0]])
+        motion = LinearMotion(length_m, np.zeros(1))
+        ends = PathEnds(length_m, direction, first, last, motion)
+        gain = link.factors(ends, np.zeros(1), channel)[0, 0]
+        assert 10 * math.log10(gain / peak) == pytest.approx(-loss_db, abs=1e-6)
 
 
 def test_paths_without_directions_are_refused() -> None:

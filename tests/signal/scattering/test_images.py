@@ -16,6 +16,7 @@ from radarsim_addon.contract import (
     ImageRecord,
 )
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.signal import Burst, Radar, make_paths, synthesize
 from radarsim_addon.signal.motion import (
     BodyMotion,
     FrameMotion,
@@ -33,6 +34,7 @@ from radarsim_addon.signal.paths import (
     write_table,
 )
 from radarsim_addon.signal.scattering import interference_factors
+from tests.signal import path_runs as pr
 
 C0_MPS = 299_792_458.0
 FLOOR = ImageRecord([[0.0, 0.0, 1.0]], [-1.0], ["Floor"])
@@ -278,3 +280,30 @@ def test_overlap_of_responses() -> None:
     factors = interference_factors(rows, rows["power_w"], carrier_hz, resolution_m)
     expected = 1 + np.sinc(apart_m / (2 * resolution_m))
     np.testing.assert_allclose(factors, expected, rtol=1e-4)
+    # a Hann taper on the amplitude: the transform of cos^4, 3/8 + cos(2 pi x)/2 + cos(4 pi x)/8
+    for turns, overlap in ((1, 2 / 3), (2, 1 / 6), (3, 0.0)):
+        cell_m = apart_m / (2 * turns)
+        tapered = interference_factors(rows, rows["power_w"], carrier_hz, cell_m, "hann")
+        np.testing.assert_allclose(tapered, 1 + overlap, atol=1e-4)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_mirror_phase_is_that_of_echoes(sign: int) -> None:
+    """A quarter wavelength more delays by 90 degrees: a mirror's +90 makes up for it, -90 makes the
+    echoes cancel; so do the powers that are expected."""
+    radar = Radar(pr.WAVEFORM, Burst(1000.0, 1))
+    quarter_m = radar.waveform.wavelength_m / 4
+    paths = dataclasses.replace(
+        make_paths(np.array([1e-6, 1e-6]), np.array([1200.0, 1200.0 + quarter_m])),
+        mirror_phase_rad=np.array([0.0, sign * math.pi / 2]),
+    )
+    alone, both = (
+        np.abs(synthesize(one, radar, range_limits_m=(0.0, 700.0)).plane).max()
+        for one in (paths.select(np.array([0])), paths)
+    )
+    assert both / alone == pytest.approx(1 + sign, abs=0.01)  # 25 MHz of 5.3 GHz
+    rows = np.zeros(2, dtype=IMAGE_DTYPE)
+    rows["point"], rows["power_w"] = 1, 1e-6
+    rows["length_m"], rows["mirror_phase_rad"] = paths.length_m, paths.mirror_phase_rad
+    factors = interference_factors(rows, rows["power_w"], radar.waveform.carrier_hz, 3.0)
+    np.testing.assert_allclose(factors, 1 + sign, atol=1e-4)

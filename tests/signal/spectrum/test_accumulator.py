@@ -240,6 +240,15 @@ def test_cancellation_is_noticed_and_overcome(backend) -> None:
     assert [item.code for item in report.accuracy_findings()] == ["echoes-cancel"]
 
 
+@pytest.mark.parametrize("pulses", [1, 7])
+def test_cancellation_is_that_of_one_pulse(pulses: int) -> None:
+    """Two echoes at one place, 1 and -0.6, and two that move together, 2 and 1."""
+    for rate_mps, weights, ratio in ((0.0, (1, -0.6), 0.4**2 / 1.36), (3.0, (2, 1), 3**2 / 5)):
+        motion = LinearMotion(np.full(2, 20.0), np.full(2, rate_mps))
+        report = sum_up(motion, np.array(weights), times_s=TIMES_S[:pulses]).report
+        assert report.cancellation_db == pytest.approx(10 * math.log10(ratio), abs=1e-3)
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("what", ["length", "amplitude", "range rate", "curved"])
 def test_a_bad_row_is_named(value, what) -> None:
@@ -329,6 +338,10 @@ def test_window_and_folding(listening, method) -> None:
         assert found.report.range_ambiguous_count == 0
     else:
         assert found.report.range_ambiguous_count > 0
+        # counted once, however often its echo is in the window
+        after = (delays - 30e-9) % listening.period_s
+        received = (after < 60e-9) | (listening.last_s - listening.first_s > listening.period_s)
+        assert found.report.outside == pytest.approx(30 - received.sum() / times_s.size, abs=1e-9)
 
 
 def test_doppler_folding_is_counted() -> None:
