@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from radarsim_addon.blender.motion import burst_motion
 from radarsim_addon.blender.motion.samples import SamplingPlan
 from radarsim_addon.contract import MOTION_FILE, frame_dir
 from radarsim_addon.motion_record import MotionRecord
