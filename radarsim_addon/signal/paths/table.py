@@ -275,14 +275,14 @@ def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
                 dtype.names = tuple(names)
     except FileNotFoundError as error:
         raise FrameFileError(
-            f"{path} is missing. Render the run again: it resumes where files are missing."
+            f"{path} is missing. Render the run again: radarsim render measures what is missing."
         ) from error
     # numpy parses the header with ast and tokenize: damaged ones raise what these raise
     # (TokenError, RecursionError, TypeError...), not ValueError alone.
     except Exception as error:
         raise FrameFileError(
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
-            "again: it resumes where files are missing."
+            "again: radarsim render measures what is missing."
         ) from error
     if not names or fortran or len(shape) != 1 or not 0 <= shape[0] <= MAX_ROWS:
         raise FrameFileError(
