@@ -215,7 +215,7 @@ PROCESSING = {
         "caution",
         "radarsim skipped the frame because it lacks {missing:#render}.",
         "The frame has no results.",
-        "Render the run again; it resumes where it stopped.",
+        "Render the run again; radarsim render resumes where it stopped.",
     ),
 }
 

@@ -33,8 +33,8 @@ _EXAMPLES = """examples:
   blender -b scene.blend -P scripts/render_radar.py -- --out run
 
 What is not given comes from the settings of the file's radar. The same command again resumes a run
-that was stopped. Scripts inside the .blend file are not run (under blender -b give
---disable-autoexec, -Y, if your preferences allow them).
+that was stopped, if the files of the scene have not changed. Scripts inside the .blend file are not
+run (under blender -b give --disable-autoexec, -Y, if your preferences allow them).
 
 exit codes: 0 done, 1 failed, 2 bad arguments, 3 done but a finding of severity error concerns all
 frames (no echo, open meshes), 130 stopped by Ctrl-C"""

@@ -269,12 +269,12 @@ def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
             start = stream.tell()
     except FileNotFoundError as error:
         raise FrameFileError(
-            f"{path} is missing. Render the run again: it resumes where files are missing."
+            f"{path} is missing. Render the run again: radarsim render measures what is missing."
         ) from error
     except (OSError, ValueError) as error:
         raise FrameFileError(
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
-            "again: it resumes where files are missing."
+            "again: radarsim render measures what is missing."
         ) from error
     names = dtype.names or ()
     if not names or fortran or len(shape) != 1 or not 0 <= shape[0] <= MAX_ROWS:

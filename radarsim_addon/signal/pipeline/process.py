@@ -181,8 +181,8 @@ class Products:
         if gaps and not self.allow_incomplete:
             raise FrameFileError(
                 f"{frame.path} lacks {len(gaps)} of {frame.planned} renders; the first: "
-                f"{gaps[0].reason}. Render the run again: it resumes where it stopped. Or process "
-                "only what is complete with --allow-incomplete."
+                f"{gaps[0].reason}. Render the run again: radarsim render resumes where it "
+                "stopped. Or process only what is complete with --allow-incomplete."
             )
         skipped = finding("frame-incomplete", missing=len(gaps)).in_frame(frame.number)
         return skipped if gaps else None
@@ -193,8 +193,8 @@ class Products:
         """
         if not maps:
             raise FrameFileError(
-                f"{self.run.path} has no complete frame to process. Render the run again: it "
-                "resumes where it stopped."
+                f"{self.run.path} has no complete frame to process. Render the run again: "
+                "radarsim render resumes where it stopped."
             )
         options, path = self.options, self.folder / _ANIMATION_NAME
         if self.draws and options.link_budget is not None:

@@ -105,7 +105,7 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
     except (RuntimeError, ValueError, TypeError, KeyError, OSError) as error:
         raise FrameFileError(
             f"{path} cannot be decoded ({error}). Remove it and render the run again: "
-            "it resumes where files are missing."
+            "radarsim render measures what is missing."
         ) from error
     for name, image in images.items():
         if image.shape != shape or image.dtype != np.float32:

@@ -29,7 +29,7 @@ _PIXEL_TYPES = {0: "uint", 1: "half", 2: "float"}
 #: Scan lines in one chunk by the number of the compression.
 CHUNK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 
-_RENDER_AGAIN = "Remove it and render the run again: the run resumes where files are missing."
+_RENDER_AGAIN = "Remove it and render the run again: radarsim render measures what is missing."
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ def read_header(path: Path) -> ExrHeader:
             return _read_header(stream, path)
     except FileNotFoundError as error:
         raise FrameFileError(
-            f"{path} is missing; the run's plan expects it. Render the run again: it resumes "
-            "where files are missing."
+            f"{path} is missing; the run's plan expects it. Render the run again: "
+            "radarsim render measures what is missing."
         ) from error
     except OSError as error:
         raise FrameFileError(f"{path} cannot be read: {error.strerror or error}.") from error
