@@ -67,6 +67,21 @@ def test_changed_inputs(inputs: Path) -> None:
     assert min(codes.count(code) for code in (0, 1, 2)) > CASES // 20
 
 
+@pytest.mark.parametrize("kind", ["npy", "csv"])
+def test_changed_samples(inputs: Path, tmp_path: Path, kind: str) -> None:
+    """Many changes of one file: a case of the fuzzer seldom meets it."""
+    files, refused = inputs / "corpus" / "files", 0
+    shutil.copy(files / f"radar_{kind}.json", tmp_path)
+    for number in range(300):
+        shutil.copy(files / f"samples.{kind}", tmp_path)
+        change_file(random.Random(number), tmp_path / f"samples.{kind}", tmp_path)
+        try:
+            load_radar(tmp_path / f"radar_{kind}.json")
+        except RadarSimError:
+            refused += 1
+    assert 50 < refused < 290
+
+
 def test_no_file_elsewhere_is_changed(inputs: Path, tmp_path: Path) -> None:
     """Also where a word of the command line, or a link, leads there."""
     place = Path(shutil.copytree(inputs / "corpus", tmp_path / "case"))

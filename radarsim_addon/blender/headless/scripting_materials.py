@@ -82,7 +82,7 @@ def material(
         Neither or both of medium and n, an unknown medium or parameter, a number out of bounds.
     """
     for key in parameters:
-        if near := difflib.get_close_matches(key, material.__kwdefaults__, 1, 0.8):
+        if near := difflib.get_close_matches(key, material.__kwdefaults__ or (), 1, 0.8):
             raise ConfigError(f"material has no argument {key!r}; did you mean {near[0]}?")
     if (medium is None) == (n is None):
         raise ConfigError("A material needs a medium or n (with kappa), and not both.")
@@ -154,12 +154,12 @@ def simple_material(
     if (preset is None) == (n is None):
         raise ConfigError("A simple material needs a preset or n (with kappa), and not both.")
     ensure_registered()
-    if preset is None:
+    if n is not None:
         label = name or "Radar Material"
         return make_material(label, n, kappa, specularity, roughness, penetrable=penetrable)
     if (name, kappa, specularity, roughness, penetrable) != (None, 0.0, 0.5, 0.5, None):
         raise ConfigError("A preset has all numbers. Give n and the others in place of the preset.")
-    return preset_material(preset)
+    return preset_material(str(preset))
 
 
 def assign_material(objects: Any, material: Any) -> list[Any]:

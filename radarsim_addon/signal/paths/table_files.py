@@ -122,9 +122,9 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
                 )
     first = 0
     for rows in iter_rows(table, _ROWS_IN_CACHE):
-        for name, (low, high, blank) in _BOUNDS.items():
+        for name, (*bounds, blank) in _BOUNDS.items():
             if name in (rows.dtype.names or ()):
-                _check_column(path, rows, name, first, (low, high), blank)
+                _check_column(path, rows, name, first, bounds, blank)
         first += rows.size
 
 
@@ -133,7 +133,7 @@ def _check_column(
     rows: PathRows,
     name: str,
     first_row: int,
-    bounds: tuple[float, float],
+    bounds: Sequence[float],
     blank: bool,
 ) -> None:
     values = rows[name]

@@ -35,7 +35,7 @@ _seed_or_none.__name__ = "seed (a whole number or none)"  # argparse names the t
 
 def _hint(name: str, options: list[str]) -> str:
     """Where a name belongs that is no option of processing, or which it resembles."""
-    parts = {
+    parts: dict[str, Any] = {
         "receiver": Receiver, "link_budget": LinkBudget, "weather": Weather, "cfar": Cfar,
         "spectrogram": SpectrogramOptions,
     }  # fmt: skip

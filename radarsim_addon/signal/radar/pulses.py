@@ -106,7 +106,8 @@ class ArbitraryPulse(PulseNumbers):
                 f"Waveform samples have the shape {samples.shape}; expected one row of 2 to "
                 f"{MAX_WAVEFORM_SAMPLES} complex numbers."
             )
-        power = float(np.mean(np.abs(samples) ** 2))
+        with np.errstate(over="ignore", invalid="ignore"):  # refused below
+            power = float(np.mean(np.abs(samples) ** 2))
         if not (math.isfinite(power) and power > 0):
             raise ConfigError(
                 f"Waveform samples have the mean power {power}; expected finite samples that are "
