@@ -93,12 +93,11 @@ def clutter_budget(
     places: Mapping[str, tuple[ObjectEcho, float]],
     wavelength_m: float,
     noise_w: float | None,
-    receiver_gain: float = 1.0,
 ) -> ClutterBudget | None:
     """Compare objects with the clutter in their cells; None without clutter.
 
     `places` has each object in the map with the range at which the map shows it [m], `noise_w` is
-    the mean noise of a cell. Powers of objects lack the `receiver_gain` of the expected power.
+    the mean noise of a cell.
     """
     least_w = _ROUNDING * float(expected.map.max(initial=0.0))
     clutter, error = expected.clutter_map, expected.clutter_map_error
@@ -114,7 +113,7 @@ def clutter_budget(
         objects[name] = CellClutter(
             here_w,
             float(error[cell]),
-            ratio_db(receiver_gain * echo.power_w, here_w),
+            ratio_db(echo.power_w, here_w),
             ratio_db(here_w, noise_w),
         )
     return ClutterBudget(

@@ -225,15 +225,24 @@ class FrameBudget:
 
         `received_w` is the sum of the paths' powers, the tapers are those of the predicted SNR,
         `range_limits_m` the one-way ranges of the map (None: all), `mti` the pulses of the
-        canceller before it (0: none), `expected` tells its clutter, at
-        a receiver of `receiver_gain` where there is no link budget.
+        canceller before it (0: none), `expected` tells its clutter,
+        `receiver_gain` is the G_r of a run without a link budget.
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
         if self._input.tables:
             objects = object_echoes(self._input, radar.waveform.carrier_hz, self.link)
             least = 10 ** (_LEAST_DB / 10) * max((echo.power_w for echo in objects), default=0.0)
-            objects = [echo for echo in objects if echo.power_w > least]
+            objects = [
+                dataclasses.replace(
+                    echo,
+                    power_w=receiver_gain * echo.power_w,
+                    power_error_w=receiver_gain * echo.power_error_w,
+                    multi_object_power_w=receiver_gain * echo.multi_object_power_w,
+                )
+                for echo in objects
+                if echo.power_w > least
+            ]
         noise_w = None
         snr = {}
         shown = {echo.name: _shown_range(echo, radar, range_limits_m) for echo in objects}
@@ -263,7 +272,6 @@ class FrameBudget:
                 },
                 radar.waveform.wavelength_m,
                 noise_w and noise_w * map_noise_gain(radar, range_taper, doppler_taper),
-                receiver_gain,
             )
         findings = [*projection_findings(self._input), *self._findings()]
         if uncertain := {
