@@ -36,6 +36,9 @@ class TargetPaths:
         Objects that the largest part of their power touches: "Car", "Car via House" (the car moves,
         the house does not, or is a mirror), "Car and House"; "": unknown. The number of reflections
         follows if the path touches more than these.
+    last_object
+        Object of the last scatterer of the strongest path, which object lists count its power to;
+        "": unknown.
     lines_m
         Corners of each path: receiver, mirrors, scatterers, transmitter, (k, 3) [m]. Scatterers
         between the first and the last are not known and left out.
@@ -44,6 +47,7 @@ class TargetPaths:
     """
 
     name: str
+    last_object: str
     lines_m: list[Real]
     power_w: Real
 
@@ -138,13 +142,13 @@ class PathFinder:
             None where the object has no echo.
         """
         if name not in self._record.objects:
-            return TargetPaths("", [], np.zeros(0))
+            return TargetPaths("", "", [], np.zeros(0))
         number = self._record.objects.index(name) + 1
         ends = self._rows["first_object"] == number
         ends |= self._rows["last_object"] == number
         mine = np.flatnonzero(ends)
         found = self._answer(mine, self._power_w[mine], most)
-        return TargetPaths(name, found.lines_m, found.power_w)
+        return TargetPaths(name, name, found.lines_m, found.power_w)
 
     def named(self, targets: Iterable[_Target]) -> list[_Target]:
         """Return the targets with the names of the objects that their paths touch."""
@@ -156,15 +160,17 @@ class PathFinder:
     def _answer(self, rows: Integers, weight: Real, most: int) -> TargetPaths:
         rows, weight = rows[weight > 0], weight[weight > 0]
         if not rows.size:
-            return TargetPaths("", [], np.zeros(0))
+            return TargetPaths("", "", [], np.zeros(0))
         ends = np.sort([self._rows[end][rows] for end in ("first_object", "last_object")], axis=0)
         _, pair = np.unique(ends, axis=1, return_inverse=True)
         # A path and its reverse touch the same objects.
         strongest = np.flatnonzero(pair == np.bincount(pair, weight).argmax())
-        name = self._name(self._rows[rows[strongest[weight[strongest].argmax()]]])
+        row = self._rows[rows[strongest[weight[strongest].argmax()]]]
+        last = self._record.objects[row["last_object"] - 1] if row["last_object"] else ""
         chosen = rows[np.argsort(-weight, kind="stable")[:most]]
         lines = [self._line(self._rows[row]) for row in chosen]
-        return TargetPaths(name, lines, np.asarray(self._power_w[chosen], dtype=np.float64))
+        powers_w = np.asarray(self._power_w[chosen], dtype=np.float64)
+        return TargetPaths(self._name(row), last, lines, powers_w)
 
     def _name(self, row: PathRows) -> str:
         """Return the names of the objects that a path touches, as `TargetPaths` has them."""

@@ -10,7 +10,7 @@ from typing import Any, Literal, Self, TypeAlias, get_args
 
 from ...contract import AMPLITUDE_MODEL, AmplitudeModel, LinkBudget
 from ...errors import ConfigError, SettingNameError
-from ...options import check_settings, choices_from, documented, setting
+from ...options import check_settings, choices_from, declared, documented, setting
 from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
 from ..detection import Cfar
 from ..echoes import EchoOptions, Receiver, check_window, window_samples
@@ -40,7 +40,7 @@ def _hint(name: str, options: list[str]) -> str:
         "spectrogram": SpectrogramOptions,
     }  # fmt: skip
     for option, kind in parts.items():
-        if name in kind.__dataclass_fields__:
+        if name in declared(kind):
             return f"it is one of {option}={kind.__name__}({name}=...)."
     near = difflib.get_close_matches(name, options, 2, 0.6)
     return f"did you mean {' or '.join(near)}?" if near else "docs/signal.md lists them."

@@ -421,7 +421,7 @@ def test_the_remaining_time_counts_this_session_alone(monkeypatch: pytest.Monkey
     monkeypatch.setattr(time, "monotonic", lambda: 110.0)
     state = {"_started_s": 100.0, "total": 20, "done": 12, "_rendered": 4, "_done_before": 8}
     for kind in (RingJob, PathJob):
-        left_s = kind.seconds_left.fget
+        left_s = kind.seconds_left.fget  # type: ignore[attr-defined]
         assert left_s is not None and left_s(SimpleNamespace(**state)) == pytest.approx(20.0)
         begun = {**state, "done": 8, "_rendered": 0}
         assert left_s(SimpleNamespace(**begun)) is None

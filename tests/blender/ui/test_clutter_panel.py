@@ -151,7 +151,7 @@ def test_plot_is_drawn_again_only_after_a_change(
         clutter_panel, "draw_sigma0", lambda *given: drawn_pictures.append(1) or real(*given)
     )
     reads: list[Any] = []
-    read = clutter.read_clutter_table
+    read = clutter.read_clutter_table  # type: ignore[attr-defined]
     monkeypatch.setattr(
         clutter, "read_clutter_table", lambda *given: reads.append(given) or read(*given)
     )

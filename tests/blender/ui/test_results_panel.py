@@ -145,7 +145,7 @@ def test_results_belong_to_one_scene_of_the_file(state: Any) -> None:
     first = bpy.context.scene
     assert sr.shown_run() is not None and "Older" not in "".join(texts())
     bpy.context.window.scene = bpy.data.scenes.new("Empty")
-    assert sr.shown_run() is sr.shown_view() is sr.chosen_target() is None
+    assert [sr.shown_run(), sr.shown_view(), sr.chosen_target()] == [None] * 3
     assert not any("m/s" in text for text in texts())
     bpy.context.window.scene = first
     assert sr.shown_view() is not None

@@ -116,7 +116,7 @@ def test_a_view_holds_its_own_orders_of_the_same_rays(tmp_path: Path) -> None:
     found = {}
     with ph.job_for(tmp_path, **SIZE) as job:
         for task in job.pending():
-            scene = job.path_scene
+            scene = job.path_scene  # type: ignore[attr-defined]
             job.start(task)
             assert scene.has_second_view
             for pair in ((first, first), (first, later), (later, first), (later, later)):

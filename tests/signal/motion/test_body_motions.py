@@ -22,7 +22,7 @@ def test_they_are_those_of_a_list() -> None:
     noisy = BodyMotion(poses[4], noise_m=1e-6)
     found = BodyMotions(poses, {1: moving(), 4: noisy}, 0.02)
     assert found[1].moving
-    assert found[np.int32(4)] is noisy
+    assert found[np.int32(4)] is noisy  # type: ignore[call-overload]
     assert len(found) == len(list(found)) == 6
     for at in (0, 2, 3, 5):
         assert found[at].epoch_offset_s == 0.02

@@ -230,7 +230,7 @@ def test_noise_is_in_samples_profile_and_map(
         added = getattr(getattr(result, name), field) - getattr(getattr(quiet, name), field)
         assert np.mean(np.abs(added) ** 2) == pytest.approx(noise, rel=0.1), name
     if "link_budget" in options:
-        assert result.noise_of_budget == pytest.approx(result.budget.noise_w / 251 / 15)
+        assert result.noise_of_budget == pytest.approx((result.budget.noise_w or 0.0) / 251 / 15)
         for echo in u.ECHOES:
             ratio = echo.power_w * BUDGET_GAIN / noise_w
             snr = result.budget.snr[echo.name]
