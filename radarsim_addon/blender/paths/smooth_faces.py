@@ -91,10 +91,8 @@ class SmoothFaces:
         bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
         height = cache(lambda one: _height_m(one, wavelength_m))
         smooth = cache(lambda one: _reflectance(one) > 0 and height(one)[0] < _ROUGH * wavelength_m)
-        slopes = [
-            np.array([glint_slope(one) if smooth(one) else 0.0 for one in shape.materials])
-            for shape in shapes
-        ]
+        slope = cache(lambda one: glint_slope(one) if smooth(one) else 0.0)
+        slopes = [np.array([slope(one) for one in shape.materials]) for shape in shapes]
         shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)[bodies.shape]
         chosen = np.flatnonzero(shiny & (np.bincount(bodies.number)[bodies.number] == 1))
         if not chosen.size:

@@ -47,7 +47,8 @@ class EvaluatedObject(NamedTuple):
     def label(self) -> str:
         """Name of the object, with its instancer: ``instancer/object``."""
         name: str = self.original.name_full
-        return name if self.instancer is None else f"{self.instancer.name_full}/{name}"
+        instancer = name if self.instancer is None else self.instancer.name_full
+        return name if instancer == name else f"{instancer}/{name}"
 
     @property
     def matrix(self) -> Real:
