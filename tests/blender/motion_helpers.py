@@ -107,7 +107,7 @@ def measured(
     """A small run: rows of the table, and the same as paths."""
     changes = {
         name: options.pop(name)
-        for name in ("width_px", "height_px", "snapshots")
+        for name in ("width_px", "height_px", "snapshots", "identity")
         if name in options
     }
     changes = {"width_px": 16, "height_px": 16, **changes}

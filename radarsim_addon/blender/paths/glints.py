@@ -354,7 +354,9 @@ class BrightParts:
         facet = np.repeat(mesh.normals[face][:, None], 3, axis=1)
         normals = facet
         if mesh.corner_normals is not None:
-            normals = np.where(flat[:, None, None], facet, mesh.corner_normals[face])
+            corner = mesh.corner_normals[face]
+            missing = ~corner.any(axis=2)  # next to faces without an area
+            normals = np.where((flat[:, None] | missing)[..., None], facet, corner)
         normals, facet = normals @ inverse, facet[:, 0]
         if not mesh.closed:  # a sheet has two sides
             middle_m = corners_m.mean(axis=1)

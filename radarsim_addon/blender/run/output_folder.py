@@ -187,4 +187,5 @@ def _own_files(folder: Path) -> list[Path]:
         TEMPORARY_PATTERN,
     )
     frames = folder / contract.FRAMES_DIR
-    return [path for pattern in patterns for path in frames.glob(f"frame_*/{pattern}")]
+    found = (path for pattern in patterns for path in frames.glob(f"frame_*/{pattern}"))
+    return [path for path in found if not path.is_dir()]  # a burst holds a folder of tiles

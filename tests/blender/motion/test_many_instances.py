@@ -51,7 +51,7 @@ def field(moves: bool = True, instances_move: bool = False) -> None:
 
 def measured(folder: Path) -> ph.PathRun:
     return ph.run_paths(
-        folder, frames=FRAMES, options={"replicates": 1}, burst=BURST, width_px=32, height_px=32
+        folder, identity="file", frames=FRAMES, burst=BURST, width_px=32, height_px=32
     )
 
 

@@ -147,19 +147,29 @@ def test_stopped_between_renders_of_a_burst(tmp_path: Path) -> None:
     for limit in range(1, 40):
         if (tables / contract.burst_dir(1, 1) / contract.PATHS_FILE).exists():
             break
-        ph.run_paths(tables, burst=BURST, options=options, limit=limit)
+        ph.run_paths(tables, identity="file", burst=BURST, options=options, limit=limit)
     for number in range(2):
         name = Path(contract.burst_dir(1, number)) / contract.PATHS_TABLE
         assert (tables / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
+def test_a_stopped_burst_of_a_scene_in_memory_is_replaced(tmp_path: Path) -> None:
+    mh.scene_at(20.0, 2.0)
+    rs.move_steadily(mh.facets("Target", [(0, 20, 0)], 0.6), (2.0, 9.0, 0))
+    options = {"visibility_updates": 2}
+    ph.run_paths(tmp_path, burst=BURST, options=options, limit=3)
+    (tmp_path / contract.burst_dir(1, 1) / contract.TILES_DIR).mkdir(parents=True, exist_ok=True)
+    run = ph.run_paths(tmp_path, burst=BURST, options=options)
+    assert run.job.done == run.job.total and (tmp_path / contract.burst_dir(1, 1)).is_dir()
+
+
 def test_a_longer_burst_is_sampled_anew(tmp_path: Path) -> None:
     mh.scene_at(20.0, 2.0)
     rs.move_steadily(mh.facets("Target", [(0, 20, 0)], 0.6), (2.0, 9.0, 0))
-    ph.run_paths(tmp_path, burst=Burst(5000.0, 64))
-    again = ph.run_paths(tmp_path, burst=Burst(5000.0, 32))
+    ph.run_paths(tmp_path, identity="file", burst=Burst(5000.0, 64))
+    again = ph.run_paths(tmp_path, identity="file", burst=Burst(5000.0, 32))
     assert again.job.path_scene is not None and again.job.path_scene.renders == 0
-    ph.run_paths(tmp_path, burst=Burst(5000.0, 512))
+    ph.run_paths(tmp_path, identity="file", burst=Burst(5000.0, 512))
     motion = read_record(tmp_path / contract.frame_dir(1) / contract.MOTION_FILE, MotionRecord)
     assert motion.duration_s == pytest.approx(512 / 5000)
     assert (
