@@ -263,7 +263,9 @@ class BrightParts:
     def _glint(self, group: _Spots) -> list[Glint]:
         """The glint of neighbouring spots of one body; none where the view resolves it."""
         window = self._window
+        # A thin triangle among others is as bright, but has no power to resolve.
         matters = group.weight >= _FAINT * group.weight.max()
+        matters &= group.echo >= _FAINT * group.echo.max()
         deviation, pitch = float(group.deviation[matters].min()), _PITCH
         if group.flat[matters].all() and group.solid.sum() < _PART * self._box(group.body[0]):
             share = group.solid / group.solid.sum()
@@ -400,8 +402,10 @@ class BrightParts:
             parts, places, ahead = parts.take(kept), places[kept], ahead[kept].all(axis=1)
             spots, longest = self._seen(parts, places, slopes[kept], least[kept], transmitter_m)
             met = ~ahead | self.meets(spots.low, spots.high)
+            met &= spots.deviation > 0  # triangles without a width, and edge on
             across = (spots.high - spots.low) * np.stack([spots.stretch, np.ones(met.size)], axis=1)
-            pixels = np.prod(across, axis=1) / (_PITCH * spots.deviation) ** 2
+            deviation = np.where(met, spots.deviation, np.inf)
+            pixels = np.prod(across, axis=1) / (_PITCH * deviation) ** 2
             large = (pixels > _LARGE_PX) & (self._window.pitch > _RESOLVED * spots.deviation)
             large = met & (large | (~ahead & (halving < _AHEAD)))
             if halving == _HALVINGS or met.size > _MOST_PARTS:
