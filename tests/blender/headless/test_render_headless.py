@@ -208,9 +208,9 @@ def test_help(tmp_path: Path) -> None:
     ("words", "code", "message"),
     [
         (["--no-such-option"], 2, "unrecognized arguments"),
-        (["--ring-step", "0"], 2, "ConfigError: Ring step is 0.0 m"),
-        (["--rings", "-1"], 2, "ConfigError: Number of rings is -1"),
-        (["--rings", "x"], 2, "invalid int value"),
+        (["--ring-step", "0"], 2, "argument --ring-step: 0 m is out of bounds"),
+        (["--rings", "-1"], 2, "argument --rings: -1 is out of bounds"),
+        (["--rings", "x"], 2, "argument --rings: invalid whole number value: 'x'"),
         (["--frames", "1:2:3:4"], 2, "ConfigError: Frames '1:2:3:4'"),
         (["--resolution", "10"], 2, "ConfigError: Resolution '10'"),
         (["--resolution", "0x36"], 2, "Resolution '0x36' has a width of 0"),

@@ -388,5 +388,5 @@ def test_vibration_of_vertices_that_is_fast_for_the_samples(
     codes = {one.code for one in record.findings}
     assert "motion-jumps" not in codes
     if miss_m > 2e-4:
-        assert codes >= {"motion-unresolved", "displacement-error"}
+        assert "displacement-error" in codes
         assert record.displacement_error_bound_m > miss_m / 5

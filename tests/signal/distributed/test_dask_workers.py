@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 MORTAL = """
 import os
 from pathlib import Path
-def run_frame(folder, words, frame):
+def run_frame(folder, words, frame, command):
     lives = Path(folder, "lives")
     left = lives.read_text()
     if left:
