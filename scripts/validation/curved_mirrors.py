@@ -91,7 +91,9 @@ def ellipsoid(bench: Bench) -> list[Check]:
             left_m = float(np.linalg.norm(back))
             from_m = float(_focal_m(back[None] / left_m, antenna_m - other_m, whole_m)[0])
             power = (from_m / left_m / (whole_m - from_m)) ** 2
-            return whole_m - left_m, power * _projection(end_m, antenna_m, -back / left_m)
+            way, onward = other_m + from_m * back / left_m - antenna_m, -back / left_m
+            power *= _kept(way / np.linalg.norm(way), onward)
+            return whole_m - left_m, power * _projection(end_m, antenna_m, onward)
 
         label = "over an ellipsoid, an antenna in a focus"
         checks += _compare(bench, way, label, {name: (1 - end, end)}, APART_M, FOCI)
@@ -183,8 +185,25 @@ def _over_ball(
     cosine = float(back_m @ normal) / before_m
     across = 1 + after_m * (1 / before_m + 2 * cosine / radius_m)
     along = 1 + after_m * (1 / before_m + 2 / (radius_m * cosine))
-    power = 1 / (before_m**2 * across * along)
+    power = _kept(-back_m / before_m, on_m / after_m) / (before_m**2 * across * along)
     return before_m + after_m, power * _projection(end_m, antenna_m, on_m / after_m)
+
+
+def _kept(way: Real, onward: Real) -> float:
+    """Part of the power that a conductor leaves in the polarisation, mean of level and upright.
+
+    The field is turned about the normal by half a turn: E' = 2 n (n . E) - E.
+    """
+    normal = onward - way
+    normal /= np.linalg.norm(normal)
+    parts = []
+    for upright in (False, True):
+        fields = []
+        for along in (way, onward):
+            level = np.array([along[1], -along[0], 0.0]) / math.hypot(along[0], along[1])
+            fields.append(np.cross(level, along) if upright else level)
+        parts.append(float((2 * normal * (normal @ fields[0]) - fields[0]) @ fields[1]) ** 2)
+    return sum(parts) / 2
 
 
 def _projection(end_m: Real, antenna_m: Real, arrival: Real) -> float:

@@ -196,7 +196,9 @@ def test_a_frame_whose_files_are_not_whole_is_rendered_again(tmp_path: Path) -> 
         plate = _grid("Plate", 12, 2.0)
         plate.location = (0, 20, 0)
         _shape_keys(plate)
-        return int(mh.measured(tmp_path, CARRIER_HZ, BURST, identity="file")[2].job.path_scene.renders)
+        return int(
+            mh.measured(tmp_path, CARRIER_HZ, BURST, identity="file")[2].job.path_scene.renders
+        )
 
     assert rendered() > 0
     folder = tmp_path / contract.frame_dir(1)
