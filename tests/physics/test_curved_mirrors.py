@@ -261,8 +261,8 @@ def test_reflections_on_edges_and_along_one_ray_are_found_once() -> None:
     spots = np.array([[0.61, 0.24], [0.37, 0.37], [0.0, 0.43], [-0.29, 0.0], [0.0, 0.0]])
     points = np.column_stack([spots, np.full(5, 0.2)])
     after = (points - antenna) * [1, 1, -1]
-    ends = np.concatenate([points + far * after for far in (0.5, 1.0, 3.0)])
+    ends = (points[:, None] + np.array([0.5, 1.0, 3.0])[:, None] * after[:, None]).reshape(-1, 3)
     found = SpecularSearch(patches, antenna).find(ends)
     assert found.place.tolist() == list(range(15))
-    np.testing.assert_allclose(found.points_m, np.tile(points, (3, 1)), atol=1e-9)
+    np.testing.assert_allclose(found.points_m, np.repeat(points, 3, axis=0), atol=1e-9)
     np.testing.assert_allclose(found.normals, np.tile([0, 0, 1.0], (15, 1)), atol=1e-12)

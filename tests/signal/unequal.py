@@ -7,12 +7,13 @@ Each echo is in the middle of a cell of `FMCW`, so that numbers of neighbours fo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from radarsim_addon import contract
+from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal import Burst, FmcwWaveform, Radar
 from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
 from tests.signal import path_runs as pr
@@ -21,8 +22,7 @@ EIRP_W = 40.0
 TRANSMITTER_M = np.array([5.0, -1.0, 0.5])
 WAVELENGTH_M = pr.WAVEFORM.wavelength_m
 #: Odd numbers of samples and pulses; cells of 2.998 m and 0.943 m/s, up to 752 m.
-FMCW = Radar(FmcwWaveform(5.3e9, 50e6, 251, 2e6), Burst(1000.0, 30))
-FMCW = Radar(FMCW.waveform, Burst(1000.0, 15))
+FMCW = Radar(FmcwWaveform(5.3e9, 50e6, 251, 2e6), Burst(1000.0, 15))
 CELL_M = FMCW.waveform.range_resolution_m
 CELL_MPS = WAVELENGTH_M / 2 * 1000.0 / 15
 REPLICATES = 2
@@ -95,10 +95,22 @@ def rows_of(echoes: tuple[Echo, ...] = ECHOES) -> PathRows:
     return rows
 
 
-def write_run(folder: Path, system: contract.LinkBudget | None = None) -> Path:
+def write_run(folder: Path, frame: int = 1, time_s: float = 0.0, moving: bool = True) -> Path:
+    """Write the run of one frame; return its folder."""
     receiver = pr.camera(pr.pose((0, 0, 0)))
     transmitter = contract.TransmitterRecord(pr.pose(TRANSMITTER_M.tolist()), EIRP_W)
-    return pr.write_run(
-        folder, rows_of(), [echo.name for echo in ECHOES], receiver, transmitter,
-        range_limits_m=750.0, system=system, replicates=REPLICATES,
+    rows = rows_of()
+    rows["range_rate_mps"] *= moving
+    pr.write_run(
+        folder, rows, [echo.name for echo in ECHOES], receiver, transmitter,
+        range_limits_m=750.0, replicates=REPLICATES,
     )  # fmt: skip
+    record = read_record(folder / contract.RUN_FILE, contract.RunRecord)
+    write_record(
+        folder / contract.RUN_FILE, replace(record, frames=[frame], frame_times_s=[time_s])
+    )
+    place = folder / contract.frame_dir(frame)
+    (folder / contract.frame_dir(1)).rename(place)
+    paths = read_record(place / contract.PATHS_FILE, contract.PathsRecord)
+    write_record(place / contract.PATHS_FILE, replace(paths, frame=frame))
+    return folder

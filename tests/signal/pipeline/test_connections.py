@@ -17,6 +17,7 @@ from radarsim_addon.signal import (
     Cfar,
     FmcwWaveform,
     FrameResult,
+    PmcwWaveform,
     ProcessOptions,
     Radar,
     RangeDopplerMap,
@@ -323,6 +324,37 @@ def test_amplitudes_of_the_paper(run: Path) -> None:
     size = sum(4 * math.pi * p / u.WAVELENGTH_M**2 / 1e-6 * MAST.range_m**2 for p in MAST.powers_w)
     assert abs(result.rd_map.plane[row, column]) == pytest.approx(size, rel=1e-3)
     assert result.echoes.amplitude_model == "paper" and result.expected is None
+    # without speckle powers add up
+    sizes = [4 * math.pi * p / u.WAVELENGTH_M**2 / 1e-6 * MAST.range_m**2 for p in MAST.powers_w]
+    power = result.profile.power[column_of(result.profile, MAST)]
+    assert power == pytest.approx(sizes[0] ** 2 + sizes[1] ** 2, rel=1e-3)
+
+
+def test_a_code_takes_no_taper_along_range(run: Path) -> None:
+    """PMCW has its own sidelobes: Hann's window along range costs nothing, along Doppler 1.5."""
+    waveform = PmcwWaveform(5.3e9, 20e-9, 9, code_repeats=3)
+    noise_w = BUDGET_NOISE_W / 2e6 * waveform.sampling_rate_hz
+    for ranges, doppler, loss in (("hann", "none", 1.0), ("none", "hann", 1.5)):
+        result = processed(
+            run, radar=Radar(waveform, u.FMCW.burst), range_taper=ranges, doppler_taper=doppler,
+            link_budget=BUDGET, thermal_noise=True,
+        )  # fmt: skip
+        gain = 511 * 3 * 15 / loss
+        ratio = MAST.power_w * BUDGET_GAIN / noise_w
+        assert result.budget.snr["Mast"].burst_db == pytest.approx(
+            10 * math.log10(gain * ratio), abs=0.01
+        )
+        assert result.map_noise_power == pytest.approx(noise_w / gain, rel=1e-3)
+        assert result.noise_of_budget == pytest.approx(noise_w / gain, rel=1e-3)
+
+
+def test_edges_that_are_not_listed_are_counted(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("radarsim_addon.signal.pipeline.frame.MAX_EDGES", 2)
+    result = processed(run)
+    assert (len(result.edges), result.edges_left_out) == (2, 1)
+    assert [edge.peak_range_m for edge in result.edges] == pytest.approx(
+        [MAST.range_m, BOAT.range_m]
+    )
 
 
 def test_engine_of_the_synthesis(run: Path) -> None:

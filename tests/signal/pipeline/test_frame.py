@@ -199,15 +199,6 @@ def test_rings_have_no_table(tmp_path: Path) -> None:
         _ = opened.table
 
 
-def test_gain_of_the_receive_antenna_is_in_dbi(tmp_path: Path) -> None:
-    run = open_run(rings_run(tmp_path / "run"))
-    powers = []
-    for gain_dbi in (0.0, 10.0):
-        options = dataclasses.replace(OPTIONS, receive_antenna_gain_dbi=gain_dbi).for_run(run)
-        powers.append(process_frame(options.open(run.frame(1)), options).statistics.power_w)
-    assert powers[1] == pytest.approx(10 * powers[0], rel=1e-12)
-
-
 def test_tapers_with_numbers_are_accepted(tmp_path: Path) -> None:
     folder = rings_run(tmp_path / "run")
     tapers = ["--range-taper", "kaiser:8", "--doppler-taper", "taylor:4:-35"]

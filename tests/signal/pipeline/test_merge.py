@@ -2,11 +2,20 @@
 """``radarsim merge`` without Blender: the plan of the whole run."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from radarsim_addon.contract import DEFORMING_SURFACES_FILE, MOTION_FILE, PATHS_TABLE, RUN_FILE
+from radarsim_addon.contract import (
+    DEFORMING_SURFACES_FILE,
+    MOTION_FILE,
+    PATHS_TABLE,
+    RUN_FILE,
+    RunRecord,
+)
+from radarsim_addon.findings import finding
+from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.pipeline import main
 from tests.fuzz.corpus import make_corpus
 from tests.signal.synthetic import Setup, points, write_run
@@ -19,6 +28,29 @@ def test_a_merged_plan_is_that_of_its_parts(tmp_path: Path) -> None:
     part = write_run(tmp_path / "part", SETUP, points(SETUP, []))
     assert main(["merge", str(tmp_path / "whole"), str(part)]) == 0
     assert (tmp_path / "whole" / RUN_FILE).read_bytes() == (part / RUN_FILE).read_bytes()
+
+
+def test_findings_of_all_parts_are_kept(tmp_path: Path) -> None:
+    """One of each part alone, and one of both, whose frames are joined."""
+    parts = []
+    for frame, own in ((1, "adc-clipped"), (2, "orthographic-power")):
+        part = write_run(tmp_path / str(frame), SETUP, points(SETUP, []))
+        numbers = {"count": 5, "samples": 70} if own == "adc-clipped" else {}
+        found = [finding(own, **numbers), finding("ground-truth-missing")]
+        record = read_record(part / RUN_FILE, RunRecord)
+        findings = [item.in_frame(frame) for item in found]
+        write_record(part / RUN_FILE, replace(record, findings=findings))
+        parts.append(str(part))
+    for order in (parts, parts[::-1]):
+        whole = tmp_path / f"whole {Path(order[0]).name}"
+        assert main(["merge", str(whole), *order]) == 0
+        merged = read_record(whole / RUN_FILE, RunRecord).findings
+        frames = {item.code: sorted(item.frames) for item in merged}
+        assert frames == {
+            "adc-clipped": [1],
+            "orthographic-power": [2],
+            "ground-truth-missing": [1, 2],
+        }
 
 
 @pytest.fixture(scope="module")

@@ -99,9 +99,14 @@ def test_doppler_of_fall_and_wind(tmp_path: Path) -> None:
     assert drift == pytest.approx(rows["direction"] @ (3.0, 8.0, 0.0))
 
 
-def result(folder: Path, weather: Weather) -> FrameResult:
+def result(
+    folder: Path, weather: Weather, link_budget: contract.LinkBudget | None = None
+) -> FrameResult:
     run = open_run(folder)
-    options = ProcessOptions(weather=weather, radar=RADAR, range_limits_m=LIMITS_M, speckle_seed=1)
+    options = ProcessOptions(
+        weather=weather, radar=RADAR, range_limits_m=LIMITS_M, speckle_seed=1,
+        link_budget=link_budget,
+    )  # fmt: skip
     resolved = options.for_run(run)
     return process_frame(resolved.open(run.frame(1)), resolved)
 
@@ -134,6 +139,21 @@ def test_echoes_and_expected_power_hold_the_rain(tmp_path: Path) -> None:
     assert 10 * math.log10(mean / expected) == pytest.approx(0.0, abs=0.6)
     codes = {item.code for item in found.findings}
     assert "rain-echo" in codes and "rain-echo-left-out" not in codes
+
+
+def test_rain_is_received_by_the_antennas(tmp_path: Path) -> None:
+    """Both gains, the transmit power and the losses are in the echoes of rain, as in all power."""
+    folder = scene(tmp_path / "run", wall=False)
+    antennas = (contract.AntennaRecord("isotropic", {"gain_dbi": g}) for g in (21.0, 12.0))
+    budget = contract.LinkBudget(300.0, *antennas, other_loss_db=4.0)
+    gain = 300 * 10 ** ((21 + 12 - 4) / 10) / EIRP_W
+    plain, found = result(folder, RAIN), result(folder, RAIN, budget)
+    near = (found.rd_map.range_m > 200) & (found.rd_map.range_m < 1300)
+    powers = [one.rd_map.plane_power[:, near] for one in (plain, found)]
+    np.testing.assert_allclose(powers[1].sum(), gain * powers[0].sum(), rtol=1e-6)
+    assert plain.expected is not None and found.expected is not None
+    of_clutter = [one.clutter_profile for one in (plain.expected, found.expected)]
+    np.testing.assert_allclose(of_clutter[1], gain * of_clutter[0], rtol=1e-6)
 
 
 def test_no_rain_no_points(tmp_path: Path) -> None:
