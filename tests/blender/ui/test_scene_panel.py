@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import bmesh
-import bpy
 import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import bmesh
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon.blender import addon as addon_module
