@@ -102,7 +102,7 @@ def test_a_thin_wall_far_away_delays(tmp_path: Path) -> None:
     assert np.abs(error_m).mean() < 1.5 * rows["length_sigma_m"].mean()
 
 
-@pytest.mark.parametrize("kind", ["alone", "instance", "rough"])
+@pytest.mark.parametrize("kind", ["alone", "oblique", "instance", "rough"])
 def test_faces_and_rim_do_what_the_volume_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
@@ -113,6 +113,12 @@ def test_faces_and_rim_do_what_the_volume_does(
         ph.field_of_view(8.0)
         rs.add_plate(30.0, 6.0)
         item = wall(20.0, 40.0, (1.6, 0.5, 1.9), n=1.7, k=0.002)
+        if kind == "oblique":  # the same block, oblique in its own unevenly scaled axes
+            bpy.context.view_layer.update()
+            shown = item.matrix_world.copy()
+            item.scale, item.rotation_euler = (1.8, 0.7, 1.2), (0.2, -0.3, 1.4)
+            bpy.context.view_layer.update()
+            item.data.transform(item.matrix_world.inverted() @ shown)
         if kind == "instance":
             collection = bpy.data.collections.new("Asset")
             bpy.context.scene.collection.objects.unlink(item)
@@ -123,7 +129,7 @@ def test_faces_and_rim_do_what_the_volume_does(
             bpy.context.scene.collection.objects.link(empty)
         else:
             item.data.materials.clear()
-            rough = {} if kind == "alone" else {"rms_slope": 0.3}
+            rough = {"rms_slope": 0.3} if kind == "rough" else {}
             item.data.materials.append(
                 make_physical_material(
                     "Rough", "index", carrier_hz=CARRIER_HZ, n=1.7, k=0.002, **rough

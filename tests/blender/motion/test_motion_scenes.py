@@ -37,6 +37,19 @@ def steady(velocity: Any) -> mh.Motion:
     return lambda points, times_s: points[:, None] + times_s[:, None] * np.asarray(velocity)
 
 
+@pytest.mark.parametrize("motion", ["kinematic", "off"])
+def test_antennas_apart_that_do_not_move(tmp_path: Path, motion: str) -> None:
+    mh.scene_at(20.0, 2.0)
+    mh.facets("Target", [(0, 20, 0)], 1.0)
+    bpy.data.objects["Radar Emitter"].location = (0.7, 0.1, -0.4)  # Y up, -Z ahead
+    options = {"motion": motion}
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options=options)
+    ends = motion_record(run).antennas
+    assert [one.object for one in ends] == ["Radar Receiver", "Radar Emitter"]
+    places = [np.array(one.pose)[:3, 3] for one in ends]
+    np.testing.assert_allclose(places, [(0, 0, 0), (0.7, 0.4, 0.1)], atol=1e-6)
+
+
 def test_radar_that_flies_over_flat_ground(tmp_path: Path) -> None:
     """All ground closes in at v cos(angle) although no range along a ray changes."""
     rs.new_scene()

@@ -304,7 +304,7 @@ def test_an_alembic_file_is_a_cubic_through_whole_frames(tmp_path: Path, what: s
     speed = rows["range_rate_mps"] / rows["direction"][:, 1]
     if what not in ("object", "mesh"):
         said = record.findings[-1]
-        assert said.code == "cache-between-frames"
+        assert (said.code, said.subjects) == ("cache-between-frames", (read.name,))
         # Blender has frame 1 of the file at 1 / 24 s
         off_mps = np.abs(speed + GRAVITY * (9 / 30 - 1 / FPS)).max()
         bound_mps = said.numbers["speed_mps"]

@@ -11,6 +11,21 @@ pytest.importorskip("bpy")
 from radarsim_addon.blender.motion.samples import SamplingPlan
 
 
+@pytest.mark.parametrize(
+    ("keys", "window"),
+    [
+        ([-40, -30, 9, 11, 60], (9.0, 11.0)),  # up to the next keys
+        ([-40, 9, 10.2, 60], (9.0, 12.2)),  # one within the burst: two frames of both its pieces
+        ([], (9.24, 11.24)),
+    ],
+)
+def test_samples_stay_between_the_nearest_keys(
+    keys: list[float], window: tuple[float, float]
+) -> None:
+    plan = SamplingPlan(10, 24.0, 0.48 / 24, 1.0, 0.004, 17, keys=keys)
+    assert plan.window == pytest.approx(window)
+
+
 @pytest.mark.parametrize(("frame", "digits"), [(1, 23), (32, 18), (250, 16), (10_000, 10)])
 def test_samples_are_dated_as_blender_evaluates_them(frame: int, digits: int) -> None:
     """A float32 frame from 128 to 256 has 16 binary digits after the point: 0.6 us at 24 fps."""

@@ -270,6 +270,11 @@ def test_preset_material_is_shared_until_it_is_edited() -> None:
     nodes.assign_radar_material(plates[2:], "concrete")
     assert plates[2].active_material != shared
     assert plates[0].active_material == shared
+    fresh = plates[2].active_material  # its numbers are the preset's, but a link replaces one
+    value = fresh.node_tree.nodes.new("ShaderNodeValue")
+    node = next(n for n in fresh.node_tree.nodes if n.bl_idname == "ShaderNodeGroup")
+    fresh.node_tree.links.new(value.outputs[0], node.inputs["Roughness"])
+    assert nodes.preset_material("concrete") not in (shared, fresh)
 
 
 def test_assigning_fills_all_slots_and_passes_over_empties() -> None:

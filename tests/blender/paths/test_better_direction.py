@@ -16,6 +16,7 @@ from radarsim_addon.blender.materials import reciprocal_lobe
 from radarsim_addon.signal.paths import PathFlag
 from tests.blender import path_helpers as ph
 from tests.blender.paths.test_reverse_marks import corner
+from tests.blender.slab_scene import physical_material
 
 pytestmark = pytest.mark.blender
 
@@ -69,3 +70,5 @@ def test_which_lobes_scatter_alike_in_both_directions() -> None:
     # Fresnel's equations at the angle of the ray from the receiver
     brick = nodes.make_material("Brick", 2.0, 0.1, 0.5, 0.4, penetrable=False)
     assert reciprocal_lobe(brick) == 0.0
+    # of GGX the width is the square of Blender's roughness
+    assert reciprocal_lobe(physical_material(4.0, 2.0, 0.3)) == pytest.approx(0.09)

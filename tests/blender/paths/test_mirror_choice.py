@@ -67,6 +67,13 @@ def test_names_of_the_command_line(tmp_path: Path) -> None:
     assert found == {"Road": "never", "Window": "first", "Plate": "first"}
     plain = open_job(parse_render_arguments([str(path), "--out", str(tmp_path / "run")]))
     assert marked.identity and marked.identity != plain.identity
+    others = {
+        open_job(
+            parse_render_arguments([str(path), *more, "--out", str(tmp_path / "run")])
+        ).identity
+        for more in (["--mirrors", "Road"], ["--no-mirrors", "Road"], ["--mirrors", "Window"])
+    }
+    assert len(others | {plain.identity, marked.identity}) == 5
     with pytest.raises(ConfigError, match="No object of the scene is called 'Wall'"):
         set_mirrors(bpy.context.scene, "Road,Wall", "never")
     with pytest.raises(ConfigError, match="'yes'; expected one of auto, first, never"):

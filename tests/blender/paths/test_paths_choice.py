@@ -165,6 +165,7 @@ def test_tiles_go_to_the_small_in_sight(
             "max_standard_error": 0.1,
             "refine_for": "objects",
             "max_refinement_level": 9,
+            "tile_px": 16,  # what is in sight is so in tiles before the last
         },
     )
     record, rows = run.record(), run.table()

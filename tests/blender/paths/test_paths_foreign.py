@@ -18,6 +18,26 @@ from tests.blender.state.test_settings_restore import snapshot
 pytestmark = pytest.mark.blender
 
 
+def test_the_output_of_cycles_tells_fog_from_a_surface(tmp_path: Path) -> None:
+    """One material is a surface in Cycles and fog in EEVEE, the other the reverse."""
+    rs.new_scene()
+    for x, surface in ((-1.0, "CYCLES"), (1.0, "EEVEE")):
+        material = ph.lambert(0.5, f"Surface in {surface}")
+        tree = material.node_tree
+        output = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputMaterial")
+        output.target = surface
+        mist = tree.nodes.new("ShaderNodeVolumePrincipled")
+        other = tree.nodes.new("ShaderNodeOutputMaterial")
+        other.target = "EEVEE" if surface == "CYCLES" else "CYCLES"
+        tree.links.new(mist.outputs[0], other.inputs["Volume"])
+        plate = ph.plate_at(10.0, 1.0, material)
+        plate.location.x, plate.name = x, surface
+    run = ph.run_paths(tmp_path, width_px=16, height_px=16)
+    (said,) = [one for one in run.job.findings if one.code == "object-without-surface"]
+    assert said.subjects == ("EEVEE",)
+    assert {run.record().objects[one - 1] for one in run.table()["last_object"]} == {"CYCLES"}
+
+
 def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
     """Bit for bit the table of the same scene without them, orders 1 and 2, all put back."""
     options = {"max_reflections": 2}

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -15,7 +16,10 @@ from radarsim_addon.signal import PathFlag
 bpy = pytest.importorskip("bpy")
 from mathutils import Euler, Vector
 
+from radarsim_addon.blender.motion import Bodies
 from radarsim_addon.blender.paths import view_tracer
+from radarsim_addon.blender.paths.hit_points import HitPoints
+from radarsim_addon.blender.scene import evaluated_poses
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -358,3 +362,19 @@ def test_displaced_surfaces_keep_the_hit_points_of_cycles(tmp_path: Path) -> Non
     lifted_m = item.location.y - rows["last_scatterer_m"][:, 1]
     np.testing.assert_allclose(lifted_m, 0.05, atol=1e-4)
     assert rows["length_sigma_m"].min() > 1e-6
+
+
+def test_of_two_sheets_at_one_place_the_first_is_hit() -> None:
+    """A plate thinner than the points' error: normals are of the side that rays come from."""
+    rs.new_scene()
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 1000.0, 0))
+    bpy.context.object.name, bpy.context.object.scale = "Plate", (4.0, 1e-4, 4.0)
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    bodies = Bodies(["Plate"], evaluated_poses(depsgraph, 1.0), 1.0)
+    hits = HitPoints(bodies, 1.0, 0.05, True, WeakKeyDictionary())
+    for side in (1.0, -1.0):
+        start = np.array([0.3, 1000.0 - side * 1000.0, 0.2])
+        points = np.array([[x, 1000.0, z] for x in (-1.0, 0.4) for z in (-0.7, 1.3)])
+        normals = hits.normals(np.ones(4, dtype=np.intp), np.tile(start, (4, 1)), points)
+        np.testing.assert_allclose(normals, np.tile([0.0, -side, 0.0], (4, 1)), atol=1e-9)

@@ -195,6 +195,7 @@ def test_narrow_lobes_are_kept_as_measured(tmp_path: Path, bistatic: bool) -> No
         stand_apart(6.0, 5.0, HEIGHT_M)
     plate = bpy.data.objects["Plate"]
     plate.data.materials[0] = nodes.make_material("Glossy", 1e4, 1e4, 1.0, 0.4, penetrable=False)
+    plate.data.materials.append(ph.rough_metal())  # the narrowest lobe of all slots decides
     run = measure(tmp_path, pixels=256)
     rows = run.table()
     found = {item.code: item for item in run.record().findings}

@@ -100,6 +100,27 @@ def test_velocity_of_a_plate(tmp_path: Path, speed_mps: float) -> None:
     assert truth.objects[0].range_rate_mps == pytest.approx(speed_mps, abs=1e-3)
 
 
+def test_each_snapshot_has_its_own_antennas(tmp_path: Path) -> None:
+    """Both move at velocities of their own; 10 ms apart is no short interval."""
+    rs.new_scene()
+    rs.add_plate(10.0, size=40.0)
+    radar, emitter = bpy.data.objects["Radar"], bpy.data.objects["Radar Emitter"]
+    emitter.location = (0.5, 0.2, 0.0)
+    rs.move_steadily(emitter, (0.0, 3.0, 0.0))  # its Y is the world's Z
+    rs.move_steadily(radar, (2.0, -5.0, 0.0))
+    changes = {"snapshots": 2, "rings": 1, "ring_step_m": 40.0}
+    job = rs.run(tmp_path, snapshot_interval_s=0.01, **changes)
+    assert "short-snapshot-interval" not in {one.code for one in job.run_findings}
+    frame = signal.open_run(tmp_path).frame(1)
+    first, second = (frame.image(0, number)[0] for number in (0, 1))
+    for side, velocity in (("receiver", (2.0, -5.0, 0.0)), ("transmitter", (2.0, -5.0, 3.0))):
+        places = [np.array(getattr(one, side).matrix_world)[:3, 3] for one in (first, second)]
+        np.testing.assert_allclose(np.diff(places, axis=0)[0], 0.01 * np.array(velocity), atol=2e-6)
+    np.testing.assert_allclose(places[0], (0.5, 0.0, 0.2), atol=1e-6)
+    job = rs.run(tmp_path / "short", snapshot_interval_s=0.0015, **changes)
+    assert "short-snapshot-interval" in {one.code for one in job.run_findings}
+
+
 @pytest.mark.parametrize("frame", [32, 250, 10_000, -7])
 def test_velocity_at_any_frame(tmp_path: Path, frame: int) -> None:
     """Between two keys 20 frames apart, around the frame; the scene's time comes back."""

@@ -17,6 +17,7 @@ from mathutils import Matrix
 
 from radarsim_addon import contract
 from radarsim_addon.blender import nodes
+from radarsim_addon.blender.scene import echoing_boxes, measure_pixel_spans
 from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import open_run
 from tests.blender import path_helpers as ph
@@ -269,3 +270,21 @@ def test_members_of_an_instance_follow_its_visibility(tmp_path: Path) -> None:
     assert found["hidden-from-receiver"].subjects == ("Shown",)
     assert item.name not in nearest
     assert np.isfinite(list(nearest.values())).all()
+
+
+def test_pixels_are_of_objects_ahead_and_within_the_frame() -> None:
+    """Boxes at all sides, also where one ahead would be if it were mirrored in the receiver."""
+    rs.new_scene()
+    places = {
+        "Ahead": (0, 10, 0), "Behind": (0, -10, 0), "Right": (4, 10, 0), "Beyond": (6, 10, 0),
+        "Left behind": (-4, -10, 1), "Above": (0, 10, 2), "Higher": (0, 10, 4),
+    }  # fmt: skip
+    for name, place in places.items():
+        bpy.ops.mesh.primitive_cube_add(size=0.2, location=place)
+        bpy.context.object.name = name
+    bpy.context.view_layer.update()
+    boxes = echoing_boxes(bpy.context.evaluated_depsgraph_get(), any_material=True)
+    matrix = np.array(bpy.context.scene.camera.matrix_world, dtype=np.float64)
+    sizes = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 1.0).sizes
+    assert set(sizes) == {"Ahead", "Right", "Above"}
+    assert sizes["Ahead"] == pytest.approx(0.2 * math.sqrt(3) / 10)

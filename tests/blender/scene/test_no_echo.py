@@ -45,6 +45,23 @@ def test_shaders_that_reflect_nothing_are_named(tmp_path: Path, kind: str) -> No
     assert (found.code, found.subjects) == ("shaders-reflect-nothing", ("Screen",))
 
 
+def test_one_slot_that_reflects_nothing_is_not_the_cause(tmp_path: Path) -> None:
+    """Half of the plate emits, the other half is a mirror that is turned away."""
+    rs.new_scene()
+    screen = ph.plate_at(10.0, 4.0, shader_material("ShaderNodeEmission"), tilt_deg=20.0)
+    screen.name = "Screen"
+    screen.data.materials.append(ph.mirror())
+    mesh = screen.data
+    mesh.clear_geometry()
+    points = [(x, 0, z) for z in (-2, 2) for x in (-2, 0, 2)]
+    mesh.from_pydata(points, [], [(0, 1, 4, 3), (1, 2, 5, 4)])
+    mesh.polygons[1].material_index = 1
+    found = ph.run_paths(tmp_path, width_px=8, height_px=8).record().findings
+    causes = {one.code: one.subjects for one in found if one.severity == "error"}
+    assert causes["surfaces-return-nothing"] == ("Screen",)
+    assert "shaders-reflect-nothing" not in causes
+
+
 def test_a_transmitter_inside_a_mesh_is_told_with_the_mesh(tmp_path: Path) -> None:
     rs.new_scene()
     rs.add_plate(10.0)

@@ -46,6 +46,24 @@ def test_what_is_bent_is_named(empty_scene: Any) -> None:
     assert named() == ()
 
 
+def test_the_largest_fraction_is_said(empty_scene: Any) -> None:
+    """Of a cube all, of one with a plane of the same area apart from it the half."""
+    bpy.ops.mesh.primitive_plane_add(size=math.sqrt(24), location=(0, 0, 9))
+    bpy.ops.mesh.primitive_cube_add(size=2)
+    bpy.ops.object.select_all(action="SELECT")
+    bpy.ops.object.join()
+    smooth(bpy.context.object)
+    bpy.context.view_layer.update()
+    for whole, expected in ((False, 0.5), (True, 1.0)):
+        if whole:
+            bpy.ops.mesh.primitive_cube_add(location=(9, 0, 0))
+            smooth(bpy.context.object)
+            bpy.context.view_layer.update()
+        (found,) = check_normals(bpy.context.evaluated_depsgraph_get())
+        assert len(found.subjects) == 1 + whole
+        assert found.numbers["fraction"] == pytest.approx(expected)
+
+
 def test_round_bodies_are_as_they_should_be(empty_scene: Any) -> None:
     bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
     smooth(bpy.context.object)

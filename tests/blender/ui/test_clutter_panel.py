@@ -14,7 +14,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import rig_settings as properties
-from radarsim_addon.blender.materials import clutter_of, fluctuation_of
+from radarsim_addon.blender.materials import clutter_of, fluctuation_of, set_clutter
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
 from radarsim_addon.blender.ui import clutter_panel
 from radarsim_addon.blender.ui import sigma0_plot as plot
@@ -92,6 +92,8 @@ def test_fields_set_the_model_and_the_panel_shows_its_values(material: Any) -> N
     assert fields.clutter_gamma_db == -15.0 and "outside" not in drawn(material)
     fields.clutter_gamma_db = -20.5
     assert clutter_of(material).parameters == {"gamma_db": -20.5}
+    set_clutter(material, "nrl_sea", sea_state=2.0)  # by a script: nothing of the old model stays
+    assert [key for key in material.keys() if "gamma" in key] == []
 
 
 def test_a_table_that_cannot_be_used_is_said(material: Any, tmp_path: Path) -> None:

@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import bmesh
-import bpy
 import pytest
+
+bpy = pytest.importorskip("bpy")
+
+import bmesh
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon.blender import addon as addon_module
@@ -120,6 +122,9 @@ def test_fixes_of_rings_and_ranges(scene: Any, values: dict[str, Any], code: str
     for button in fixes:
         press(button)
     assert code not in listed()
+    if "prf_hz" in values:  # the farthest face echoes within a pulse interval
+        prf_hz = settings(active_radar(scene)).prf_hz
+        assert 0.8 * 299_792_458 / (2 * 47.1) < prf_hz < 299_792_458 / (2 * 47.0)
 
 
 def test_ground_at_grazing_incidence_gets_finer_pixels_by_a_press(scene: Any) -> None:
