@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -142,7 +143,8 @@ def write_view(result: Any, folder: Path) -> None:
             power_dbm=item.level_db + 30 if watts else None,
             rcs_dbsm=None,
             snr_db=item.snr_db,
-            power_error=errors.get(found.object_name, 0.0) if found else 0.0,
+            # that of the first object: "Car via House" moves as the car
+            power_error=errors.get(re.split(" via | and ", found.name)[0], 0.0) if found else 0.0,
             lines_m=_lines(found) if found else [],
         )
 
