@@ -32,6 +32,13 @@ _KEEP_POINTS = {
     *("NORMAL_EDIT", "WEIGHTED_NORMAL", "UV_PROJECT", "UV_WARP", "DATA_TRANSFER"),
     *("VERTEX_WEIGHT_EDIT", "VERTEX_WEIGHT_MIX", "VERTEX_WEIGHT_PROXIMITY", "PARTICLE_SYSTEM"),
 }
+#: Modifiers that do not move a mesh without being animated themselves.
+_KEEP_SHAPE = {
+    *("SUBSURF", "MULTIRES", "SOLIDIFY", "ARRAY", "MIRROR", "SCREW", "TRIANGULATE", "EDGE_SPLIT"),
+    *("BEVEL", "WELD", "REMESH", "DECIMATE", "NORMAL_EDIT", "WEIGHTED_NORMAL"),
+}
+#: Nodes that put vertices on the edges of a grid that does not move with the surface.
+_ON_GRID_NODES = {"GeometryNodeVolumeToMesh", "GeometryNodeGridToMesh"}
 #: Attribute of meshes by which their points are recognised after all modifiers, while it is there.
 _MARKS = "radarsim_point"
 #: Part of the deformation by which vertices may slide along the surface.
@@ -92,6 +99,32 @@ def is_cut(item: Any) -> bool:
     )
 
 
+def is_on_grid(item: Any) -> bool:
+    """Return whether an object's vertices are on a grid, whatever moves: metaballs, and meshes that
+    Remesh modifiers or nodes make after what may deform.
+    """
+    moves = item.parent_type in _DEFORMING_PARENTS
+    moves |= getattr(item.data, "shape_keys", None) is not None
+    for modifier in item.modifiers:
+        if not (modifier.show_viewport or modifier.show_render):
+            continue
+        if modifier.type == "NODES":  # they may also move what they remesh
+            if _is_grid_tree(modifier.node_group):
+                return True
+        elif modifier.type == "REMESH" and moves:
+            return True
+        moves |= modifier.type not in _KEEP_SHAPE
+    return bool(item.type == "META")
+
+
+def _is_grid_tree(tree: Any) -> bool:
+    return tree is not None and any(
+        node.bl_idname in _ON_GRID_NODES or _is_grid_tree(getattr(node, "node_tree", None))
+        for node in tree.nodes
+        if not node.mute
+    )
+
+
 @contextlib.contextmanager
 def marked_points(items: Iterable[Any]) -> Iterator[None]:
     """Give the corners of the meshes of objects their places as an attribute, for a time.
@@ -120,14 +153,14 @@ class SurfacePoints(NamedTuple):
     """What tells the vertices of an evaluated mesh, while `marked_points`.
 
     Vertices (n, 3), vertices of the corners of all faces, marks of the vertices (n, 3) if any
-    modifier left them, and the ends of a curve's bevel.
+    modifier left them, the ends of a curve's bevel, and `is_on_grid`.
     """
 
     places: Single
     corners: NDArray[np.int32]
     marks: Single | None
     ends: tuple[float, ...]
-    family: bool
+    on_grid: bool
 
 
 def surface_points(item: Any, depsgraph: Any) -> SurfacePoints:
@@ -146,7 +179,7 @@ def surface_points(item: Any, depsgraph: Any) -> SurfacePoints:
             if held.domain == "CORNER":
                 of_corner, marks = marks, np.zeros_like(places)
                 np.maximum.at(marks, corners, of_corner)
-        return SurfacePoints(places, corners, marks, ends, item.type == "META")
+        return SurfacePoints(places, corners, marks, ends, is_on_grid(item))
 
 
 def are_same_points(one: SurfacePoints, other: SurfacePoints) -> bool:
@@ -154,10 +187,10 @@ def are_same_points(one: SurfacePoints, other: SurfacePoints) -> bool:
     if one.places.shape != other.places.shape or one.ends != other.ends:
         return False
     moved = float(np.abs(one.places - other.places).max(initial=0.0))
+    if one.on_grid:
+        return moved <= _ROUNDED * float(np.spacing(np.abs(one.places).max(initial=1e-30)))
     if one.marks is None or other.marks is None or not one.marks.any():
-        still = moved <= _ROUNDED * np.spacing(np.abs(one.places).max(initial=1e-30))
-        # Metaballs have vertices on a grid, whatever moves.
-        return still if one.family else np.array_equal(one.corners, other.corners)
+        return np.array_equal(one.corners, other.corners)
     slid = float(np.abs(one.marks - other.marks).max())
     return slid <= max(_ROUNDED * float(np.spacing(one.marks.max())), _MAX_SLIDE * moved)
 

@@ -114,6 +114,7 @@ def _isolate_any_material(
         if material is not None
         and material.node_tree is not None
         and not is_radar_material(material)
+        and not _is_fog(material)
         and _scatters_inside(material)
     ]
     findings = []

@@ -390,3 +390,85 @@ def test_vibration_of_vertices_that_is_fast_for_the_samples(
     if miss_m > 2e-4:
         assert "displacement-error" in codes
         assert record.displacement_error_bound_m > miss_m / 5
+
+
+def by_voxels(item: Any) -> None:
+    remesh = item.modifiers.new("Remesh", "REMESH")
+    remesh.mode, remesh.voxel_size = "VOXEL", 0.1
+
+
+def by_volume(item: Any) -> None:
+    """Mesh to volume to mesh, in a nested group."""
+    inner = bpy.data.node_groups.new("Inner", "GeometryNodeTree")
+    outer = bpy.data.node_groups.new("Outer", "GeometryNodeTree")
+    for tree in (inner, outer):
+        for way in ("INPUT", "OUTPUT"):
+            tree.interface.new_socket("Mesh", in_out=way, socket_type="NodeSocketGeometry")
+    chains = {
+        inner: ("GeometryNodeMeshToVolume", "GeometryNodeVolumeToMesh", "GeometryNodeSetMaterial"),
+        outer: ("GeometryNodeGroup",),
+    }
+    for tree, names in chains.items():
+        last = tree.nodes.new("NodeGroupInput")
+        for name in (*names, "NodeGroupOutput"):
+            node = tree.nodes.new(name)
+            if name == "GeometryNodeGroup":
+                node.node_tree = inner
+            if name == "GeometryNodeMeshToVolume":
+                node.inputs["Voxel Amount"].default_value = 24
+            if name == "GeometryNodeSetMaterial":
+                node.inputs["Material"].default_value = item.data.materials[0]
+            tree.links.new(last.outputs[0], node.inputs[0])
+            last = node
+    item.modifiers.new("Nodes", "NODES").node_group = outer
+
+
+@pytest.mark.parametrize("remesh", [by_voxels, by_volume])
+@pytest.mark.parametrize("speed_mps", [1.0, -0.4])
+def test_vertices_on_a_grid_are_not_points_of_the_surface(
+    tmp_path: Path, remesh: Any, speed_mps: float
+) -> None:
+    """They keep their number and faces for a while, and slide by up to twice the speed."""
+    mh.scene_at(DISTANCE_M, 6)
+    bpy.ops.mesh.primitive_cube_add(location=(0, DISTANCE_M, 0), rotation=(0.3, 0.2, 0.5))
+    item = bpy.context.object
+    item.data.materials.append(ph.lambert(0.5))
+    by_shape_key(item, speed_mps)
+    remesh(item)
+    speeds, record, found = measured(tmp_path, 3)
+    said = found["surface-not-followed"]
+    assert not speeds.any() and said.subjects == ("Cube",)
+    assert record.displacement_error_bound_m == said.numbers["apart_m"]
+    moved_m = abs(speed_mps) * BURST.pulses / BURST.prf_hz
+    assert 0.3 * moved_m < said.numbers["apart_m"] < 4 * moved_m
+
+
+def test_a_remeshed_object_that_moves_as_a_whole(tmp_path: Path) -> None:
+    mh.scene_at(DISTANCE_M, 6)
+    bpy.ops.mesh.primitive_cube_add(location=(0, DISTANCE_M, 0), rotation=(0.3, 0.2, 0.5))
+    item = bpy.context.object
+    item.data.materials.append(ph.lambert(0.5))
+    by_voxels(item)
+    steady(item, "location", (1, (0, 20, 0)), (1 + SECOND, (0, 23, 0)))
+    speeds, _, found = measured(tmp_path, 3)
+    assert not found
+    np.testing.assert_allclose(speeds, 3.0, rtol=1e-4)
+
+
+@pytest.mark.parametrize("above", [True, False])
+def test_remesh_above_and_below_what_deforms(tmp_path: Path, above: bool) -> None:
+    """The remedy that the finding gives: above it, the vertices are points of the surface."""
+    mh.scene_at(DISTANCE_M, 6)
+    bpy.ops.mesh.primitive_cube_add(location=(0, DISTANCE_M, 0))
+    item = bpy.context.object
+    item.data.materials.append(ph.lambert(0.5))
+    item.modifiers.new("Subdivision", "SUBSURF")
+    by_voxels(item)
+    moved = item.modifiers.new("Displace", "DISPLACE")
+    moved.direction, moved.mid_level = "Y", 0.0
+    moved.driver_add("strength").driver.expression = "frame / 12"
+    if not above:
+        item.modifiers.move(2, 0)
+    speeds, _, found = measured(tmp_path, 3)
+    assert [*found] == ([] if above else ["surface-not-followed"])
+    np.testing.assert_allclose(speeds, 2.0 if above else 0.0, rtol=1e-4)

@@ -138,6 +138,25 @@ def test_said_once_for_the_scene(tmp_path: Path) -> None:
     assert [sorted(item.subjects) for item in said] == [["Block", "Pane", "Road", "Thing"]]
 
 
+def test_fog_is_named_once(tmp_path: Path) -> None:
+    """It is hidden, so it does not scatter below its surface."""
+    rs.new_scene()
+    street()
+    bpy.ops.mesh.primitive_cube_add(location=(0, 0, -600))
+    fog = ph.principled("Fog", (0.4, 0.4, 0.4))
+    nodes = fog.node_tree.nodes
+    nodes.clear()
+    volume = nodes.new("ShaderNodeVolumePrincipled")
+    output = nodes.new("ShaderNodeOutputMaterial")
+    fog.node_tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    bpy.context.object.data.materials.append(fog)
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8)
+    said = {item.code: sorted(item.subjects) for item in run.job.findings}
+    assert said["optical-material"] == ["Block", "Pane", "Road", "Thing"]
+    assert said["object-without-surface"] == ["Cube"]
+    assert "subsurface-scattering" not in said
+
+
 def test_materials_of_no_object_are_not_named(tmp_path: Path) -> None:
     """A fake user keeps them in the file: skin that scatters, a medium beyond its band."""
     rs.new_scene()
