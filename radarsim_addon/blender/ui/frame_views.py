@@ -142,7 +142,7 @@ def write_view(result: Any, folder: Path) -> None:
             power_dbm=item.level_db + 30 if watts else None,
             rcs_dbsm=None,
             snr_db=item.snr_db,
-            power_error=errors.get(found.object_name, 0.0) if found else 0.0,
+            power_error=errors.get(found.name, 0.0) if found else 0.0,
             lines_m=_lines(found) if found else [],
         )
 
