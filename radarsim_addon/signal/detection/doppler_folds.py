@@ -12,6 +12,7 @@ import numpy as np
 
 from ...array_types import Integers, Mask, Real
 from ..maps import RangeDopplerMap, Recording, point_response
+from ..motion import mean_over_burst
 from ..paths import Paths, path_power_w
 from ..radar import Radar, slow_time_window
 from .detections import Detection
@@ -57,10 +58,11 @@ class DopplerFolds:
             rated = rated | paths.motion.moving
             clutter = paths.motion.moving & ~paths.motion.scatterers_move
         moving = np.flatnonzero(rated)
-        rate = paths.range_rate_mps[moving]
-        # a peak of the map stands where its echo was in the middle of the burst
-        middle_s = (self._rows - 1) / 2 / self._radar.burst.prf_hz
-        cell, doppler = self._cells(paths.range_m[moving] + rate * middle_s, rate)
+        range_m, rate = paths.range_m[moving], paths.range_rate_mps[moving]
+        if self._rows > 1:
+            burst_s = (self._rows - 1) / self._radar.burst.prf_hz
+            range_m, rate = mean_over_burst(paths.lengths, burst_s, moving)
+        cell, doppler = self._cells(range_m, rate)
         power = path_power_w(paths, self._radar.waveform.wavelength_m)[moving]
         joined = np.concatenate([self._codes, doppler * _RANGE_CELLS + cell])
         self._codes, place = np.unique(joined, return_inverse=True)

@@ -14,8 +14,8 @@ from ...array_types import Integers, Real
 from ...contract import ImageRecord
 from ...physics.mirrors import mirror_matrix
 from ..decoding import FrameInput
-from ..motion import which_move
-from ..paths import PathRows, has_images, iter_rows, usable
+from ..motion import mean_over_burst, which_move
+from ..paths import PathRows, has_images, iter_rows, motion_of_rows, usable
 from ..scattering import Link
 from .detections import Detection
 from .objects import path_power_w
@@ -72,7 +72,7 @@ class PathFinder:
         self._input, self._radar = frame_input, frame_input.radar
         table, waveform = frame_input.table, self._radar.waveform
         self._record, self._rows = table.record, table.rows
-        later_s = (self._radar.burst.pulses - 1) / 2 / self._radar.burst.prf_hz
+        burst_s = (self._radar.burst.pulses - 1) / self._radar.burst.prf_hz
         motion = table.motion
         self._moves = np.zeros(0, bool) if motion is None else which_move(motion.bodies)
         if motion is not None and motion.tracks is not None:  # these deform
@@ -83,8 +83,12 @@ class PathFinder:
                 rows, self._record, waveform.carrier_hz, link, waveform.range_resolution_m
             )
             power = np.where(usable(rows), power, 0.0)
-            range_m = rows["length_m"] / 2 + later_s * rows["range_rate_mps"]
-            columns.append(np.stack([range_m, rows["range_rate_mps"], power]).astype(np.float32))
+            range_m, rate = rows["length_m"] / 2, rows["range_rate_mps"]
+            if motion is not None and burst_s > 0:
+                range_m, rate = mean_over_burst(motion_of_rows(rows, motion), burst_s, slice(None))
+            elif burst_s > 0:
+                range_m = range_m + burst_s / 2 * rate
+            columns.append(np.stack([range_m, rate, power]).astype(np.float32))
         joined = np.concatenate(columns, axis=1) if columns else np.zeros((3, 0), np.float32)
         period_m = self._radar.burst.unambiguous_range_m
         if waveform.family == "line":

@@ -12,7 +12,7 @@ from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
 from .images import PathImages
 from .kinematics import KinematicMotion, leg_change
 from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
-from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion
+from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion, mean_over_burst
 from .still_bodies import StillBodies, read_still_bodies, write_still_bodies
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "fit_vertices",
     "join_motion",
     "leg_change",
+    "mean_over_burst",
     "places_m",
     "read_motion",
     "read_still_bodies",

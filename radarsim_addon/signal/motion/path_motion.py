@@ -96,6 +96,24 @@ class LinearMotion:
         return LinearMotion(self.length_m[rows], self.range_rate_mps[rows])
 
 
+def mean_over_burst(motion: PathMotion, burst_s: float, rows: Rows) -> tuple[Real, Real]:
+    """Return one-way ranges in the middle of a burst and mean range rates over it, (rows,) each.
+
+    A map shows an echo there: range rates of accelerating bodies at t are not those of its peaks.
+
+    Parameters
+    ----------
+    motion
+        Of the paths.
+    burst_s
+        Time from the first pulse to the last one, above 0 [s].
+    rows
+        Rows of the paths.
+    """
+    first_m, middle_m, last_m = motion.lengths_m(np.array([0.0, 0.5, 1.0]) * burst_s, rows).T / 2
+    return middle_m, (last_m - first_m) / burst_s
+
+
 @dataclass(frozen=True)
 class JoinedMotion:
     """Motions in sequence, as of paths that were joined.

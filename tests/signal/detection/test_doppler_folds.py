@@ -3,10 +3,12 @@
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from radarsim_addon.array_types import Real
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -29,6 +31,7 @@ from radarsim_addon.signal.detection import (
     find_moving_targets,
     velocity_before_folding_mps,
 )
+from radarsim_addon.signal.motion import PathMotion, Rows
 from radarsim_addon.signal.pipeline.console import Digits
 from tests.signal.oracle import unit_paths
 from tests.signal.pointscenes import WAVEFORMS
@@ -64,6 +67,32 @@ def test_a_target_has_the_range_rate_of_its_paths(name: str, turns: float) -> No
     folded = abs(turns) > 0.5
     assert velocity_before_folding_mps(target) == (target.unfolded_velocity_mps if folded else None)
     assert ("folded, true range rate" in Digits().motion_text(target)) == folded
+
+
+class Accelerated:
+    """8 m/s^2 in addition to constant range rates."""
+
+    def __init__(self, start: PathMotion) -> None:
+        self.start = start
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.start, name)
+
+    def lengths_m(self, times_s: Real, rows: Rows) -> Real:
+        return self.start.lengths_m(times_s, rows) + 8.0 * np.asarray(times_s) ** 2
+
+    def select(self, rows: Rows) -> PathMotion:
+        return Accelerated(self.start.select(rows))
+
+
+def test_an_accelerating_target_has_the_range_rate_of_the_middle_of_the_burst() -> None:
+    """0.1 s: the rate grows by 0.8 m/s, 13 Doppler rows of the map; without it no path is near."""
+    radar = Radar(FmcwWaveform(24e9, 300e6, 128, 2e6), Burst(5000.0, 512))
+    paths = unit_paths(radar, [50.0], [5.0])
+    paths = dataclasses.replace(paths, motion=Accelerated(paths.lengths))
+    burst_s = 511 / 5000.0
+    (target,) = found_in(radar, paths)
+    assert target.unfolded_velocity_mps == pytest.approx(5.0 + 8.0 * burst_s / 2, abs=0.05)
 
 
 def test_a_folded_target_has_no_sidelobes_among_the_targets() -> None:

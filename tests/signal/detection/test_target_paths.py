@@ -152,7 +152,7 @@ def test_a_target_is_named_after_all_that_its_paths_touch(
     )
     frame = open_frame(open_run(folder).frame(1))
     still = BodyMotion(np.array(here))
-    bodies = [moving(3.0 * (item in moves)) for item in objects]
+    bodies = [moving(1e-3 * (item in moves)) for item in objects]
     record = dataclasses.replace(
         frame.table.record, images=[ImageRecord([[0, 0, 1]], [-2.0], mirrors)]
     )
@@ -164,6 +164,31 @@ def test_a_target_is_named_after_all_that_its_paths_touch(
     assert finder.of_target(28.27, 0.0).name == name
     (peak,) = finder.named([Peak(28.27, 0.0, 0.0, 1.0, 2.0)])
     assert (peak.name, peak.range_m, peak.peak_to_background_db) == (name, 28.27, 2.0)
+
+
+def test_an_accelerating_target_is_where_the_map_shows_it(tmp_path: Path) -> None:
+    """At t the car is stationary; over the burst its mean range rate is 40 m/s."""
+    here, burst_s = pr.pose((0, 0, 0)), (pr.BURST.pulses - 1) / pr.BURST.prf_hz
+    receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    rows = np.zeros(1, dtype=PATH_DTYPE)
+    rows["power_w"], rows["length_m"], rows["solid_angle_sr"], rows["order"] = 1e-9, 600.0, 1e-6, 1
+    for end in ("first", "last"):
+        rows[f"{end}_object"] = rows[f"{end}_body"] = 1
+        rows[f"{end}_scatterer_m"] = 0.0, 300.0, 0.0
+    folder = pr.write_run(
+        tmp_path / "run", rows, ["Car"], receiver, transmitter, range_limits_m=600.0
+    )
+    frame = open_frame(open_run(folder).frame(1))
+    still, half = BodyMotion(np.array(here)), 40.0 * burst_s / 2
+    # y = a t^2 of Chebyshev's polynomials of x = 2 t / burst - 1
+    series = np.array([[0, 0.75 * half, 0], [0, half, 0], [0, 0.25 * half, 0]])
+    car = BodyMotion(np.eye(4), (Segment(0.0, burst_s, series),))
+    table = dataclasses.replace(
+        frame.table, motion=FrameMotion(burst_s, still, still, False, [car])
+    )
+    finder = PathFinder(dataclasses.replace(frame, tables=(table,)))
+    assert finder.of_target(300.0 + half / 2, 40.0).name == "Car"
+    assert finder.of_target(300.0, 0.0).name == ""
 
 
 def test_lists_and_files_have_the_names(tmp_path: Path) -> None:
