@@ -281,6 +281,15 @@ MIRRORS = {
         "stationary at the time of the render.",
         "Shorten the burst, or give these surfaces a roughness above 0.",
     ),
+    "mirror-phases-apart": Kind(
+        "caution",
+        "{subjects} reflect horizontal and vertical waves with phases that differ by up to "
+        "{apart_deg:.0f} degrees, and Polarisation is Average.",
+        "Paths via these mirrors have the phase of the horizontal wave. Lobes and nulls are "
+        "those of a horizontal radar. Those of a vertical radar lie elsewhere, so a level near a "
+        "null can be wrong by more than 10 dB.",
+        "Set Polarisation to that of your radar, Vertical or Horizontal.",
+    ),
     "mirror-turns-polarisation": Kind(
         "caution",
         "{subjects} are tilted about the line of sight: they turn up to {fraction:percent} of the "

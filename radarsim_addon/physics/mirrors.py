@@ -45,11 +45,15 @@ class Reflected(NamedTuple):
         Phase of the field in this polarisation.
     turned
         Fraction of the power in the other polarisation.
+    apart
+        With both polarisations, the power times sin^2 of half the difference of their phases; 0 for
+        one polarisation.
     """
 
     power: Real
     phase_rad: Real
     turned: Real
+    apart: Real
 
 
 @dataclass(frozen=True)
@@ -206,7 +210,8 @@ def co_polar(fields: Complex, ways: Real, polarisation: str) -> Reflected:
     kept = np.stack([dots(*both) for both in zip(fields, sent_fields(ways, polarisation))])
     power = np.mean(np.abs(kept) ** 2, axis=0)
     every = np.mean([dots(field, np.conj(field)).real for field in fields], axis=0)
-    return Reflected(power, np.angle(kept[0]), np.maximum(every - power, 0.0))
+    apart = power * np.sin(np.angle(kept[-1] * np.conj(kept[0])) / 2) ** 2
+    return Reflected(power, np.angle(kept[0]), np.maximum(every - power, 0.0), apart)
 
 
 def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:

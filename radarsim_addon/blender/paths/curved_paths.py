@@ -21,7 +21,7 @@ from ...signal.paths import PathRows
 from ...vectors import crosses, distances, dots, norms
 from .curved_mirrors import CurvedMirrors
 from .hit_points import HitPoints
-from .mirrors import TurnedPower
+from .mirrors import MirrorPolarisation
 from .obstacles import Obstacles
 from .same_point import alike_in_both
 
@@ -85,7 +85,7 @@ class CurvedPaths:
         #: mirror.
         self.focusing: set[int] = set()
         self.narrow: set[int] = set()
-        self.turned = TurnedPower()
+        self.turned = MirrorPolarisation()
 
     def to(self, antenna_m: Real) -> CurvedPaths:
         """Return the paths to another antenna, with the same tree and sets of bodies."""
@@ -109,8 +109,9 @@ class CurvedPaths:
         away_m = norms(straight_m)
         cosines = dots(normals, onto) / ways.after_m
         cosines /= dots(normals, straight_m) / away_m
-        power, phase_rad, turned = self._reflection(ways)
-        self._count_turned(ways, rows["power_w"][place], turned)
+        reflected = self._reflection(ways)
+        self._count_turned(ways, rows["power_w"][place], reflected)
+        power, phase_rad = reflected.power.copy(), reflected.phase_rad
         power *= cosines * (away_m / ways.before_m) ** 2 / ways.beams
         seen = power > _LEAST_POWER  # NaN: not
         blocked, through = self._blocked(ways, places_m, rows["last_body"], seen)
@@ -177,7 +178,7 @@ class CurvedPaths:
     def _reflection(self, ways: _Ways) -> Reflected:
         """Waves after the mirrors, of the polarisation of the run."""
         number = self.mirrors.material[ways.found.patch]
-        found = np.zeros((3, number.size))
+        found = np.zeros((4, number.size))
         for material, mirror in enumerate(self.mirrors.materials):
             mine = np.flatnonzero(number == material)
             found[:, mine] = mirror.reflection(
@@ -188,12 +189,13 @@ class CurvedPaths:
             )
         return Reflected(*found)
 
-    def _count_turned(self, ways: _Ways, power_w: Real, turned: Real) -> None:
-        """Keep the power that each body turns into the other polarisation."""
+    def _count_turned(self, ways: _Ways, power_w: Real, reflected: Reflected) -> None:
+        """Keep what each body does to the polarisation."""
         bodies = self.mirrors.body[ways.found.patch]
         for body in np.unique(bodies).tolist():
             mine = bodies == body
-            self.turned.add((self.mirrors.names[body],), power_w[mine], turned[mine])
+            part = Reflected(*(column[mine] for column in reflected))
+            self.turned.add((self.mirrors.names[body],), power_w[mine], part)
 
     def _blocked(
         self, ways: _Ways, places_m: Real, bodies: Indices, asked: Mask

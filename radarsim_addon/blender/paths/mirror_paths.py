@@ -45,7 +45,7 @@ from .image_chains import (
     ways_over,
 )
 from .mirror_meshes import mirroring_objects
-from .mirrors import Mirror, TurnedPower, find_mirrors
+from .mirrors import Mirror, MirrorPolarisation, find_mirrors
 from .obstacles import BodyMesh, Obstacles
 from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both
 from .vertex_view import VertexView
@@ -112,7 +112,7 @@ class MirrorPaths:
         self._curved_back: CurvedPaths | None = None
         if curved is not None:
             self._find_curved(curved, most)
-        self._turned = TurnedPower()
+        self._turned = MirrorPolarisation()
         #: Bodies that scatter otherwise towards an image.
         self._narrow: set[int] = set()
         self.images = first_images(self.mirrors, transmitter_m)
@@ -224,6 +224,8 @@ class MirrorPaths:
     def findings(self) -> list[Finding]:
         """What to know of the mirrors, after all rows."""
         found = list(self._findings)
+        found += self._turned.phases()
+        found += [] if self._curved is None else self._curved.turned.phases()
         if self._reflections > 2:  # else no path goes over a mirror both out and back
             found += self._turned.finding()
             found += [] if self._curved is None else self._curved.turned.finding()
@@ -295,7 +297,7 @@ class MirrorPaths:
         free = ~(blocked | through)
         rows = rows[met[free]]
         found = reflection(chain, ways.of(free), self._polarisation, self._wavelength_m)
-        self._turned.add(chain.objects, rows["power_w"], found.turned)
+        self._turned.add(chain.objects, rows["power_w"], found)
         rows["power_w"] *= found.power
         rows["mirror_phase_rad"] = -found.phase_rad  # echoes carry exp(+j w t)
         rows["transmitter_image"] = image

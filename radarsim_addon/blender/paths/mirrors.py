@@ -12,7 +12,7 @@ import numpy as np
 
 from ...array_types import Indices, Integers, Real
 from ...findings import Finding, finding
-from ...physics.mirrors import MirrorMaterial, mirror_matrix
+from ...physics.mirrors import MirrorMaterial, Reflected, mirror_matrix
 from ...vectors import dots, norms
 from ..materials import mirror_choice
 from .mirror_meshes import mirroring_meshes
@@ -150,16 +150,34 @@ def find_mirrors(
     return found[:most], findings
 
 
-class TurnedPower:
-    """Power that mirrors turn into the other polarisation, by the objects with the mirrors."""
+class MirrorPolarisation:
+    """Power that mirrors turn into the other polarisation, and by which their two polarisations
+    differ in phase, by the objects with the mirrors.
+    """
 
     def __init__(self) -> None:
         self._sums: dict[tuple[str, ...], Real] = {}
 
-    def add(self, objects: tuple[str, ...], power_w: Real, turned: Real) -> None:
-        """Add paths: powers as if the mirrors reflected all, and the fraction that is turned."""
-        sums = self._sums.setdefault(objects, np.zeros(2))
-        sums += power_w.sum(), power_w @ turned
+    def add(self, objects: tuple[str, ...], power_w: Real, found: Reflected) -> None:
+        """Add paths: powers as if the mirrors reflected all, and what the mirrors do."""
+        sums = self._sums.setdefault(objects, np.zeros(4))
+        sums += power_w.sum(), power_w @ found.turned, power_w @ found.power, power_w @ found.apart
+
+    def phases(self) -> list[Finding]:
+        """Find the mirrors whose phases for the two polarisations change lobes and nulls.
+
+        Next to an equal direct path, an error of the phase of d changes the sum by 2 |sin(d/2)|.
+        """
+        apart_rad = {
+            names: 2 * math.asin(math.sqrt(min(apart_w / power_w, 1.0)))
+            for names, (whole_w, _, power_w, apart_w) in self._sums.items()
+            if 20 * math.log10(1 + 2 * math.sqrt(apart_w / max(whole_w, math.ulp(0)))) > TURNED_DB
+        }
+        if not apart_rad:
+            return []
+        objects = dict.fromkeys(name for names in apart_rad for name in names)
+        apart_deg = math.degrees(max(apart_rad.values()))
+        return [finding("mirror-phases-apart", *objects, apart_deg=apart_deg)]
 
     def finding(self) -> list[Finding]:
         """Find the mirrors that turn enough to change the level of a target, and by how much.
@@ -170,7 +188,7 @@ class TurnedPower:
         """
         found = {
             names: turned_w / power_w
-            for names, (power_w, turned_w) in self._sums.items()
+            for names, (power_w, turned_w, _, _) in self._sums.items()
             if 20 * math.log10(1 + turned_w / max(power_w, math.ulp(0))) > TURNED_DB
         }
         if not found:

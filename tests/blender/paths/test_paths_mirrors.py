@@ -380,6 +380,25 @@ def test_polarisation_of_what_is_seen_in_the_mirror_alone(tmp_path: Path, ground
     np.testing.assert_allclose(found[1]["power_w"] / found[0]["power_w"], expected, rtol=1e-3)
 
 
+@pytest.mark.parametrize("polarisation", ["average", "vertical"])
+@pytest.mark.parametrize("metal", [True, False])
+def test_phases_of_both_polarisations(tmp_path: Path, metal: bool, polarisation: str) -> None:
+    """A conductor turns the phase of horizontal waves alone; ground, below Brewster, of both."""
+    scene(None if metal else simple_ground)
+    options = {"max_reflections": 2}
+    run = ph.run_paths(
+        tmp_path, width_px=48, height_px=48, polarisation=polarisation, options=options
+    )
+    told = [one for one in run.record().findings if one.code == "mirror-phases-apart"]
+    r_h, r_v = gammas(3 + 0.4j, np.array(math.sin(math.atan2(2 * HEIGHT_M, RANGE_M))))
+    apart_deg = 180.0 if metal else abs(math.degrees(np.angle(r_v / r_h)))
+    if polarisation == "vertical":
+        assert not told
+    else:
+        assert told[0].subjects == ("Ground",)
+        assert told[0].numbers["apart_deg"] == pytest.approx(apart_deg, rel=0.03)
+
+
 @pytest.mark.parametrize("tilt_deg", [25.0, 70.0])
 def test_tilted_conductor_that_the_receiver_sees(tmp_path: Path, tilt_deg: float) -> None:
     """The part of the field that stays vertical over E' = 2 (n . E) n - E, on both ways."""
