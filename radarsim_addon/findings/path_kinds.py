@@ -128,8 +128,8 @@ PATHS = {
     ),
     "smooth-face-level": Kind(
         "caution",
-        "Faces of {subjects} have an RMS height of {height_m:length}, less than an eighth of the "
-        "wavelength ({eighth_m:length}), so they reflect as a whole. Physical optics gives "
+        "Faces of {subjects} have an RMS height of {height_m:height}, less than an eighth of the "
+        "wavelength ({eighth_m:height}), so they reflect as a whole. Physical optics gives "
         "{expected_dbsm:.1f} dBsm at normal incidence, the result has {measured_dbsm:.1f} dBsm at "
         "{aspect_deg:.2g} degrees from it.",
         "radarsim takes the level from the RMS slope, as if the heights were large. The echo of a "
@@ -140,7 +140,7 @@ PATHS = {
     "face-height-unknown": Kind(
         "caution",
         "Faces of {subjects} have an RMS slope and no RMS height. The slope can stand for a "
-        "smooth surface (RMS height from {height_m:length} on; rough from {eighth_m:length} on). "
+        "smooth surface (RMS height from {height_m:height} on; rough from {eighth_m:height} on). "
         "If they are smooth, physical optics gives {expected_dbsm:.1f} dBsm at normal incidence; "
         "the result has {measured_dbsm:.1f} dBsm at {aspect_deg:.2g} degrees from it.",
         "radarsim takes the level from the RMS slope, as if the heights were large. The echo of a "
@@ -250,7 +250,7 @@ MIRRORS = {
     "mirror-rounded": Kind(
         "info",
         "{subjects} are curved mirrors with a coarse mesh. radarsim uses a round surface that "
-        "fits their smooth shading, up to {height_m:length} outside of the mesh.",
+        "fits their smooth shading, up to {height_m:height} outside of the mesh.",
         "Lengths of paths via these mirrors belong to the round surface. Rays of the receiver "
         "that meet the mirror first belong to the mesh.",
         "Subdivide the mesh if the round surface and the mesh should agree.",

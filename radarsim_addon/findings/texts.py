@@ -106,7 +106,7 @@ def frequency_text(hertz: float) -> str:
 class _Text(string.Formatter):
     """Formats numbers, spans of numbers and words by the specifications of the catalogue.
 
-    ``percent``, ``length`` and ``frequency`` choose digits and unit, ``#path`` counts ("1 path",
+    ``percent``, ``length``, ``height`` and ``frequency`` choose digits and unit, ``#path`` counts ("1 path",
     "3 paths"); others are Python's own.
     """
 
@@ -130,6 +130,8 @@ def _number(value: float, spec: str) -> tuple[str, str]:
         return f"{100 * value:{'.2g' if abs(value) < 0.0995 else '.0f'}}", " %"
     if spec.startswith("#"):
         return f"{value:,}", f" {spec[1:]}{'' if value == 1 else 's'}"
+    if spec == "height":
+        return f"{1e3 * value:.2g}", " mm"
     for unit, scale, least in _NUMBER_UNITS.get(spec, ()):
         if value >= least:
             return f"{value / scale:.5g}", f" {unit}"
