@@ -106,8 +106,8 @@ def frequency_text(hertz: float) -> str:
 class _Text(string.Formatter):
     """Formats numbers, spans of numbers and words by the specifications of the catalogue.
 
-    ``percent``, ``length``, ``height`` and ``frequency`` choose digits and unit, ``#path`` counts ("1 path",
-    "3 paths"); others are Python's own.
+    ``percent``, ``length``, ``height`` and ``frequency`` choose digits and unit, ``#path`` counts
+    ("1 path", "3 paths"); others are Python's own.
     """
 
     def format_field(self, value: Any, spec: str) -> str:
