@@ -109,6 +109,11 @@ def mean_over_burst(motion: PathMotion, burst_s: float, rows: Rows) -> tuple[Rea
         Time from the first pulse to the last one, above 0 [s].
     rows
         Rows of the paths.
+
+    Returns
+    -------
+    middle_m, rate_mps
+        Half of the lengths, and its change per time, (rows,) each.
     """
     first_m, middle_m, last_m = motion.lengths_m(np.array([0.0, 0.5, 1.0]) * burst_s, rows).T / 2
     return middle_m, (last_m - first_m) / burst_s

@@ -186,7 +186,10 @@ def test_detections(written: Written) -> None:
         columns = {name: file[f"detections/{name}"][:] for name in targets[0]}
         attributes = dict(file["detections"].attrs)
     for number, (row, target) in enumerate(zip(rows, targets, strict=True)):
+        assert row["name"] == target["name"] == columns["name"][number].decode()
         for name, value in target.items():
+            if name == "name":
+                continue
             told = math.nan if value is None else float(value)
             assert float(row[name] or "nan") == pytest.approx(told, nan_ok=True), name
             assert columns[name][number] == pytest.approx(told, nan_ok=True), name
@@ -198,6 +201,7 @@ def test_detections(written: Written) -> None:
     assert attributes["independent_training_cells"] == record["independent_cells"]
     noise_db = 10 * math.log10(NOISE_CELL_W)
     for target, echo in zip(targets, u.ECHOES, strict=False):
+        assert target["name"] == echo.name
         assert target["range_m"] == pytest.approx(echo.range_m, abs=0.25)
         assert target["velocity_mps"] == pytest.approx(echo.rate_mps, abs=0.02)
         assert target["doppler_hz"] == pytest.approx(-2 * echo.rate_mps / u.WAVELENGTH_M, abs=1)

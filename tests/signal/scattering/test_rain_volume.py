@@ -153,6 +153,7 @@ def test_rain_is_received_by_the_antennas(tmp_path: Path) -> None:
     np.testing.assert_allclose(powers[1].sum(), gain * powers[0].sum(), rtol=1e-6)
     assert plain.expected is not None and found.expected is not None
     of_clutter = [one.clutter_profile for one in (plain.expected, found.expected)]
+    assert of_clutter[0] is not None and of_clutter[1] is not None
     np.testing.assert_allclose(of_clutter[1], gain * of_clutter[0], rtol=1e-6)
 
 
