@@ -281,6 +281,14 @@ MIRRORS = {
         "stationary at the time of the render.",
         "Shorten the burst, or give these surfaces a roughness above 0.",
     ),
+    "mirror-echo-not-formed": Kind(
+        "caution",
+        "The receiver sees the transmitter in {subjects}. This echo is missing, because a Point "
+        "light does not show in mirrors.",
+        "A smooth face at normal incidence can be the strongest echo of a scene. Physical optics "
+        "gives up to {expected_dbsm:.1f} dBsm for a conductor.",
+        "Add this level to the result, or give the surface an RMS Slope if it is rough.",
+    ),
     "mirror-phases-apart": Kind(
         "caution",
         "{subjects} reflect horizontal and vertical waves with phases that differ by up to "

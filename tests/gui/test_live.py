@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.gui
 
-#: Of the window's thread: longest slice of the timer, and with the drawing of the picture [s]: three
+#: Of the window's thread: longest slice of the timer, and with the drawing of the picture [s]: 3
 #: times what an idle machine may take.
 LONGEST_SLICE_S, LONGEST_BLOCK_S = 0.06, 0.09
 #: Drafts per second of 1e5 triangles while one object moves, by the processor time of all steps.

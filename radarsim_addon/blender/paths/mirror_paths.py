@@ -47,7 +47,7 @@ from .image_chains import (
 from .mirror_meshes import mirroring_objects
 from .mirrors import Mirror, MirrorPolarisation, find_mirrors
 from .obstacles import BodyMesh, Obstacles
-from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both
+from .same_point import ONE_PLACE, add_reverse_paths, alike_in_both, in_view
 from .vertex_view import VertexView
 from .ways_back import WaysBack, receiver_chains
 
@@ -125,12 +125,41 @@ class MirrorPaths:
             self._findings.append(finding("mirror-ways-not-in-phase"))
         elif self._reflections > 1 and not self._one_place:
             self._find_ways_back(most)
+        self._findings += self._straight_back()
         places_m = [one.image_m for one in self.images]
         if self._curved is not self._curved_back:
             places_m.append(self._receiver_m)
         #: Places of lamps that nothing blocks, (n, 3) [m]: those of the images. The last one is at
         #: a receiver that stands apart, where curved mirrors may light what it sees in the shade.
         self.lamps_m: Real = np.array(places_m).reshape(-1, 3)
+
+    def _straight_back(self) -> list[Finding]:
+        """Find the mirrors in which the receiver sees the transmitter, a point without a size.
+
+        Physical optics of a conductor: 4 pi A^2 / lambda^2 of its area, and at most that of its
+        image, 4 pi (R1 R2 / (R1 + R2))^2.
+        """
+        found: dict[str, None] = {}
+        most_m2 = 0.0
+        receiver_m = self._receiver_m[None]
+        for chain in self.images if self._receiver.kind != "orthographic" else ():
+            ways = ways_over(chain, receiver_m)
+            if not ways.rows.size or not in_view(ways.met_m[0], self._receiver)[0]:
+                continue
+            none = np.zeros(1, dtype=np.intp)
+            if find_blocked(chain, ways, receiver_m, none, self.obstacles)[0][0]:
+                continue
+            found |= dict.fromkeys(chain.objects)
+            first_m = float(norms(ways.met_m[0] - receiver_m)[0])
+            all_m = float(norms(chain.image_m - receiver_m)[0])
+            sides = chain.mirrors[-1].triangles_m[:, 1:] - chain.mirrors[-1].triangles_m[:, :1]
+            area_m2 = float(norms(crosses(sides[:, 0], sides[:, 1])).sum()) / 2
+            image_m2 = 4 * math.pi * (first_m * (all_m - first_m) / all_m) ** 2
+            most_m2 = max(most_m2, min(4 * math.pi * (area_m2 / self._wavelength_m) ** 2, image_m2))
+        if not found:
+            return []
+        level_dbsm = 10 * math.log10(max(most_m2, 1e-30))
+        return [finding("mirror-echo-not-formed", *found, expected_dbsm=level_dbsm)]
 
     def _find_mirrors(self, most: int) -> CurvedMirrors | None:
         """Find the planar mirrors; return the curved ones, None without any."""

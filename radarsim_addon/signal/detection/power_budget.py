@@ -76,7 +76,7 @@ class BudgetReport:
     Attributes
     ----------
     received_w
-        All paths together [W].
+        Sum of the powers of all paths, without their interference at mirrors [W].
     noise_w
         Thermal noise of one complex sample at the receiver's input; None without a link budget [W].
     objects

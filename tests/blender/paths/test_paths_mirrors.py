@@ -380,6 +380,30 @@ def test_polarisation_of_what_is_seen_in_the_mirror_alone(tmp_path: Path, ground
     np.testing.assert_allclose(found[1]["power_w"] / found[0]["power_w"], expected, rtol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("tilt_deg", "screen"), [(0.0, False), (0.4, False), (3.0, False), (0.0, True)]
+)
+def test_the_transmitter_in_a_mirror(tmp_path: Path, tilt_deg: float, screen: bool) -> None:
+    """A plate of 0.5 m at 40 m: tilted by more than 0.36 degrees, it sends the wave elsewhere."""
+    rs.new_scene()
+    ph.field_of_view(20.0)
+    plate = ph.plate_at(RANGE_M, 0.5, ph.mirror())
+    plate.rotation_euler.x += math.radians(tilt_deg)
+    box("Ball", (1, 20, 1), (2, 21, 2))
+    if screen:
+        box("Screen", (-1, 30, -1), (1, 31, 1))
+    run = ph.run_paths(tmp_path, width_px=32, height_px=32, options={"max_reflections": 2})
+    told = [one for one in run.record().findings if one.code == "mirror-echo-not-formed"]
+    if tilt_deg or screen:
+        assert not told
+    else:
+        assert told[0].subjects == (plate.name,)
+        level_m2 = 4 * math.pi * 0.25**2 / (ph.C0_MPS / 5.3e9) ** 2
+        assert told[0].numbers["expected_dbsm"] == pytest.approx(
+            10 * math.log10(level_m2), abs=0.01
+        )
+
+
 @pytest.mark.parametrize("polarisation", ["average", "vertical"])
 @pytest.mark.parametrize("metal", [True, False])
 def test_phases_of_both_polarisations(tmp_path: Path, metal: bool, polarisation: str) -> None:
