@@ -67,7 +67,9 @@ def measure(folder: Path, *, pixels: int = 48, **options: Any) -> ph.PathRun:
 
 
 def codes(run: ph.PathRun) -> set[str]:
-    return {item.code for item in run.record().findings if item.code.startswith("mirror")}
+    """Of mirrors, but for their phases: they are metal, with both polarisations."""
+    found = {item.code for item in run.record().findings if item.code.startswith("mirror")}
+    return found - {"mirror-phases-apart"}
 
 
 def coefficient(cosine: float) -> complex:

@@ -86,7 +86,8 @@ def test_nothing_is_rendered_without_a_mirror(tmp_path: Path) -> None:
 def test_what_is_left_out_is_said(tmp_path: Path) -> None:
     def codes(name: str, **options: Any) -> set[str]:
         run = measure(tmp_path / name, pixels=16, **options)
-        return {item.code for item in run.record().findings if "mirror" in item.code}
+        found = {item.code for item in run.record().findings if "mirror" in item.code}
+        return found - {"mirror-phases-apart"}  # of metal, with both polarisations
 
     scene(view_deg=4.0)
     assert codes("all") == set()

@@ -256,7 +256,8 @@ def test_a_mirror_that_moves_and_turns(tmp_path: Path) -> None:
         tmp_path / "one", width_px=128, height_px=128, options=THREE, burst=burst, frames=(1, 2)
     )
     record = run.record(1)
-    assert not [item.code for item in record.findings if "mirror" in item.code]
+    codes = {item.code for item in record.findings if "mirror" in item.code}
+    assert codes == {"mirror-phases-apart"}  # metal, and both polarisations
     plate = record.objects.index("Plate") + 1  # and no second scatterer: points tell rows apart
     first, second = (
         table[(table["last_object"] == plate) & (table["order"] == table["mirrors"] + 1)]
