@@ -197,8 +197,13 @@ def test_a_mirror_that_faces_the_radar_is_said(tmp_path: Path) -> None:
     run = ph.run_paths(tmp_path / "alone", width_px=8, height_px=8, options={"max_reflections": 3})
     record = run.record()
     assert (record.path_count, record.total_power_w) == (0, 0.0)
-    (found,) = record.findings
+    found, missing = sorted(record.findings, key=lambda one: one.code, reverse=True)
     assert (found.code, found.subjects) == ("surfaces-return-nothing", (plate.name,))
+    assert (missing.code, missing.subjects) == ("mirror-echo-not-formed", (plate.name,))
+    # larger than a Fresnel zone: pi R^2
+    assert missing.numbers["expected_dbsm"] == pytest.approx(
+        10 * math.log10(100 * math.pi), abs=0.1
+    )
     assert "mirrors (roughness 0)" in found.cause
     # Beside something that echoes it must not go unsaid either.
     plate.name = "Looking-glass"
