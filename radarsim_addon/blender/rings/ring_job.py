@@ -72,9 +72,12 @@ class RingJob(MeasurementJob):
 
     def _plan_renders(self) -> None:
         tasks = list(self.plan.tasks(self.own_frames))
-        self._pending = [task for task in tasks if not output_folder.is_done(self.folder, task)]
+        self._pending = [task for task in tasks if not self._is_done(task)]
         self.total = len(tasks)
         self.done = self.total - len(self._pending)
+
+    def _is_done(self, task: Task) -> bool:
+        return output_folder.is_done(self.folder, task, self.fingerprint)
 
     def pending(self) -> Iterator[Task]:
         """Renders that are still to be made, in order."""
@@ -83,7 +86,7 @@ class RingJob(MeasurementJob):
         for frame in self._claimed(list(tasks)):
             self.frame_lost = False
             for task in tasks[frame]:
-                if output_folder.is_done(self.folder, task):  # by another process, meanwhile
+                if self._is_done(task):  # by another process, meanwhile
                     self.done += 1
                 elif not self.frame_lost:
                     yield task
@@ -135,7 +138,9 @@ class RingJob(MeasurementJob):
                 file.commit()
             finally:
                 file.discard()
-            record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
+            record = run_files.render_record(
+                self.plan, task, *self._records, final, self.versions, self.fingerprint
+            )
             write_record(self.folder / task.sidecar_path, record)
         except RadarSimError:
             output_folder.check_there(self.folder, task.frame)

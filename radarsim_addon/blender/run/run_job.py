@@ -190,7 +190,8 @@ class MeasurementJob:
             self.versions["device"] = self._settings.device_kind
         self._time.simulate_again()  # changes of the scene empty the caches of simulations
         if earlier is not None:
-            self._shared.join(self._record([]))
+            record = self._record([])
+            self._shared.join(record)
         else:
             self.run_findings = [
                 *self.early_findings,
@@ -201,7 +202,7 @@ class MeasurementJob:
             ]
             record = self._record(self.run_findings)
             self._shared.open(record, self.overwrite)
-            self.fingerprint = record.fingerprint
+        self.fingerprint = record.fingerprint
         self.take(self.own_frames)
 
     def take(self, frames: Sequence[int]) -> None:
@@ -356,7 +357,7 @@ class MeasurementJob:
         )
 
     def _write_scene(self, frame: int) -> None:
-        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show)
+        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show, self.fingerprint)
 
     # -- afterwards --------------------------------------------------------------------------------
 
