@@ -142,8 +142,10 @@ class BurstMotion:
         wanted = set(self._names)
         if not self._frozen:
             assert self.poses.snapshot is not None
-            instancers = self.poses.snapshot.layout.instancers
-            check_particles_are_baked([*self.poses.rendered.values(), *instancers])
+            check_particles_are_baked(
+                self.poses.snapshot,
+                "Without the motion of particles, set Motion to Off (--motion off).",
+            )
         candidates = {
             name: item
             for name, item in self.poses.rendered.items()

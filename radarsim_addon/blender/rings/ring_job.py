@@ -20,8 +20,9 @@ from ...sidecar import write_record
 from ..materials import found_inside
 from ..plan import Task, instant_at
 from ..run import MeasurementJob, output_folder, run_files
+from ..scene import check_particles_are_baked, moved_by_scripts
 from ..scene import ground_truth as ground_truth
-from ..scene import moved_by_scripts
+from ..state import take_snapshot
 from ..views import Region, set_border
 from .exr_check import verify_exr
 from .render_result import save_render
@@ -47,6 +48,14 @@ class RingJob(MeasurementJob):
         found = [*super()._config_findings(), *merge(self._inside_by_frame())]
         held = self._held_by_scripts()
         return [*found, finding("rendered-at-whole-frames", *held)] if held else found
+
+    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
+        super()._refuse_unmeasurable(depsgraph)
+        if self._measurement.snapshots > 1:
+            check_particles_are_baked(
+                take_snapshot(depsgraph),
+                "Without the motion of particles, take one snapshot (--snapshots 1).",
+            )
 
     def _held_by_scripts(self) -> list[str]:
         """Objects that scripts hold between the snapshots of the first frame, and move after it."""

@@ -275,12 +275,12 @@ class MeasurementJob:
         survey = Survey(self._show, self.rig, units, self._fps(), self._measurement.burst)
         for frame in self._measurement.frames:
             moments = [instant_at(at, self._fps()) for at in self._surveyed(frame)]
-            survey.look_at(moments, self.code_world, self._refuse_what_is_no_number)
+            survey.look_at(moments, self.code_world, self._refuse_unmeasurable)
         self._speeds = survey.speeds
         self._time.forget()
         return survey.extent
 
-    def _refuse_what_is_no_number(self, depsgraph: Any) -> None:
+    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
         """See that all can be recorded, before anything is written."""
         self._antenna_records(depsgraph, self._metres_per_unit())
         ground_truth.check_surfaces(depsgraph)
