@@ -105,7 +105,7 @@ def test_a_damaged_part_is_named_before_anything_is_written(
     ("kind", "name", "old", "new"),
     [
         ("rings", "frames/frame_0001/ground_truth.json", b"299.0", b"298.0"),
-        ("rings", "frames/frame_0032/ring_001_t1.json", b'"ring_max_m": 500.0', b'"ring_max_m": 5.0'),
+        ("rings", "frames/frame_0032/ring_001_t1.json", b'"seed": 0', b'"seed": 1'),
         ("paths", f"frames/frame_0001/{PATHS_FILE}", b'"carrier_hz": 5', b'"carrier_hz": 6'),
         ("paths", "products/frame_0001_summary.json", b'"time_s": 0.0', b'"time_s": 9.0'),
         ("paths", "products/frame_0001_profile.npz", b"range_m", b"range_n"),
