@@ -110,8 +110,8 @@ def _check_replaceable(
     if record.extra["resumable"]:
         raise OutputError(
             f"The output folder {folder} holds frames of another run (the scene's files, sampling "
-            "mode, ring step, snapshots, resolution, samples, seed or software differ, or a script "
-            f"or the window measured it). {remedy}"
+            "mode, ring step, snapshots, resolution, samples, seed, carrier of physical materials "
+            f"or software differ, or a script or the window measured it). {remedy}"
         )
 
 

@@ -336,7 +336,7 @@ def _shown_range(
     # the ambiguous range of the echo: the farthest one that is not beyond the limits
     orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
     shown_m = range_m - orders * fold_m if orders else range_m
-    return shown_m if start_m <= shown_m <= stop_m else "outside the window"
+    return shown_m if start_m <= shown_m <= stop_m else "outside the range limits"
 
 
 def _dbm(power_w: float) -> float | None:

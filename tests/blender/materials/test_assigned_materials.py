@@ -39,7 +39,6 @@ from tests.blender.materials.material_ways import (
     WAYS,
     geometry_nodes,
     index_of,
-    instanced,
     link,
     nested,
     soil,
@@ -178,7 +177,7 @@ def test_linked_group_of_an_older_radarsim_is_rebuilt_in_memory(tmp_path: Path) 
     bpy.data.libraries.write(str(path), {collection})
     before = path.read_bytes()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    instanced(link(path))
+    rs.instance_of(link(path))
     made = the_material()
     with pytest.raises(ConfigError, match=r"'Soil'.*'Grazing Transmission'.*old\.blend.*append"):
         pm.update_materials(RUN_HZ, None, {made})
@@ -201,7 +200,7 @@ def test_bare_member_of_an_instanced_collection_is_named_and_absorbs(tmp_path: P
     collection = bpy.data.collections.new("Things")
     bpy.context.scene.collection.objects.unlink(bare)
     collection.objects.link(bare)
-    instanced(collection)
+    rs.instance_of(collection)
     options = {"max_reflections": 1, "range_encoding": "materials"}
     run = ph.run_paths(tmp_path / "run", options=options, width_px=16, height_px=16)
     assert [item.subjects for item in run.job.findings if item.code == "no-radar-material"] == [

@@ -19,6 +19,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
+from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.rings import RingJob, ring_job
@@ -136,6 +137,20 @@ def test_another_run_is_refused_and_kept(
     with pytest.raises(OutputError, match=r"another run.*overwrite"):
         rendered(tmp_path, **change)
     assert exr_times(tmp_path) == before
+
+
+def test_another_carrier_is_another_run_where_materials_are_physical(
+    plate: Any, tmp_path: Path
+) -> None:
+    other = signal.Waveform(24e9, 50e6, 2.5e-6, 60e6)
+    rendered(tmp_path / "simple")
+    before = exr_times(tmp_path / "simple")
+    rendered(tmp_path / "simple", waveform=other)
+    assert exr_times(tmp_path / "simple") == before
+    make_physical_material("Wall", "concrete", carrier_hz=5.3e9)
+    rendered(tmp_path / "physical")
+    with pytest.raises(OutputError, match=r"another run.*carrier of physical materials"):
+        rendered(tmp_path / "physical", waveform=other)
 
 
 def test_overwrite_removes_the_other_run_and_nothing_else(plate: Any, tmp_path: Path) -> None:

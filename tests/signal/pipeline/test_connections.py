@@ -290,7 +290,7 @@ def test_range_limits_end_all_axes(run: Path) -> None:
     for holder in (result.rd_map, result.profile, result.compressed, result.expected):
         assert holder is not None
         assert holder.range_m[0] == 150.0 and 348.0 < holder.range_m[-1] <= 350.0
-    assert result.budget.excluded_reason == {"Aircraft": "outside the window"}
+    assert result.budget.excluded_reason == {"Aircraft": "outside the range limits"}
     assert sorted(result.budget.snr) == ["Boat", "Mast"]
     row, column = cell(result.rd_map, BOAT)
     here = result.rd_map.range_m[column]

@@ -94,8 +94,8 @@ def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     quick = ProcessOptions(products=False, plots=False, range_limits_m=(0.0, 800.0))
     report = budget_of(folder, quick)
     assert set(report.snr) == {"Near"}
-    assert report.excluded_reason == {"Far": "outside the window"}
-    assert "outside the window" in report.lines()[2] and "SNR" not in report.lines()[2]
+    assert report.excluded_reason == {"Far": "outside the range limits"}
+    assert "outside the range limits" in report.lines()[2] and "SNR" not in report.lines()[2]
     # 50 MHz over 250 samples: 749 m; the anti-alias filter takes out what is beyond
     fmcw = Radar(FmcwWaveform(5.3e9, 50e6, 250, 1e6), Burst(1000.0, 64))
     report = budget_of(folder, dataclasses.replace(quick, range_limits_m=None, radar=fmcw))
@@ -105,7 +105,7 @@ def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     report = budget_of(
         folder, dataclasses.replace(quick, range_limits_m=(300.0, 480.0), radar=folding)
     )
-    assert report.excluded_reason == {"Near": "outside the window"}
+    assert report.excluded_reason == {"Near": "outside the range limits"}
     assert set(report.snr) == {"Far"}
 
 
