@@ -410,7 +410,8 @@ MOTION = {
     ),
     "motion-sampling-slow": Kind(
         "caution",
-        "radarsim took {samples:#motion sample} and stopped after {elapsed_s:.0f} s.",
+        "radarsim stopped after {samples:#motion sample}, because more of them would take too long "
+        "in this scene.",
         "Displacements are known to {displacement_error_bound_m:.2g} m.",
         "Simplify the animated meshes, or shorten the burst.",
     ),

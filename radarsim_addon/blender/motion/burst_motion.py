@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -71,8 +70,13 @@ _FIRST_SAMPLES = 17
 _MOST_AGAINST_ROUNDING = 257
 #: The same where a fit has terms that it cannot tell from rounding, but whose slope counts.
 _MOST_AGAINST_BIAS = 1025
-#: After this time no more samples are added [s].
-_PATIENCE_S = 20.0
+#: Work, counted in poses that are read, after which no more samples are added: some 20 s. A limit
+#: in seconds would make results depend on the computer.
+_MOST_POSES = 1 << 19
+#: Reading so many vertices of deforming surfaces takes as long as reading a pose.
+_VERTICES_PER_POSE = 256
+#: Number of poses that take as long to read as one sample of a body takes to fit.
+_POSES_PER_FIT = 4
 #: How often samples are searched for jumps: each time, those found divide the burst.
 _MOST_SEARCHES = 4
 #: Fractions of the burst at which fits are checked; they are on no grid of samples.
@@ -298,7 +302,6 @@ class BurstMotion:
         if self._frozen:
             return self._stationary()
         sampler = Sampler(self._show, self._rig, self._touched, self._deformations, plan)
-        start_s = time.monotonic()
         sampler.take(*plan.rendered)
         smooth, smooth_surfaces = self._smooth_rows(), self._smooth_surfaces()
         if self._by_scripts:
@@ -324,6 +327,9 @@ class BurstMotion:
             times_s = {plan.rendered[0]} if plan.is_clear(plan.rendered[0]) else set()
             return fits, times_s, plan.grid(count, *plan.window)
 
+        vertices = sum(surface.count for surface in sampler.surfaces.values())
+        poses = self.bodies.snapshot.layout.shape.size + vertices // _VERTICES_PER_POSE
+        work = 0
         count = min(_FIRST_SAMPLES, plan.max_samples)
         fits, grid, moments = begin()
         jumps: dict[float, dict[str, float]] = {}
@@ -332,7 +338,7 @@ class BurstMotion:
             for moment in moments:
                 sampler.take(*moment)
             grid.update(at_s for at_s, _ in moments)
-            fits.fit(sorted(grid))
+            work += _POSES_PER_FIT * fits.fit(sorted(grid))
             if searches and not (fits.resolved and fits.accurate):
                 found = sampler.jumps(sorted(grid))
                 searches -= 1
@@ -345,13 +351,11 @@ class BurstMotion:
             most = plan.max_samples if not fits.resolved else most
             if fits.accurate or count >= min(most, plan.max_samples):
                 break
-            elapsed_s = time.monotonic() - start_s
-            if elapsed_s > _PATIENCE_S:
+            if work + len(sampler.times_s) * poses > _MOST_POSES:
                 self.findings.append(
                     finding(
                         "motion-sampling-slow",
                         samples=len(grid),
-                        elapsed_s=elapsed_s,
                         displacement_error_bound_m=fits.displacement_error_bound_m,
                     )
                 )
