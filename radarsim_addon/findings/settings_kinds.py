@@ -141,6 +141,14 @@ SETTINGS = {
         "Profile and map end at the unambiguous range.",
         "Lower the far range limit, or choose a waveform with a larger unambiguous range.",
     ),
+    "range-limits-beyond-sampled-band": Kind(
+        "caution",
+        "The range limits reach {range_limit_m:g} m, beyond the {unambiguous_range_m:.6g} m that "
+        "the sampling rate covers.",
+        "The anti-alias filter of the ADC removes echoes from beyond: profile and map end there.",
+        "Lower the far range limit, raise the sampling rate, or sweep less bandwidth in the same "
+        "time.",
+    ),
 }
 
 RUNS = {
