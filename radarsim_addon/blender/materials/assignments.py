@@ -9,6 +9,7 @@ an evaluated object hold all of these.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import starmap
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -28,7 +29,7 @@ class MaterialAssignment(NamedTuple):
     item : bpy.types.Object
         The original object.
     materials
-        Original materials by slot; None for an empty slot.
+        Original materials by slot, then those of instances that it makes; None for an empty slot.
     """
 
     item: Any
@@ -56,12 +57,15 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     """
     snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
-        found: dict[Any, MaterialAssignment] = {}
+        # Instances that Geometry Nodes make have slots of their own. They come after the object's,
+        # whose places stay.
+        found: dict[Any, tuple[Any, ...]] = {}
         for shape in snapshot.shapes:
-            original = shape.original
-            if original.type in SURFACE_TYPES and original not in found:
-                found[original] = MaterialAssignment(original, shape.materials)
-        _of_snapshots[snapshot] = list(found.values())
+            if shape.original.type in SURFACE_TYPES:
+                known = found.setdefault(shape.original, shape.materials)
+                more = (one for one in shape.materials if one and one not in known)
+                found[shape.original] = (*known, *dict.fromkeys(more))
+        _of_snapshots[snapshot] = list(starmap(MaterialAssignment, found.items()))
     return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
 
 

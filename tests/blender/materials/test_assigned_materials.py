@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -221,10 +222,32 @@ def test_foreign_material_set_by_geometry_nodes_needs_the_world_code(tmp_path: P
     assert run.table()["length_m"] == pytest.approx(40.0, rel=0.05)
 
 
-def test_band_of_a_material_set_by_geometry_nodes_is_checked() -> None:
+def put_on_points(item: Any) -> None:
+    """Let another modifier show a cube, and on its corners what the object showed before."""
+    tree = bpy.data.node_groups.new("Put", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    cube, put = (
+        tree.nodes.new("GeometryNodeMeshCube"),
+        tree.nodes.new("GeometryNodeInstanceOnPoints"),
+    )
+    tree.links.new(cube.outputs["Mesh"], put.inputs["Points"])
+    tree.links.new(first.outputs[0], put.inputs["Instance"])
+    join = tree.nodes.new("GeometryNodeJoinGeometry")
+    for shown in (put.outputs[0], cube.outputs["Mesh"]):
+        tree.links.new(shown, join.inputs[0])
+    tree.links.new(join.outputs[0], last.inputs[0])
+    item.modifiers.new("Put", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("instances", [False, True])
+def test_band_of_a_material_set_by_geometry_nodes_is_checked(instances: bool) -> None:
     item = wall(soil())
     item.data.materials.clear()
     geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
+    if instances:
+        put_on_points(item)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
     with pytest.raises(ConfigError, match="'Ice'"):
