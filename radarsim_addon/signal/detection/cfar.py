@@ -105,8 +105,8 @@ def widened_guard(rd_map: RangeDopplerMap, cfar: Cfar) -> Cfar:
     step_m = float(rd_map.range_m[1] - rd_map.range_m[0]) if cols > 1 else math.inf
     lobe = min(_WIDEST_LOBE, waveform.sample_count // 2) * waveform.sample_spacing_m / step_m
     along = noise_correlation(rd_map, (min(_WIDEST_LOBE, (rows - 1) // 2), math.ceil(lobe)))
-    least = (int(np.flatnonzero(np.abs(rho) ** 2 > _CORRELATED)[-1]) for rho in along)
-    guard = tuple(max(pair) for pair in zip(cfar.guard, least, strict=True))
+    least = [int(np.flatnonzero(np.abs(rho) ** 2 > _CORRELATED)[-1]) for rho in along]
+    guard = max(cfar.guard[0], least[0]), max(cfar.guard[1], least[1])
     return dataclasses.replace(cfar, guard=guard)
 
 
