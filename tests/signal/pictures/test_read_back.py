@@ -28,8 +28,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.maps import ExpectedPower, Spectrogram
 from radarsim_addon.signal.pictures import frame_pictures
-from radarsim_addon.signal.pictures.clutter import plot_clutter
-from radarsim_addon.signal.pictures.spectrogram import plot_spectrogram
+from radarsim_addon.signal.pictures.map import plot_clutter, plot_spectrogram
 from tests.signal import synthetic
 from tests.signal import unequal as u
 
