@@ -52,7 +52,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="a subset, in less than a minute")
     parser.add_argument("--only", nargs="+", metavar="GROUP", help="these groups alone")
     parser.add_argument(
-        "--pictures", action="store_true", help="draw the pictures of a validation.json again"
+        "--pictures", action="store_true", help="write page and pictures of a validation.json again"
     )
     parser.add_argument(
         "--other-blender",
@@ -129,13 +129,15 @@ def validate(
 
 
 def redraw(out: Path) -> None:
-    """Pictures of what was measured before, from validation.json in the folder `out`."""
-    from scripts.validation.figures import draw
+    """Page and pictures of what was measured before, from validation.json in the folder `out`."""
+    from scripts.validation.registry import groups
+    from scripts.validation.versions import read
 
     record = json.loads((out / "validation.json").read_text(encoding="utf-8"))
     outcomes = [outcome_from_json(item) for item in record["outcomes"]]
-    for file, _ in draw(outcomes, record["curves"], out / "images"):
-        print(f"wrote {out / 'images' / file}")
+    versions = table(read(out))
+    sections = record["sections"]
+    _write(out, record["machine"], groups(), outcomes, record["curves"], sections, versions)
 
 
 def _run_part(part: list[Group], quick: bool) -> dict[str, Any]:
@@ -246,6 +248,7 @@ def _write(
         "passed": not any(outcome.faults for outcome in outcomes),
         "outcomes": [outcome.as_json() for outcome in outcomes],
         "curves": curves,
+        "sections": sections,
     }
     files = {
         "validation.md": text,

@@ -108,7 +108,9 @@ def worst_of(name: str, checks: Sequence[Check]) -> Check:
         raise ValueError(f"{name}: nothing was checked.")
 
     def share(check: Check) -> float:
-        return math.inf if math.isnan(check.error) else abs(check.error) / check.bound
+        if math.isnan(check.error) or not check.bound:
+            return 0.0 if check.passed else math.inf
+        return abs(check.error) / check.bound
 
     chosen = max(checks, key=share)
     label = f"{name}: {chosen.name}" if chosen.name else name

@@ -163,6 +163,20 @@ def test_table_cells_hold_bars() -> None:
     assert row.replace("\\|", "").count("|") == 9
 
 
+def test_a_row_shows_the_result_of_a_source_that_is_nearest_to_its_bound() -> None:
+    """Broken ones and those of another source have rows of their own."""
+    near = absolute_check("near", 0.0, 0.9, 1.0, "closed form")
+    exact = absolute_check("exact", 0.0, 0.0, 0.0, "closed form")
+    other = absolute_check("other", 0.0, 0.2, 1.0, "table")
+    for checks, shown in (
+        ([exact, near, other], ["c: near | 2 |", "c: other | 1 |"]),
+        ([near, dataclasses.replace(near, name="beyond", error=2.0)], ["c: near | 1 |", "BROKEN"]),
+    ):
+        outcome = Outcome("g", "c", checks, 0, 0, 1)
+        rows = markdown(MACHINE, [group_of(*checks)], [outcome], {}, []).splitlines()[-len(shown) :]
+        assert all(text in row for text, row in zip(shown, rows, strict=True)), rows
+
+
 def test_unknown_group_is_named() -> None:
     with pytest.raises(KeyError, match="no group nonsense; there are: radiometric"):
         groups(["nonsense"])
