@@ -256,5 +256,5 @@ def test_the_white_line_of_a_coverage_is_the_echo_of_free_space_at_its_end() -> 
     found = dataclasses.replace(found, factor=np.full(found.factor.shape, 0.01))
     left = plot_coverage(found, coverage_curve(found)).axes[0]
     (line,) = (one for one in left.collections if type(one).__name__ == "QuadContourSet")
-    (places,) = (path.vertices for path in line.get_paths())
+    (places,) = (np.array(path.vertices) for path in line.get_paths())
     np.testing.assert_allclose(places[:, 0], 1e4 / 10**0.5, rtol=1e-3)

@@ -40,9 +40,10 @@ def opened(folder: Path, later: Callable[[PathsRecord], PathsRecord], **changes:
     once = options.open(run.frame(1))
 
     def table(epoch_s: float, record: PathsRecord) -> object:
-        antennas = record.receiver, record.transmitter
-        still = (BodyMotion(np.array(one.matrix_world)) for one in antennas)
-        motion = FrameMotion(SPAN_S, *still, False, [], epoch_offset_s=epoch_s)
+        receiver, transmitter = (
+            BodyMotion(np.array(one.matrix_world)) for one in (record.receiver, record.transmitter)
+        )
+        motion = FrameMotion(SPAN_S, receiver, transmitter, False, [], epoch_offset_s=epoch_s)
         return dataclasses.replace(once.table, record=record, motion=motion)
 
     tables = table(0.0, once.table.record), table(SPAN_S, later(once.table.record))

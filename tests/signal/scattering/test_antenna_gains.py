@@ -158,13 +158,13 @@ def test_gains_follow_each_antenna_on_its_own_way() -> None:
         segment = Segment(0.0, span_s, np.array([place_m + half, half]))
         return BodyMotion(np.array(pr.pose(place_m)), (segment,))
 
-    antennas = [moving(*one) for one in zip(places_m, velocities_mps, strict=True)]
+    receiver, transmitter = (moving(*o) for o in zip(places_m, velocities_mps, strict=True))
     lobe = contract.AntennaRecord("cosine", {"exponent": 8.0})
     poses = [pr.pose(place_m) for place_m in places_m]
     link = Link(
         make_system(contract.LinkBudget(1.0, lobe, lobe), WAVELENGTH_M),
         pr.camera(poses[0]), contract.TransmitterRecord(poses[1], 1.0),
-        FrameMotion(span_s, *antennas, False, []),
+        FrameMotion(span_s, receiver, transmitter, False, []),
     )  # fmt: skip
     ways_m = point_m - places_m
     length_m = np.linalg.norm(ways_m, axis=1).sum(keepdims=True)
