@@ -4,6 +4,7 @@
 The Blender half writes these records beside the EXR files, the companion module reads them;
 neither imports the other, so a folder can be processed elsewhere, years later. Everything in a
 record is SI (metres, seconds, hertz, watts) in float64; one Blender unit is ``metres_per_unit``.
+Records of a frame are written with record_sha256, the digest of their other fields.
 Pure standard library.
 
 Layout of a run's folder::
@@ -206,7 +207,10 @@ class LinkBudget:
 
 @dataclass(frozen=True)
 class RenderRecord:
-    """Sidecar of one EXR file: one ring in one pass of one radar frame."""
+    """Sidecar of one EXR file: one ring in one pass of one radar frame.
+
+    run_fingerprint is the fingerprint of the run that wrote it; empty in older files.
+    """
 
     sampling_mode: str  # "rings"
     frame: int
@@ -227,6 +231,7 @@ class RenderRecord:
     max_reflections: int
     exr_file: str
     exr_sha256: str
+    run_fingerprint: str = ""
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/render"
     schema_version: int = SCHEMA_VERSION
@@ -278,7 +283,7 @@ class PathsRecord:
     small_objects are in view before refinement and have few pixels; small_objects_tiled of them
     got tiles of their own. column_groups describes the table, flags gives the values that its
     column flags sums up. images names the numbers of its columns transmitter_image and
-    receiver_image, from 1.
+    receiver_image, from 1. run_fingerprint is as in RenderRecord.
     """
 
     frame: int
@@ -316,6 +321,7 @@ class PathsRecord:
     stop_reason: str
     table_file: str
     table_sha256: str
+    run_fingerprint: str = ""
     truncated_reflections_stderr: float = 0.0
     truncated_reflections_upper: float | None = None
     error_scope: str = "both"
@@ -334,11 +340,12 @@ class PathsRecord:
 
 @dataclass(frozen=True)
 class GroundTruthRecord:
-    """Labels of one radar frame."""
+    """Labels of one radar frame; run_fingerprint is as in RenderRecord."""
 
     frame: int
     time_s: float
     objects: list[ObjectRecord]
+    run_fingerprint: str = ""
     schema: str = "radarsim/scene"
     schema_version: int = SCHEMA_VERSION
 

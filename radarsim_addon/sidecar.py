@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import json
 from pathlib import Path
 from typing import Any, TypeVar
 
 from . import contract
-from .atomic_files import write_json
+from .atomic_files import record_fields, write_json
 from .errors import FrameFileError, SchemaError
 from .options import MAX_LENGTH_M, Setting
 from .typed_json import from_json, read_json
@@ -44,7 +45,11 @@ _LIMITS: dict[str, dict[str, Any]] = {
     "duration_s": {"minimum": 0.0},
 }
 
+#: Name of the digest in a JSON file.
+_DIGEST = "record_sha256"
+
 Record = TypeVar("Record")
+FrameRecord = contract.RenderRecord | contract.PathsRecord | contract.GroundTruthRecord
 
 
 def file_sha256(path: Path) -> str:
@@ -56,9 +61,36 @@ def file_sha256(path: Path) -> str:
 def write_record(path: Path, record: Any, sync: bool = True) -> None:
     """Write a record as JSON; it appears whole or not at all.
 
-    Without `sync` it may be lost, or damaged, by a power failure.
+    Records of frames get a digest of their fields. Without `sync` it may be lost, or damaged, by a
+    power failure.
     """
-    write_json(path, record, sync)
+    of_frame = isinstance(record, FrameRecord)
+    write_json(path, with_digest(vars(record)) if of_frame else record, sync)
+
+
+def with_digest(fields: dict[str, Any]) -> dict[str, Any]:
+    """Return fields of a JSON file and the digest by which `check_digest` finds changes."""
+    text = json.dumps(fields, sort_keys=True, default=record_fields)
+    return {**fields, _DIGEST: hashlib.sha256(text.encode()).hexdigest()}
+
+
+def check_digest(path: Path) -> dict[str, Any]:
+    """Return the fields of a JSON file that match the digest in it.
+
+    Empty for files without a digest, such as those of older versions. SchemaError: they differ.
+    """
+    remedy = "Remove it, and render or process this part again."
+    fields = read_json(path, _MAX_JSON_BYTES, remedy, FrameFileError)
+    digest = fields.pop(_DIGEST, None)
+    if digest is None:
+        return {}
+    found = with_digest(fields)[_DIGEST]
+    if found != digest:
+        raise SchemaError(
+            f"{path} was changed after it was written: SHA-256 of its fields {found[:12]}..., "
+            f"expected {digest!s:.12}... {remedy}"
+        )
+    return fields
 
 
 def read_record(path: Path, kind: type[Record]) -> Record:
@@ -90,6 +122,24 @@ def read_record(path: Path, kind: type[Record]) -> Record:
             f"{contract.SCHEMA_VERSION}. Update radarsim to process this run."
         )
     return from_json(kind, data, str(path), FrameFileError, unknown="ignore", limits=_limit)
+
+
+def check_run(
+    path: Path,
+    record: FrameRecord,
+    fingerprint: str,
+) -> None:
+    """Raise a SchemaError where a frame's record is of a run with another fingerprint.
+
+    Records of older versions name no run, and an empty fingerprint fits all.
+    """
+    found = record.run_fingerprint
+    if found and fingerprint and found != fingerprint:
+        raise SchemaError(
+            f"{path}: frame {record.frame} belongs to another run (fingerprint {found[:12]}..., "
+            f"expected {fingerprint[:12]}...). It was copied into this folder: remove the frame's "
+            "folder and render this run again."
+        )
 
 
 def _limit(name: str) -> Setting:

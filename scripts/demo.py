@@ -4,7 +4,7 @@
 
     python scripts/demo.py [--out out/paper]
 
-Writes fig6_rings.png, fig7_echo.png, fig8_range_profile.png, fig9_range_doppler.png and
+Writes fig6_rings.png, fig7_echo.png, fig8_matched_filter.png, fig9_range_doppler.png and
 summary.json into the folder, the run itself into its subfolder ``run``. Every number of the
 summary is measured from the run's own output; where the objects truly are is read from the scene's
 geometry, which the run keeps in ground_truth.json.
@@ -177,6 +177,7 @@ def summarise(run_folder: Path, result: FrameResult) -> dict[str, Any]:
         "rings": record.rings,
         "ring_step_m": record.ring_step_m,
         "snapshots": record.snapshots,
+        "carrier_hz": radar.waveform.carrier_hz,
         "pulses": radar.burst.pulses,
         "mixed_power_fraction": result.statistics.mixed_power_fraction,
         "versions": record.versions,
@@ -198,9 +199,10 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
             "   in the middle of the burst"
         )
         print(
-            f"{'':16}{target['true_velocity_mps']:>+8.3f} m/s{target['velocity_mps']:>+8.3f} m/s"
-            f" receding is +; {target['doppler_hz']:.1f} Hz, "
-            f"{target['level_above_background_db']:.0f} dB above what surrounds it (no noise)"
+            f"{'':16}{target['true_velocity_mps']:>+8.2f} m/s{target['velocity_mps']:>+8.2f} m/s"
+            f" receding is +; {target['doppler_hz']:.1f} Hz at "
+            f"{summary['carrier_hz'] / 1e9:g} GHz, {target['level_above_background_db']:.0f} dB "
+            "above what surrounds it (no noise)"
         )
     else:
         print("Target: nothing moves in the map")

@@ -46,6 +46,9 @@ def _readable(template: str) -> str:
         text += before
         if name is not None:
             spec = spec or ""
+            if "|" in spec:
+                text += spec.partition("|")[2]
+                continue
             text += f"`{name}`" + (f" {spec[1:]}s" if spec.startswith("#") else "")
             text += " %" if spec == "percent" else ""
     return text

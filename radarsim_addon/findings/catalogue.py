@@ -27,7 +27,7 @@ TOPICS: dict[str, dict[str, Kind]] = {
     "Runs": RUNS,
 }
 #: Codes that say why a frame has no echo.
-NO_ECHO_CODES = frozenset(NO_ECHO)
+NO_ECHO_CODES = frozenset(NO_ECHO) | {"no-echo"}
 CATALOGUE: dict[str, Kind] = {
     code: kind for topic in TOPICS.values() for code, kind in topic.items()
 }

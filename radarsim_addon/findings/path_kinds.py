@@ -33,8 +33,9 @@ PATHS = {
     ),
     "clutter-of-several-materials": Kind(
         "caution",
-        "{subjects} have several materials, one of them with a clutter model or a scattered lobe.",
-        "With bistatic radars and in second reflections, sigma0 of their clutter depends only on "
+        "{subjects} {they:has|have} several materials, one of them with a clutter model or a "
+        "scattered lobe.",
+        "With bistatic radars and in second reflections, sigma0 of the clutter depends only on "
         "the angle towards the receiver, not on both angles. Backscatter of clutter models is "
         "right. Scattered lobes are replaced by Lambert lobes.",
         "Give the surface with the clutter model or the lobe an object of its own.",
@@ -91,8 +92,8 @@ PATHS = {
     ),
     "rough-object-without-echo": Kind(
         "caution",
-        "Rays met {subjects}, which are rough, but received no echo from there, or one that is "
-        "more than 120 dB below the strongest.",
+        "Rays met {subjects}, which {they:is|are} rough, but received no echo from there, or one "
+        "that is more than 120 dB below the strongest.",
         "A rough surface reflects around the specular direction: at grazing incidence, next to "
         "nothing comes back. Objects in a radar shadow return no echo either.",
         "If you expect an echo from ground or sea, give the material a clutter model; else raise "
@@ -101,7 +102,8 @@ PATHS = {
     "object-missed-by-rays": Kind(
         "caution",
         "No ray met {subjects}: in view, but smaller than a pixel.",
-        "Their echoes are missing, and no error estimate includes them.",
+        "{they:Its echo is missing, and no error estimate includes it|Their echoes are missing, "
+        "and no error estimate includes them}.",
         "Raise the resolution or the replicates, or narrow the field of view.",
     ),
     "small-objects-share-tiles": Kind(
@@ -115,15 +117,15 @@ PATHS = {
         "caution",
         "Specular points on {count:#surface} of {subjects} have no tile of their own: radarsim "
         "follows the {traced} strongest ones, on the surfaces that look largest.",
-        "Rays may miss specular points that are smaller than a pixel. Then the power of these "
-        "objects is too low, and its standard error does not show it.",
+        "Rays may miss specular points that are smaller than a pixel. Then the power of "
+        "{they:this object|these objects} is too low, and its standard error does not show it.",
         "Raise the resolution, or narrow the field of view.",
     ),
     "power-uncertain": Kind(
         "caution",
         "The power of {subjects} has a standard error of {stderr_fraction:percent}.",
-        "Too few rays met the bright parts of these objects. Their level, cross section and SNR "
-        "can be wrong by tens of decibels.",
+        "Too few rays met the bright parts of {they:this object. Its|these objects. Their} level, "
+        "cross section and SNR can be wrong by tens of decibels.",
         "Raise the resolution or the replicates, or set Max standard error.",
     ),
     "smooth-face-level": Kind(
@@ -160,24 +162,25 @@ PATHS = {
 MIRRORS = {
     "mirrors-need-reflections": Kind(
         "info",
-        "{subjects} mirror waves, and radarsim followed single reflections only.",
-        "Paths via these mirrors are missing: ghosts, and the fading of targets above smooth "
-        "ground.",
+        "{subjects} {they:mirrors|mirror} waves, and radarsim followed single reflections only.",
+        "Paths via {they:this mirror|these mirrors} are missing: ghosts, and the fading of "
+        "targets above smooth ground.",
         "Set Max reflections to 3 to include these paths: one reflection at the target, one at a "
         "mirror on transmit, and one at a mirror on receive.",
     ),
     "mirror-both-ways-left-out": Kind(
         "caution",
         "Max reflections is 2: paths that go via {subjects} on transmit and on receive have 3.",
-        "Power and fading of targets near these mirrors are not those of all paths.",
+        "Power and fading of targets near {they:this mirror|these mirrors} are not those of all "
+        "paths.",
         "Set Max reflections to 3.",
     ),
     "mirrors-left-out": Kind(
         "caution",
         "{count:#planar mirror} of {subjects} got no image of the transmitter; the maximum number "
         "of images is {most}.",
-        "Paths to the transmitter via these mirrors are missing. radarsim makes the images for the "
-        "mirrors that fill the largest solid angle at the transmitter.",
+        "Paths to the transmitter via {count:this mirror|these mirrors} are missing. radarsim "
+        "makes the images for the mirrors that fill the largest solid angle at the transmitter.",
         "Raise Mirror images, or give surfaces that are no mirrors a roughness above 0.",
     ),
     "mirror-pairs-left-out": Kind(
@@ -190,8 +193,8 @@ MIRRORS = {
     ),
     "mirror-slightly-rough": Kind(
         "info",
-        "{subjects} are mirrors with an RMS height and no slope: paths via these mirrors have the "
-        "coherent part of the amplitude.",
+        "{subjects} {they:is a mirror|are mirrors} with an RMS height and no slope: paths via "
+        "{they:this mirror|these mirrors} have the coherent part of the amplitude.",
         "The diffuse part of the reflected power is in the paths only if the material has a "
         "scattered lobe. On the way from the receiver, the second of two mirrors in a row has the "
         "reflectance of a smooth mirror.",
@@ -200,34 +203,39 @@ MIRRORS = {
     ),
     "mirror-curved": Kind(
         "caution",
-        "{subjects} are smooth and curved, and radarsim computes no reflection to the transmitter "
-        "at {fraction:percent} of the area of their mirrors.",
+        "{subjects} {they:is|are} smooth and curved, and radarsim computes no reflection to the "
+        "transmitter at {fraction:percent} of the area of {they:its|their} mirrors.",
         "Paths that go from a scatterer via this area to the transmitter are missing. Possible "
         "reasons: the material is not a Radar Material, or nodes are linked to its inputs; the "
         "mesh is too coarse for the wavelength; the radius of curvature is below 1.6 wavelengths.",
-        "Assign a Radar Material without linked inputs and subdivide the mesh. Or give these "
-        "surfaces a roughness above 0, or set Shade Flat for meshes with flat faces.",
+        "Assign a Radar Material without linked inputs and subdivide the mesh. Or give {they:this "
+        "surface|these surfaces} a roughness above 0, or set Shade Flat for meshes with flat "
+        "faces.",
     ),
     "mirror-curved-off": Kind(
         "caution",
-        "{subjects} are smooth and curved, and Mirror images is 0.",
-        "Paths that go from a scatterer via these mirrors to the transmitter are missing.",
+        "{subjects} {they:is|are} smooth and curved, and Mirror images is 0.",
+        "Paths that go from a scatterer via {they:this mirror|these mirrors} to the transmitter "
+        "are missing.",
         "Set Mirror images above 0.",
     ),
     "mirror-curved-orthographic": Kind(
         "caution",
         "The camera is orthographic: radarsim computes no reflection to the transmitter at the "
-        "curved mirrors {subjects}.",
-        "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
-        "whose ray from the receiver meets the mirror first are included.",
+        "curved {they:mirror|mirrors} {subjects}.",
+        "Paths that go from a scatterer via {they:this mirror|these mirrors} to the transmitter "
+        "are missing. Paths whose ray from the receiver meets the mirror first are included.",
         "Use a perspective or panoramic camera.",
     ),
     "mirror-curved-target": Kind(
         "caution",
-        "{subjects} scatter in a narrow lobe, or by a clutter model, and are near a curved mirror.",
-        "Paths that go from these objects via the curved mirror to the transmitter are missing. "
-        "Paths whose ray from the receiver meets the mirror first are included.",
-        "Give these objects a diffuse surface (Specularity 0), if paths via the mirror matter.",
+        "{subjects} {they:scatters|scatter} in a narrow lobe, or by a clutter model, and "
+        "{they:is|are} near a curved mirror.",
+        "Paths that go from {they:this object|these objects} via the curved mirror to the "
+        "transmitter are missing. Paths whose ray from the receiver meets the mirror first are "
+        "included.",
+        "Give {they:this object|these objects} a diffuse surface (Specularity 0), if paths via "
+        "the mirror matter.",
     ),
     "mirror-curved-in-a-row": Kind(
         "caution",
@@ -242,44 +250,45 @@ MIRRORS = {
     ),
     "mirror-focuses": Kind(
         "caution",
-        "{subjects} have concave parts that focus waves.",
+        "{subjects} {they:has|have} concave parts that focus waves.",
         "Near a focus, rays do not give the power. Paths that go from a scatterer via these parts "
         "to the transmitter are missing.",
         "Give concave parts a roughness above 0.",
     ),
     "mirror-rounded": Kind(
         "info",
-        "{subjects} are curved mirrors with a coarse mesh. radarsim uses a round surface that "
-        "fits their smooth shading, up to {height_m:height} outside of the mesh.",
-        "Lengths of paths via these mirrors belong to the round surface. Rays of the receiver "
-        "that meet the mirror first belong to the mesh.",
+        "{subjects} {they:is a curved mirror|are curved mirrors} with a coarse mesh. radarsim "
+        "uses a round surface that fits {they:its|their} smooth shading, up to {height_m:height} "
+        "outside of the mesh.",
+        "Lengths of paths via {they:this mirror|these mirrors} belong to the round surface. Rays "
+        "of the receiver that meet the mirror first belong to the mesh.",
         "Subdivide the mesh if the round surface and the mesh should agree.",
     ),
     "mirror-without-image": Kind(
         "caution",
-        "{subjects} are smooth and planar, so they act as mirrors, but radarsim makes no image of "
-        "the transmitter for them: their material is a BSDF of Blender, or has inputs that nodes "
-        "set.",
-        "Paths that go from a scatterer via these mirrors to the transmitter are missing. Paths "
-        "whose ray from the receiver meets the mirror first are included.",
+        "{subjects} {they:is|are} smooth and planar, so {they:it acts as a mirror|they act as "
+        "mirrors}, but radarsim makes no image of the transmitter for {they:it: its|them: their} "
+        "material is a BSDF of Blender, or has inputs that nodes set.",
+        "Paths that go from a scatterer via {they:this mirror|these mirrors} to the transmitter "
+        "are missing. Paths whose ray from the receiver meets the mirror first are included.",
         "Assign a Radar Material whose inputs are numbers, or raise the roughness of a surface "
         "that is not a mirror.",
     ),
     "mirror-first-without-image": Kind(
         "caution",
-        "Mirror Images is First for {subjects}, but these objects have no smooth planar face that "
-        "faces the transmitter.",
-        "These objects get no image of the transmitter.",
-        "Give these objects a Radar Material with roughness 0 and planar faces, or set Mirror "
-        "Images to Automatic.",
+        "Mirror Images is First for {subjects}, but {they:this object has|these objects have} no "
+        "smooth planar face that faces the transmitter.",
+        "{they:This object gets|These objects get} no image of the transmitter.",
+        "Give {they:this object|these objects} a Radar Material with roughness 0 and planar "
+        "faces, or set Mirror Images to Automatic.",
     ),
     "mirror-moves": Kind(
         "caution",
-        "{subjects} are mirrors that deform, or that share a plane with other objects and move "
-        "during the burst.",
-        "Lengths of paths to the transmitter via these mirrors change as if the mirror were "
-        "stationary at the time of the render.",
-        "Shorten the burst, or give these surfaces a roughness above 0.",
+        "{subjects} {they:is a mirror that deforms|are mirrors that deform}, or that "
+        "{they:shares|share} a plane with other objects and {they:moves|move} during the burst.",
+        "Lengths of paths to the transmitter via {they:this mirror|these mirrors} change as if "
+        "the mirror were stationary at the time of the render.",
+        "Shorten the burst, or give {they:this surface|these surfaces} a roughness above 0.",
     ),
     "mirror-echo-not-formed": Kind(
         "caution",
@@ -291,25 +300,26 @@ MIRRORS = {
     ),
     "mirror-phases-apart": Kind(
         "caution",
-        "{subjects} reflect horizontal and vertical waves with phases that differ by up to "
-        "{apart_deg:.0f} degrees, and Polarisation is Average.",
-        "Paths via these mirrors have the phase of the horizontal wave. Lobes and nulls are "
-        "those of a horizontal radar. Those of a vertical radar lie elsewhere, so a level near a "
-        "null can be wrong by more than 10 dB.",
+        "{subjects} {they:reflects|reflect} horizontal and vertical waves with phases that differ "
+        "by up to {apart_deg:.0f} degrees, and Polarisation is Average.",
+        "Paths via {they:this mirror|these mirrors} have the phase of the horizontal wave. Lobes "
+        "and nulls are those of a horizontal radar. Those of a vertical radar lie elsewhere, so a "
+        "level near a null can be wrong by more than 10 dB.",
         "Set Polarisation to that of your radar, Vertical or Horizontal.",
     ),
     "mirror-turns-polarisation": Kind(
         "caution",
-        "{subjects} are tilted about the line of sight: they turn up to {fraction:percent} of the "
-        "power that they reflect into the other polarisation.",
+        "{subjects} {they:is|are} tilted about the line of sight: {they:it turns|they turn} up to "
+        "{fraction:percent} of the power that {they:it reflects|they reflect} into the other "
+        "polarisation.",
         "Targets and the receiver take the part of a wave with the polarisation of the run. A "
-        "target that keeps every polarisation, such as a sphere, also sends the other part back to "
-        "the mirror, which turns it again. Compared with the direct path alone, this wave makes "
-        "the level of such a target up to {higher_db:.1f} dB higher, or up to {lower_db:.1f} dB "
-        "lower.",
-        "Add this difference to the uncertainty of lobes and nulls near these mirrors. If the real "
-        "antenna is polarised along or across the mirror, turn the whole scene about the line of "
-        "sight, so that the mirror is level or upright.",
+        "target that keeps every polarisation, such as a sphere, also sends the other part back "
+        "to the mirror, which turns it again. Compared with the direct path alone, this wave "
+        "makes the level of such a target up to {higher_db:.1f} dB higher, or up to "
+        "{lower_db:.1f} dB lower.",
+        "Add this difference to the uncertainty of lobes and nulls near {they:this mirror|these "
+        "mirrors}. If the real antenna is polarised along or across the mirror, turn the whole "
+        "scene about the line of sight, so that the mirror is level or upright.",
     ),
     "mirror-ways-not-in-phase": Kind(
         "caution",
@@ -321,8 +331,9 @@ MIRRORS = {
     ),
     "mirror-lobe-narrow": Kind(
         "caution",
-        "{subjects} scatter another power towards a mirror than towards the radar: their lobes are "
-        "narrower than the angle between the two directions.",
+        "{subjects} {they:scatters|scatter} another power towards a mirror than towards the "
+        "radar: {they:its lobe is|their lobes are} narrower than the angle between the two "
+        "directions.",
         "Powers of all paths are right, but paths via the mirror do not interfere with the direct "
         "paths.",
         "Ignore this if the target is strong in one of the two directions only. Else give the "
@@ -348,8 +359,8 @@ NO_ECHO = {
         "error",
         "The frame contains no echo: no ray of the receiver met a surface of this scene: "
         "{subjects}.",
-        "All of them are outside the view, edge-on, smaller than a pixel, or hidden, so all maps "
-        "are empty.",
+        "{they:It is|All of them are} outside the view, edge-on, smaller than a pixel, or hidden, "
+        "so all maps are empty.",
         "Turn the radar or widen its field of view. Check Object > Visibility: Ray Visibility > "
         "Camera on, Holdout and Shadow Catcher off. Check that no object is scaled to 0.",
     ),
@@ -373,54 +384,59 @@ MOTION = {
     "surface-not-followed": Kind(
         "caution",
         "The vertices of {subjects} are not the same points of the surface during the burst.",
-        "radarsim moves the points of these objects by their matrix only. Within the burst these "
-        "points get up to {apart_m:.2g} m away from the surface that Blender evaluates, so "
-        "range rates may be wrong by up to about {speed_mps:.2g} m/s.",
-        "Apply modifiers that make vertices (Decimate, Remesh, Boolean, Build), or move them above "
-        "Armature and other modifiers that deform. Convert metaballs to a mesh. Replace an "
+        "radarsim moves the points of {they:this object by its|these objects by their} matrix "
+        "only. Within the burst these points get up to {apart_m:.2g} m away from the surface that "
+        "Blender evaluates, so range rates may be wrong by up to about {speed_mps:.2g} m/s.",
+        "Apply modifiers that make vertices (Decimate, Remesh, Boolean, Build), or move them "
+        "above Armature and other modifiers that deform. Convert metaballs to a mesh. Replace an "
         "animated Bevel Start or End by keyframes of the object.",
     ),
     "surface-changes": Kind(
         "info",
         "The vertices of {subjects} are not the same points of the surface during the burst.",
-        "radarsim moves the points of these objects by their matrix only. Within the burst they "
-        "stay within {apart_m:.2g} m of the surface that Blender evaluates.",
+        "radarsim moves the points of {they:this object by its|these objects by their} matrix "
+        "only. Within the burst they stay within {apart_m:.2g} m of the surface that Blender "
+        "evaluates.",
         "If the surface moves along itself, apply modifiers that make vertices (Decimate, Remesh, "
         "Boolean), or move them above those that deform.",
     ),
     "displacement-changes": Kind(
         "caution",
         "The shader displacement of {subjects} may change during the burst.",
-        "Cycles displaces these surfaces while it renders, and Blender has no vertices of them. "
-        "radarsim moves their points without this change, so phases and range rates lack it.",
+        "Cycles displaces {they:this surface|these surfaces} while it renders, and Blender has no "
+        "vertices of {they:it|them}. radarsim moves {they:its|their} points without this change, "
+        "so phases and range rates lack it.",
         "Use a Displace modifier, or Geometry Nodes with Set Position.",
     ),
     "motion-sampling-slow": Kind(
         "caution",
-        "radarsim took {samples:#motion sample} and stopped after {elapsed_s:.0f} s.",
+        "radarsim stopped after {samples:#motion sample}, because more of them would take too long "
+        "in this scene.",
         "Displacements are known to {displacement_error_bound_m:.2g} m.",
         "Simplify the animated meshes, or shorten the burst.",
     ),
     "motion-unresolved": Kind(
         "caution",
-        "With {samples:#motion sample} per burst, the fit misses the motion of {subjects} by up to "
-        "{miss_m:.2g} m.",
-        "These objects turn or vibrate too fast, so their Doppler is wrong.",
+        "With {samples:#motion sample} per burst, the fit misses the motion of {subjects} by up "
+        "to {miss_m:.2g} m.",
+        "{they:This object turns or vibrates too fast, so its|These objects turn or vibrate too "
+        "fast, so their} Doppler is wrong.",
         "Shorten the burst, or raise Max motion samples.",
     ),
     "motion-jumps": Kind(
         "caution",
-        "{subjects} jump by up to {size_m:.3g} m during the burst, first at frame {frame:.6g}.",
+        "{subjects} {they:jumps|jump} by up to {size_m:.3g} m during the burst, first at frame "
+        "{frame:.6g}.",
         "A jump is no velocity: radarsim fits the motion before and after it. Range rates are "
         "those at the time of the render.",
-        "In an F-curve's Cycles modifier, choose Repeat with Offset. Check drivers and scripts for "
-        "a modulo. Or choose frames whose burst has no jump.",
+        "In an F-curve's Cycles modifier, choose Repeat with Offset. Check drivers and scripts "
+        "for a modulo. Or choose frames whose burst has no jump.",
     ),
     "driver-disabled": Kind(
         "caution",
         "Blender does not evaluate {count:#driver} of {subjects}.",
-        "The objects that they drive do not move. The Python expressions are wrong, or disabled, "
-        "as in any file that is opened without its scripts.",
+        "The objects that these drivers drive do not move. The Python expressions are wrong, or "
+        "disabled, as in any file that is opened without its scripts.",
         "If you trust the file, open it with Auto Run Python Scripts (blender -b "
         "--enable-autoexec FILE -P scripts/render_radar.py), or bake the animation to keyframes.",
     ),
@@ -434,9 +450,9 @@ MOTION = {
     "moves-at-whole-frames": Kind(
         "caution",
         "A script, or a driver that reads frame_current, moves {subjects} at whole frames only.",
-        "In Blender these objects are stationary between whole frames, without Doppler. radarsim "
-        "takes a smooth cubic through the poses at whole frames, unless Motion is Linear "
-        "simulations.",
+        "In Blender {they:this object is|these objects are} stationary between whole frames, "
+        "without Doppler. radarsim takes a smooth cubic through the poses at whole frames, unless "
+        "Motion is Linear simulations.",
         "In drivers use the variable frame, in scripts scene.frame_current_final: both have "
         "fractions of frames. Or bake the animation to keyframes.",
     ),
@@ -460,9 +476,11 @@ MOTION = {
     ),
     "motion-in-steps": Kind(
         "caution",
-        "{subjects} move in steps, by Constant interpolation or a Stepped modifier.",
-        "Between two steps they are stationary and have no Doppler; at a step they jump.",
-        "Set the interpolation of their keyframes to Linear or Bezier in the Graph Editor.",
+        "{subjects} {they:moves|move} in steps, by Constant interpolation or a Stepped modifier.",
+        "Between two steps {they:it is stationary and has no Doppler; at a step it jumps|they are "
+        "stationary and have no Doppler; at a step they jump}.",
+        "Set the interpolation of {they:its|their} keyframes to Linear or Bezier in the Graph "
+        "Editor.",
     ),
     "instances-appear-or-vanish": Kind(
         "caution",

@@ -187,9 +187,9 @@ PROCESSING = {
     "range-gaps-between-rays": Kind(
         "caution",
         "From {range_m:.3g} m on, a pixel covers more than a range cell.",
-        "Echoes, maps and the expected power show there what the rays of a surface tell of the "
-        "places between them; objects and shadows smaller than a pixel are missed. Without a "
-        "speckle seed echoes are of single rays, with gaps that are not in the scene.",
+        "Beyond this range, echoes, maps and the expected power are interpolated between the rays "
+        "of a surface. Objects and shadows smaller than a pixel are missing. Without a speckle "
+        "seed, echoes are of single rays, with gaps that are not in the scene.",
         "Raise the resolution or the replicates, or refine for ranges.",
     ),
     "echoes-cancel": Kind(

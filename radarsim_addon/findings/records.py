@@ -68,6 +68,7 @@ def written(item: Finding) -> Finding:
     """Return a finding with the catalogue's texts."""
     kind = CATALOGUE[item.code]
     values = {**item.numbers, "subjects": names_text(item.subjects)}
+    values["they"] = len(item.subjects)
     text, cause, remedy = (fill(part, values) for part in (kind.text, kind.cause, kind.remedy))
     return replace(item, text=text, cause=cause, remedy=remedy)
 

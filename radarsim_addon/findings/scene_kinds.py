@@ -9,8 +9,9 @@ SCENE = {
     "no-radar-material": Kind(
         "caution",
         "No Radar Material is assigned to {subjects}.",
-        "These objects cast a radar shadow and return no echo.",
-        "Select them and choose Radar > Scene > Assign to Selected, or Assign by Name.",
+        "{they:This object casts|These objects cast} a radar shadow and {they:returns|return} no "
+        "echo.",
+        "Select {they:it|them} and choose Radar > Scene > Assign to Selected, or Assign by Name.",
     ),
     "optical-material": Kind(
         "caution",
@@ -32,10 +33,10 @@ SCENE = {
     ),
     "linked-file-missing": Kind(
         "caution",
-        "Files that the scene uses are missing: {subjects}.",
+        "{they:A file that the scene uses is|Files that the scene uses are} missing: {subjects}.",
         "Blender renders without them: a missing image is magenta, and objects of a missing "
         "library or cache are empty or have no motion.",
-        "Choose File > External Data > Find Missing Files, or remove what uses them.",
+        "Choose File > External Data > Find Missing Files, or remove what uses {they:it|them}.",
     ),
     "changed-by-scripts": Kind(
         "info",
@@ -53,17 +54,19 @@ SCENE = {
     "object-without-surface": Kind(
         "caution",
         "radarsim skipped {subjects}: fog, volumes and grease pencil have no reflecting surface.",
-        "These objects cast no shadow and return no echo.",
-        "Convert them to meshes to include them.",
+        "{they:This object casts|These objects cast} no shadow and {they:returns|return} no echo.",
+        "Convert {they:it to a mesh|them to meshes} to include {they:it|them}.",
     ),
     "hidden-from-receiver": Kind(
         "caution",
-        "{subjects} return no direct echo: Ray Visibility > Camera is off, or Holdout, Shadow "
-        "Catcher or Indirect Only is on, for the object or its collection.",
-        "The receiver looks through these objects, or finds a hole in their place. They still cast "
-        "radar shadows and take part in paths with several reflections.",
-        "To measure them, switch Camera on and the other three off (Object > Visibility, and the "
-        "restrictions of collections in the Outliner). To remove them, disable them in renders.",
+        "{subjects} {they:returns|return} no direct echo: Ray Visibility > Camera is off, or "
+        "Holdout, Shadow Catcher or Indirect Only is on, for the object or its collection.",
+        "The receiver looks through {they:this object, or finds a hole in its place. It still "
+        "casts|these objects, or finds a hole in their place. They still cast} radar shadows and "
+        "{they:takes|take} part in paths with several reflections.",
+        "To measure {they:it|them}, switch Camera on and the other three off (Object > "
+        "Visibility, and the restrictions of collections in the Outliner). To remove "
+        "{they:it|them}, disable {they:it|them} in renders.",
     ),
     "rays-pass-through": Kind(
         "caution",
@@ -75,50 +78,54 @@ SCENE = {
     "displaced-by-shader": Kind(
         "info",
         "A shader displaces the surface of {subjects}.",
-        "Only the render has this displacement: ground_truth.json has no nearest range for these "
-        "objects.",
+        "Only the render has this displacement: ground_truth.json has no nearest range for "
+        "{they:this object|these objects}.",
         "For a nearest range, use a Displace modifier or Geometry Nodes.",
     ),
     "subsurface-scattering": Kind(
         "caution",
-        "These materials scatter light below their surface: {subjects}.",
-        "Their echoes are spread over larger ranges.",
+        "{they:This material scatters light below its surface|These materials scatter light below "
+        "their surface}: {subjects}.",
+        "{they:Its|Their} echoes are spread over larger ranges.",
         "Set Subsurface to 0 in each material.",
     ),
     "smooth-across-edges": Kind(
         "caution",
-        "{subjects} are shaded smooth across sharp edges: up to {fraction:percent} of a surface "
-        "has normals that are off by more than {angle_deg:g} degrees.",
+        "{subjects} {they:is|are} shaded smooth across sharp edges: up to {fraction:percent} of a "
+        "surface has normals that are off by more than {angle_deg:g} degrees.",
         "Reflection, Fresnel's equations and the walls that waves go through follow these normals.",
         "Choose Object > Shade Auto Smooth, or Shade Flat.",
     ),
     "mesh-open": Kind(
         "error",
-        "These objects have an interior, but their mesh is open: {subjects}.",
+        "{they:This object has|These objects have} an interior, but {they:its|their} mesh is "
+        "open: {subjects}.",
         "A face is missing or vertices are double, so depths inside are wrong.",
         "Close the mesh (Mesh > Merge > By Distance, then Fill). An object through which nothing "
         "has to be seen needs no Volume: without it the object is opaque.",
     ),
     "mesh-flipped": Kind(
         "error",
-        "These objects have an interior, but neighbouring faces point in opposite directions: "
-        "{subjects}.",
+        "{they:This object has|These objects have} an interior, but neighbouring faces point in "
+        "opposite directions: {subjects}.",
         "Cycles loses count of which object a ray is in, so depths inside are wrong.",
         "Choose Mesh > Normals > Recalculate Outside.",
     ),
     "mesh-inside-out": Kind(
         "error",
-        "These objects have an interior, but their normals point inwards: {subjects}.",
-        "Depths are counted outside the objects.",
+        "{they:This object has|These objects have} an interior, but {they:its|their} normals "
+        "point inwards: {subjects}.",
+        "Depths are counted outside the {they:object|objects}.",
         "Choose Mesh > Normals > Recalculate Outside, or Flip.",
     ),
     "shells-overlap": Kind(
         "caution",
-        "Parts of {subjects} reach into one another: {fraction:percent} of the surface lies inside "
-        "another part of the mesh.",
+        "Parts of {subjects} reach into one another: {fraction:percent} of the surface lies "
+        "inside another part of the mesh.",
         "Cycles counts the interior once where they overlap, and each face inside takes its part "
         "of the power: what passes there comes out too weak and too near.",
-        "Unite the parts (Boolean modifier, Union with Self Intersection), or make each an object.",
+        "Unite the parts (Boolean modifier, Union with Self Intersection), or make each part an "
+        "object.",
     ),
     "interior-not-refracted": Kind(
         "info",
@@ -129,8 +136,9 @@ SCENE = {
     ),
     "pane-counts-twice": Kind(
         "caution",
-        "{subjects} have a thin sheet on both sides of their panes.",
-        "Each face of a thin sheet is a whole pane, so these lose and delay twice.",
+        "{subjects} {they:has|have} a thin sheet on both sides of {they:its|their} panes.",
+        "Each face of a thin sheet is a whole pane, so waves lose power twice and are delayed "
+        "twice.",
         "Delete one of the two sides, or set Thin Sheet to 0 and connect Volume: a box then has "
         "its thickness.",
     ),
@@ -162,7 +170,8 @@ SCENE = {
     ),
     "coincident-faces": Kind(
         "error",
-        "These pairs of objects have faces that coincide exactly: {subjects}.",
+        "{they:This pair of objects has|These pairs of objects have} faces that coincide exactly: "
+        "{subjects}.",
         "Cycles loses count of which object a ray is in, so depths and shadows are wrong.",
         "Leave a gap or an overlap of at least {least_gap:.1g} Blender units.",
     ),
@@ -183,10 +192,10 @@ SCENE = {
     ),
     "absorption-below-float32": Kind(
         "caution",
-        "Two-way absorption through {subjects} is more than the {limit_db:.0f} dB that float32 can "
-        "hold in this Blender.",
-        "A wave that crosses these objects returns no echo. Waves past them and through openings "
-        "do.",
+        "Two-way absorption through {subjects} is more than the {limit_db:.0f} dB that float32 "
+        "can hold in this Blender.",
+        "A wave that crosses {they:this object|these objects} returns no echo. Waves past "
+        "{they:it|them} and through openings do.",
         "If you need those echoes, use thinner objects or a material with less absorption.",
     ),
     "interior-rounded": Kind(
@@ -201,7 +210,8 @@ SCENE = {
     "opaque-without-volume": Kind(
         "info",
         "Volume is not connected in {subjects}.",
-        "Waves that enter objects of these materials are absorbed: nothing behind returns an echo.",
+        "Waves that enter objects of {they:this material|these materials} are absorbed: nothing "
+        "behind returns an echo.",
         "To let waves through, connect Volume of the Radar Material to the Material Output, or "
         "give a thin pane its thickness (Thin Sheet).",
     ),
@@ -218,7 +228,7 @@ SCENE = {
     ),
     "clutter-not-connected": Kind(
         "caution",
-        "The clutter models of {subjects} have no effect.",
+        "The clutter {they:model|models} of {subjects} {they:has|have} no effect.",
         "Only the physical Radar Material at the output of a material, without the thickness of a "
         "thin sheet, has a lobe for sigma0. A link at its input Clutter Row replaces the model.",
         "Choose Use Physical Inputs in the Material tab, or set Clutter to None.",

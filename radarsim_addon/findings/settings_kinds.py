@@ -71,7 +71,8 @@ SETTINGS = {
     ),
     "objects-below-a-pixel": Kind(
         "caution",
-        "{subjects} are smaller than one pixel of the rings: their size is {size_px:.2g} pixels.",
+        "{subjects} {they:is|are} smaller than one pixel of the rings: {they:its|their} size is "
+        "{size_px:.2g} pixels.",
         "All rays may miss such an object. Then its echo is missing.",
         "Raise the resolution, narrow the field of view, or set Sampling mode to Paths, which "
         "measures small objects with pixels of their own.",
@@ -88,7 +89,7 @@ SETTINGS = {
         "caution",
         "Range rates of {subjects} reach {fastest_mps:.4g} m/s, beyond the maximum unambiguous "
         "velocity of {max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
-        "Doppler folds, as in a radar: they appear at a wrong range rate, maybe of the opposite "
+        "Doppler folds, as in a radar: echoes appear at a wrong range rate, maybe of the opposite "
         "sign.",
         "Set the PRF to at least {prf_hz:frequency}. A pulse or sweep must fit into 1 / PRF, and "
         "a pulse's unambiguous range falls with it.",
@@ -139,6 +140,14 @@ SETTINGS = {
         "{unambiguous_range_m:.6g} m.",
         "Profile and map end at the unambiguous range.",
         "Lower the far range limit, or choose a waveform with a larger unambiguous range.",
+    ),
+    "range-limits-beyond-sampled-band": Kind(
+        "caution",
+        "The range limits reach {range_limit_m:g} m, beyond the {unambiguous_range_m:.6g} m that "
+        "the sampling rate covers.",
+        "The anti-alias filter of the ADC removes echoes from beyond: profile and map end there.",
+        "Lower the far range limit, raise the sampling rate, or sweep less bandwidth in the same "
+        "time.",
     ),
 }
 

@@ -107,11 +107,15 @@ class _Text(string.Formatter):
     """Formats numbers, spans of numbers and words by the specifications of the catalogue.
 
     ``percent``, ``length``, ``height`` and ``frequency`` choose digits and unit, ``#path`` counts
-    ("1 path", "3 paths"); others are Python's own.
+    ("1 path", "3 paths"), ``is|are`` gives the word for a count of one, or that for any other
+    count. Other specifications are Python's own.
     """
 
     def format_field(self, value: Any, spec: str) -> str:
         """Return one value, or the span of several, as text."""
+        if "|" in spec:
+            one, other = spec.split("|")
+            return one if value == 1 else other
         if isinstance(value, str):
             return value
         (first, unit), (last, last_unit) = (

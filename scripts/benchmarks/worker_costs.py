@@ -31,8 +31,8 @@ _CLUSTER = """
 import sys
 from distributed import LocalCluster
 if __name__ == "__main__":
-    with LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None,
-                      local_directory=sys.argv[1]) as cluster:
+    with LocalCluster(n_workers=int(sys.argv[2]), threads_per_worker=1, host="127.0.0.1",
+                      dashboard_address=None, local_directory=sys.argv[1]) as cluster:
         print(cluster.scheduler_address, flush=True)
         sys.stdin.read()
 """
@@ -120,8 +120,8 @@ def _command(*words: str | Path) -> Cost:
 
 
 @contextlib.contextmanager
-def dask_cluster(folder: Path) -> Iterator[str]:
-    """Start a Dask cluster of two processes of one thread on this machine; give its address.
+def dask_cluster(folder: Path, workers: int = 2) -> Iterator[str]:
+    """Start a Dask cluster of processes of one thread on this machine; give its address.
 
     In a process of its own: one that holds bpy would pass on its paths.
     """
@@ -129,7 +129,7 @@ def dask_cluster(folder: Path) -> Iterator[str]:
     script.write_text(_CLUSTER, encoding="utf-8")
     own = filter(None, [os.environ.get("PYTHONPATH")])
     with subprocess.Popen(
-        [sys.executable, str(script), str(folder / "dask")],
+        [sys.executable, str(script), str(folder / "dask"), str(workers)],
         cwd=_ROOT,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(_ROOT), *own])},
         stdin=subprocess.PIPE,

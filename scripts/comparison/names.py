@@ -107,7 +107,7 @@ EXCLUDED: tuple[Removed, ...] = (
     Removed(r".*", r"(.*[.@:])?(schema|schema_version|layout_version)", "version of the format"),
     Removed(r".*\.h5", r"@software", "version of the program"),
     Removed(r".*\.sigmf-meta", r"global\.core:(recorder|version)", "version of the program"),
-    Removed(r".*", r"(.*\.)?\w+_sha256", "hash of a file whose content is compared"),
+    Removed(r".*", r"(.*\.)?\w+_sha256(\..*)?", "hash of a file whose content is compared"),
     Removed(r".*\.sigmf-meta", r"global\.core:sha512", "hash of a file whose content is compared"),
     Removed(r".*", r"(.*\.)?\w*fingerprint", "hash of settings and meshes by their names"),
     Removed(r".*", r"(.*\.)?blend_file", "where the scene lies"),

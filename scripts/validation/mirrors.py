@@ -109,6 +109,22 @@ def expected_points(run: Acquired, carrier_hz: float) -> tuple[Real, Real]:
     return point_m, total_w / direct_w
 
 
+def _pattern_check(
+    name: str,
+    expected: Real,
+    found: Real,
+    source: str,
+    apart: tuple[float, float, float] | None,
+) -> Check:
+    """The worst point of a pattern, of those that are not below its floor."""
+    strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
+    points = [
+        power_check("", one, other, BOUND_DB, source, unit="dB")
+        for one, other in zip(expected[strong], found[strong], strict=True)
+    ]
+    return worst_of(name + ("" if apart is None else ", bistatic"), points)
+
+
 #: A transmitter that stands apart from the receiver at the origin [m].
 APART_M = (30.0, 60.0, -4.0)
 
@@ -136,14 +152,8 @@ def swept(
             expected = pattern(
                 point_m, epsilon, carrier_hz, polarisation == "vertical", transmitter_m
             )
-            strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
-            worst = [
-                power_check("", one, other, BOUND_DB, SOURCE, unit="dB")
-                for one, other in zip(expected[strong], found[strong], strict=True)
-            ]
             name = f"{ground}, {carrier_hz / 1e9:g} GHz, {polarisation}"
-            name += "" if apart is None else ", bistatic"
-            checks.append(worst_of(name, worst))
+            checks.append(_pattern_check(name, expected, found, SOURCE, apart))
     return checks
 
 
@@ -223,14 +233,8 @@ def tilted(
             point_m, found = expected_points(run, carrier_hz)
             place_m = matrix @ np.array(transmitter_m)
             expected = tilted_pattern(point_m, matrix[:, 2], epsilon, carrier_hz, vertical, place_m)
-            strong = expected > expected.max() * 10 ** (-FLOOR_DB / 10)
-            worst = [
-                power_check("", one, other, BOUND_DB, TILTED_SOURCE, unit="dB")
-                for one, other in zip(expected[strong], found[strong], strict=True)
-            ]
             name = f"{ground} tilted by {tilt_deg:g} deg, {'V' if vertical else 'H'}"
-            name += "" if apart is None else ", bistatic"
-            checks.append(worst_of(name, worst))
+            checks.append(_pattern_check(name, expected, found, TILTED_SOURCE, apart))
     return checks
 
 

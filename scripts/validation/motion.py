@@ -67,6 +67,12 @@ def _checks(
     ]
 
 
+def _worst_speed(run: Acquired, speed_mps: float) -> float:
+    """The speed along Y, of all paths, that is farthest from the true one [m/s]."""
+    speeds_mps = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
+    return float(speeds_mps[np.argmax(np.abs(speeds_mps - speed_mps))])
+
+
 def _keyed(item: Any, keys: list[tuple[float, float]]) -> None:
     for frame, y in keys:
         item.location = (0.0, y, 0.0)
@@ -135,9 +141,8 @@ def rigid_body(bench: Bench) -> list[Check]:
         plate.rigid_body.linear_damping = 0.0
         scene.rigidbody_world.substeps_per_frame = 1000
         run, _, _ = _measure(bench, 20e3, frame)
-        rate = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
         fallen_s = (frame - 1) / FPS
-        worst = float(rate[np.argmax(np.abs(rate + GRAVITY * fallen_s))])
+        worst = _worst_speed(run, -GRAVITY * fallen_s)
         name = f"free fall after {fallen_s:.3f} s, {units_per_m:g} units per metre"
         source = "g t, in Bullet's steps of 1/24000 s"
         checks.append(absolute_check(name, -GRAVITY * fallen_s, worst, 2e-3, source, unit="m/s"))
@@ -165,8 +170,7 @@ def caches(bench: Bench) -> list[Check]:
         scene.frame_set(1)
         want = float(places[frame] - places[frame - 2]) * FPS / 2
         run, _, _ = _measure(bench, 20e3, frame)
-        rate = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
-        worst = float(rate[np.argmax(np.abs(rate - want))])
+        worst = _worst_speed(run, want)
         name = f"range rate of a falling {kind}, frame {frame}"
         source = "Blender's places at frames 8 and 10"
         checks.append(absolute_check(name, want, worst, 2e-3, source, unit="m/s"))
@@ -310,8 +314,7 @@ def changing_vertices(bench: Bench) -> list[Check]:
             remesh = plate.modifiers.new("Remesh", "REMESH")
             remesh.mode, remesh.voxel_size = "VOXEL", 0.1
         run = acquire(bench, 16, 1, carrier_hz=CARRIER_HZ, prf_hz=10e3, pulses=256)
-        rates_mps = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
-        worst = float(rates_mps[np.argmax(np.abs(rates_mps - speed_mps))])
+        worst = _worst_speed(run, speed_mps)
         named = [
             one
             for one in read_record(run.folder / frame_dir(1) / MOTION_FILE, MotionRecord).findings
@@ -337,8 +340,7 @@ def jumps(bench: Bench) -> list[Check]:
         for curve in animation_curves(plate.animation_data):
             curve.modifiers.new("CYCLES")
         run, _, _ = _measure(bench, prf_hz, frame)
-        rates_mps = run.rows["range_rate_mps"] / run.rows["direction"][:, 1]
-        worst = float(rates_mps[np.argmax(np.abs(rates_mps - speed_mps))])
+        worst = _worst_speed(run, speed_mps)
         label = f"Cycles modifier, jump of {speed_mps:g} m at frame 25, burst from frame {frame}"
         source = "straight line between keys"
         checks.append(absolute_check(label, speed_mps, worst, 1e-3, source, unit="m/s"))

@@ -73,15 +73,5 @@ def plate_collection(y: float = 0.0) -> Any:
     return collection
 
 
-def instance(collection: Any, location: tuple[float, float, float]) -> Any:
-    """An empty that shows a collection there."""
-    empty = bpy.data.objects.new("Instance", None)
-    empty.instance_type = "COLLECTION"
-    empty.instance_collection = collection
-    empty.location = location
-    bpy.context.scene.collection.objects.link(empty)
-    return empty
-
-
 #: Where the plates stand that the tests of instances use.
 PLACES = [(-3.0, 10.0, 0.0), (0.0, 14.0, 0.0), (4.0, 18.0, 0.0)]

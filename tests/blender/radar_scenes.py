@@ -68,6 +68,21 @@ def add_plate(
     return plate
 
 
+def instance_of(
+    content: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0), name: str = "Instance"
+) -> Any:
+    """An empty that shows a collection, or an object, which leaves the scene's collection."""
+    if isinstance(content, bpy.types.Object):
+        item, content = content, bpy.data.collections.new("Members")
+        content.objects.link(item)
+        bpy.context.scene.collection.objects.unlink(item)
+    shown = bpy.data.objects.new(name, None)
+    shown.instance_type, shown.instance_collection = "COLLECTION", content
+    shown.location = location
+    bpy.context.scene.collection.objects.link(shown)
+    return shown
+
+
 def move_steadily(item: Any, velocity: tuple[float, float, float], frames: int = 25) -> None:
     """Animate a straight motion [units/s] from frame 1 on, at the scene's frame rate."""
     item.keyframe_insert("location", frame=1)

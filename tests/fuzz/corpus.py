@@ -6,12 +6,13 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from radarsim_addon import contract
 from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import file_sha256, read_record, write_record
+from radarsim_addon.sidecar import file_sha256, read_record, with_digest, write_record
 from radarsim_addon.signal.motion import (
     BodyMotion,
     Tracks,
@@ -130,7 +131,7 @@ def correct_hashes(run: Path) -> None:
             ):
                 if data.get(file):
                     data[digest] = file_sha256(path.with_name(data[file]))
-                    path.write_text(json.dumps(data))
+                    path.write_text(json.dumps(_with_own_digest(data)))
         except (OSError, ValueError, TypeError, AttributeError, RecursionError):
             continue
     for path in run.rglob(contract.PATHS_FILE):
@@ -141,6 +142,10 @@ def correct_hashes(run: Path) -> None:
             ):  # fmt: skip
                 if digest in data and path.with_name(name).exists():
                     data[digest] = file_sha256(path.with_name(name))
-            path.write_text(json.dumps(data))
+            path.write_text(json.dumps(_with_own_digest(data)))
         except (OSError, ValueError, TypeError, AttributeError, RecursionError):
             continue
+
+
+def _with_own_digest(data: dict[str, Any]) -> dict[str, Any]:
+    return with_digest(data) if data.pop("record_sha256", None) else data

@@ -7,6 +7,7 @@ import ast
 import dataclasses
 import json
 import math
+import re
 import string
 from pathlib import Path
 
@@ -277,6 +278,27 @@ def test_codes_are_declared_once_and_have_texts() -> None:
         for text in (kind.text, kind.cause, kind.remedy):
             assert not text or text[-1] in ".}", code
             assert not set("\n\t") & set(text)
+
+
+def test_a_verb_has_the_number_of_its_names() -> None:
+    one = finding("mirror-without-image", "Cube")
+    assert one.text.startswith("'Cube' is smooth and planar, so it acts as a mirror, but")
+    assert "for it: its material is" in one.text and "via this mirror to" in one.cause
+    two = one.about("Cube", "Ball")
+    assert two.text.startswith("'Cube', 'Ball' are smooth and planar, so they act as mirrors, but")
+    assert "for them: their material is" in two.text and "via these mirrors to" in two.cause
+    (joined,) = merge([one, one.about("Ball")])
+    assert joined.text.startswith("'Cube', 'Ball' are smooth")
+
+
+@pytest.mark.parametrize("code", [c for c, kind in CATALOGUE.items() if "{subjects}" in kind.text])
+def test_texts_with_names_fit_one_name(code: str) -> None:
+    """A sentence that begins with names goes on with a verb for one name and one for several."""
+    kind = CATALOGUE[code]
+    assert re.findall(r"(?:^|[.:] )\{subjects\} (?!\{they:)", kind.text) == []
+    for text in (kind.text, kind.cause, kind.remedy):
+        fixed = re.sub(r"\{\w+:[^}]*\|.*?\}", "", text)
+        assert not re.search(r"(?i)these (pairs of )?(objects|mirrors|materials|surfaces)", fixed)
 
 
 def codes_used() -> tuple[set[str], list[str]]:

@@ -8,6 +8,7 @@ from .assignments import (
     SURFACE_TYPES,
     MaterialAssignment,
     assigned_materials,
+    foreign_objects,
     has_no_faces,
     slot_materials,
 )
@@ -76,6 +77,7 @@ __all__ = [
     "delays",
     "doubled_panes",
     "fluctuation_of",
+    "foreign_objects",
     "found_inside",
     "glint_slope",
     "ground_mirror",

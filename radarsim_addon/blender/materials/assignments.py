@@ -8,10 +8,14 @@ an evaluated object hold all of these.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from itertools import starmap
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
-from ..state import Snapshot, take_snapshot
+import numpy as np
+
+from ..state import Shape, Snapshot, read_numbers, take_snapshot
 
 #: Object types whose surface Cycles shades by material slots.
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
@@ -25,7 +29,7 @@ class MaterialAssignment(NamedTuple):
     item : bpy.types.Object
         The original object.
     materials
-        Original materials by slot; None for an empty slot.
+        Original materials by slot, then those of instances that it makes; None for an empty slot.
     """
 
     item: Any
@@ -53,13 +57,42 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     """
     snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
-        found: dict[Any, MaterialAssignment] = {}
+        # Instances that Geometry Nodes make have slots of their own. They come after the object's,
+        # whose places stay.
+        found: dict[Any, tuple[Any, ...]] = {}
         for shape in snapshot.shapes:
-            original = shape.original
-            if original.type in SURFACE_TYPES and original not in found:
-                found[original] = MaterialAssignment(original, shape.materials)
-        _of_snapshots[snapshot] = list(found.values())
+            if shape.original.type in SURFACE_TYPES:
+                known = found.setdefault(shape.original, shape.materials)
+                more = (one for one in shape.materials if one and one not in known)
+                found[shape.original] = (*known, *dict.fromkeys(more))
+        _of_snapshots[snapshot] = list(starmap(MaterialAssignment, found.items()))
     return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
+
+
+def foreign_objects(depsgraph: Any, is_known: Callable[[Any], bool]) -> Iterator[Any]:
+    """Yield rendered objects with faces of a material that is not known, or of none (None).
+
+    Faces decide, not slots: an object that only holds instances has none, and Set Material of
+    Geometry Nodes leaves an empty slot that no face uses.
+    """
+    snapshot = take_snapshot(depsgraph)
+    for shape in snapshot.shapes:
+        original, slots = shape.original, shape.materials or (None,)
+        if original.type not in SURFACE_TYPES or original.hide_render or all(map(is_known, slots)):
+            continue
+        if not all(is_known(slots[index]) for index in _used_slots(snapshot, shape, len(slots))):
+            yield original
+
+
+def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
+    """Return the slots that faces use; all of hair curves and point clouds, which have no mesh."""
+    if shape.kind in {"CURVES", "POINTCLOUD"}:
+        return list(range(count))
+    with snapshot.mesh(shape) as mesh:
+        polygons = () if mesh is None else mesh.polygons
+        found = read_numbers(polygons, "material_index", dtype=np.int32) if polygons else ()
+    used: list[int] = np.unique(np.clip(found, 0, count - 1)).astype(int).tolist()
+    return used
 
 
 def has_no_faces(item: Any) -> bool:

@@ -92,8 +92,12 @@ class Fits:
         at_s = self._plan.rendered[0]
         return BodyMotions(self._sampler.poses(at_s), self._motions, at_s)
 
-    def fit(self, times_s: list[float]) -> None:
-        """Fit all bodies again that are not yet accurate enough."""
+    def fit(self, times_s: list[float]) -> int:
+        """Fit all bodies again that are not yet accurate enough.
+
+        Return the number of samples in all these fits.
+        """
+        fitted = 0
         sampler, plan = self._sampler, self._plan
         times = np.array(times_s)
         rows = np.union1d(sampler.changing, sorted(self._smooth)).astype(np.intp)
@@ -115,6 +119,7 @@ class Fits:
             if still[at]:
                 self._motions.pop(index, None)
                 continue
+            fitted += times.size
             present = np.isfinite(poses[:, at, 0, 0])
             motion = self._fit_body(index, times[present], poses[present, at])
             follows = index not in self._missed and not self._is_noisy(index, motion)
@@ -148,14 +153,16 @@ class Fits:
             have = [at_s for at_s in times_s if sampled[at_s] is not None]
             size = len(sampler.surfaces[name].needed) * 12
             keep = have[:: max(1, -(-len(have) * size // _MAX_VERTEX_BYTES))]
-            fitted = fit_vertices(
+            found = fit_vertices(
                 np.array(keep),
                 np.stack([sampled[at_s] for at_s in keep]),
                 plan.duration_s,
                 corners_s=plan.corners_s,
                 epoch_s=plan.rendered[0],
             )
-            self._vertices[name] = self._checked_vertices(name, *fitted)
+            self._vertices[name] = self._checked_vertices(name, *found)
+            fitted += len(keep)
+        return fitted
 
     def _checked_vertices(
         self, name: str, series: VertexSeries, noise_m: float, bound_m: float

@@ -93,12 +93,11 @@ class FrameWork:
         self._options = tracer.run.options
         self._folder = folder
         self._next_number = 0
-        # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
         asked, receiver = self._run.measurement, self._receiver
         carrier_hz = asked.waveform.carrier_hz
-        self._parts = TileCheckpoints(
-            folder, f"{self._options!r} {asked.seed} {carrier_hz!r} {asked.burst!r}", self._dtype
-        )
+        # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
+        stamp = f"{self._run.fingerprint} {carrier_hz!r} {asked.burst!r}"
+        self._parts = TileCheckpoints(folder, stamp, self._dtype)
         #: What lies beyond the last order, over the whole frame whatever is refined in it.
         self._beyond = QualitySums()
         self._renders, self._seconds = 0, 0.0

@@ -12,6 +12,7 @@ from ...findings import Finding, finding
 from ..materials import (
     SURFACE_TYPES,
     assigned_materials,
+    foreign_objects,
     has_no_faces,
     has_rough_facets,
     is_rough,
@@ -29,16 +30,25 @@ def _assigned(view_layer: Any) -> set[Any]:
 
 def holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
+    depsgraph = evaluated_depsgraph(view_layer)
+    if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
+        return True
+    evaluated = {one.item for one in assigned_materials(depsgraph) if _renders_alike(one.item)}
     shown = [
         one
         for one in bpy.data.objects
         if one.type in SURFACE_TYPES
+        and one not in evaluated
         and not has_no_faces(one)
         and (not one.hide_render or is_hidden_at_times(one))
     ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
-    materials = {material for of_one in slots for material in of_one} | _assigned(view_layer)
-    return not all(is_radar_material(material) for material in materials)
+    return not all(is_radar_material(material) for of_one in slots for material in of_one)
+
+
+def _renders_alike(item: Any) -> bool:
+    """Whether the viewport has the same modifiers as renders, so that its mesh decides."""
+    return all(one.show_viewport == one.show_render for one in item.modifiers)
 
 
 def holds_rough_facets(view_layer: Any) -> bool:

@@ -169,6 +169,7 @@ class PathJob(MeasurementJob):
             bool(self._settings is not None and self._settings.averaging),
             self._settings.interiors if self._settings is not None else Interiors(),
             self.versions,
+            self.fingerprint,
         )
 
     def _plan_renders(self) -> None:
@@ -211,7 +212,7 @@ class PathJob(MeasurementJob):
         return all(self._render_is_done(frame, render) for render in renders)
 
     def _render_is_done(self, frame: int, render: int) -> bool:
-        return render_is_whole(self.folder, frame, render, self._span_s)
+        return render_is_whole(self.folder, frame, render, self._span_s, self.fingerprint)
 
     # -- renders -----------------------------------------------------------------------------------
 

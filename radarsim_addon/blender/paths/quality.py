@@ -22,6 +22,10 @@ from .same_point import in_view
 #: Fraction of the power that may be in flawed rows before the run says so, and the relative error
 #: that nobody minds if none was asked for: 0.2 dB.
 _WARN_SHARE, _USUAL_ERROR = 1e-3, 0.05
+#: Fraction of the power in further reflections up to which nothing is said: it changes a level by
+#: 0.04 dB. The orders just above the limit are rendered for this, so that their own power decides;
+#: that of the last order followed bounds nothing, as in a corner the next one may be the brightest.
+_NEGLIGIBLE = 0.01
 #: Standard deviations of a normal distribution, and expectation of a Poisson distribution without a
 #: single event, at a one-sided confidence of 95 %.
 _SIGMAS_95, _UNSEEN_95 = 1.645, 2.996
@@ -193,7 +197,9 @@ class QualitySums:
 
         left, stderr = self.share(self.truncated_reflections_w), self.truncated_reflections_stderr
         upper = self.truncated_reflections_upper
-        if max(left, stderr) > _WARN_SHARE or upper > (tolerated or _USUAL_ERROR):
+        negligible = min(tolerated or _NEGLIGIBLE, _NEGLIGIBLE)
+        # Rays that miss rare paths are a danger to all orders: only an error asked for counts them.
+        if left + _SIGMAS_95 * stderr > negligible or upper > (tolerated or 1.0):
             lost = finding(
                 "reflections-truncated",
                 fraction=left,

@@ -54,8 +54,8 @@ _STEPS, _FEW = 8, 2000
 @dataclass(frozen=True)
 class _Face:
     """A face near normal incidence: index of its body, RMS slope, cross section of a conductor,
-    full width of the beam of its echo, angle from its normal, and a place on it. The echo of a
-    curved face has a beam of all directions.
+    full width of the beam of its echo, angle from its normal, a place on it, and whether the radar
+    is within the beam. The echo of a curved face has a beam of all directions.
     """
 
     body: int
@@ -64,6 +64,7 @@ class _Face:
     beam_rad: float
     aspect_rad: float
     place_m: Real
+    in_beam: bool = True
 
 
 class SmoothFaces:
@@ -125,8 +126,12 @@ class SmoothFaces:
                 10 * math.log10(one) for one in (rcs_m2, power_w[name] * scale)
             )
             curved = face.beam_rad == math.pi
-            if curved and abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB:
-                continue  # all of its lobe returns: the optical limit. A plane is right by chance
+            # Right for curved faces, all of whose lobe returns: the optical limit. A plane is right
+            # by chance, but if its height is unknown it does not matter which level it has.
+            if (curved or (face.in_beam and not known)) and (
+                abs(expected_dbsm - measured_dbsm) < _DIFFERS_DB
+            ):
+                continue
             (levels if known else unknown)[name] = {
                 "height_m": height_m,
                 "eighth_m": self._wavelength_m / 8,
@@ -179,13 +184,17 @@ def _faces(
         if not near[first] or small or area_m2 < _LEAST_PART * search.area_m2(body):
             continue
         bends, _ = _bends(parts.corners_m[first], slopes[first])
+        beam_rad, aspect_rad = wavelength_m / float(lengths_m.max()), math.atan(tangents[first])
+        # A face wider than a Fresnel zone mirrors the radar from any place in front of it.
+        mirrors = float(np.min(lengths_m**2) * np.abs(bends).min()) > wavelength_m
         yield _Face(
             body,
             float(parts.slope[first]),
             _level_m2(lengths_m, bends, wavelength_m),
-            wavelength_m / float(lengths_m.max()),
-            math.atan(tangents[first]),
+            beam_rad,
+            aspect_rad,
             places_m[first],
+            mirrors or aspect_rad < beam_rad / 2,
         )
     curved = np.where(parts.flat, np.inf, least_slopes(slopes)) <= _SPECULAR * parts.slope
     for first in np.flatnonzero(curved & near).tolist():

@@ -53,7 +53,8 @@ class PathRun:
     `world_encoding` says whether a world volume carries the range encoding instead of the
     materials; `deterministic` whether Radar Materials choose their lobes by the path class;
     `polarising` whether waves pass materials in the mean of two polarisations; `interiors` how
-    those of objects are computed; `versions` are those of the programs.
+    those of objects are computed; `versions` are those of the programs, and `fingerprint` is the
+    run's.
     """
 
     scene: PathScene
@@ -65,6 +66,7 @@ class PathRun:
     polarising: bool
     interiors: Interiors
     versions: dict[str, str]
+    fingerprint: str
 
     @cached_property
     def effective_area_m2(self) -> float:
@@ -96,6 +98,7 @@ class PathRun:
             "objects": self.scene.objects,
             "flags": PATH_FLAGS,
             "versions": self.versions,
+            "run_fingerprint": self.fingerprint,
         }
 
 

@@ -11,8 +11,8 @@ from ...sidecar import file_sha256, read_record
 from ...signal.motion import read_motion
 
 
-def render_is_whole(run: Path, frame: int, render: int, span_s: float) -> bool:
-    """Return whether all files of a render of a burst are as they were written.
+def render_is_whole(run: Path, frame: int, render: int, span_s: float, fingerprint: str) -> bool:
+    """Return whether all files of a render of a burst are as this run wrote them.
 
     Parameters
     ----------
@@ -22,6 +22,8 @@ def render_is_whole(run: Path, frame: int, render: int, span_s: float) -> bool:
         Number of the radar frame, and of the render in its burst, from 0.
     span_s
         Length of the burst: motion of a shorter one is sampled again [s].
+    fingerprint
+        That of the run.
 
     Returns
     -------
@@ -31,9 +33,11 @@ def render_is_whole(run: Path, frame: int, render: int, span_s: float) -> bool:
     folder = run / contract.burst_dir(frame, render)
     try:
         record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
-        read_record(
+        labels = read_record(
             run / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE, contract.GroundTruthRecord
         )
+        if {record.run_fingerprint, labels.run_fingerprint} != {fingerprint}:
+            return False
         motion = read_motion(folder, frame, record.motion_sha256)
         whole = motion.span_s >= span_s * (1 - 1e-9)
         return whole and file_sha256(folder / record.table_file) == record.table_sha256

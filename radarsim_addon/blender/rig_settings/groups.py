@@ -114,8 +114,10 @@ def write(group: Any, item: Declared, value: Any) -> None:
 class Settings:
     """The settings of a property group by their names, in SI and float64, checked when set.
 
-    ``view.carrier_hz = 77e9`` reads back as 77e9. Setting raises a `ConfigError` where the value
-    has the wrong type or is out of bounds; an unknown name raises a `SettingNameError`.
+    ``view.carrier_hz = 77e9`` reads back as 77e9. A group within it takes a mapping,
+    ``view.transmitter = {"kind": "gaussian"}``, and keeps its other settings. Setting raises a
+    `ConfigError` where the value has the wrong type or is out of bounds; an unknown name raises a
+    `SettingNameError`.
 
     Parameters
     ----------
@@ -141,7 +143,15 @@ class Settings:
     def __setattr__(self, name: str, value: Any) -> None:
         item = self._declaration(name)
         if not isinstance(item, Declared):
-            raise ConfigError(f"{name} has settings of its own; set those.")
+            if not isinstance(value, Mapping):
+                raise ConfigError(
+                    f"{name} is {value!r:.60}; expected a mapping of its settings, which are "
+                    f"{', '.join(item)}."
+                )
+            view = getattr(self, name)
+            for key, part in value.items():
+                setattr(view, key, part)
+            return
         item.check(value)
         if self._group.id_data.library is not None:
             raise ConfigError(
@@ -170,6 +180,11 @@ class Settings:
         """
         own = {name: getattr(self, name) for name in declared(kind) if name in self._declarations}
         return kind(**{**own, **given})
+
+    def values(self) -> dict[str, Any]:
+        """Return all settings by name; those of a group within it as a mapping."""
+        found = {name: getattr(self, name) for name in self._declarations}
+        return {k: v.values() if isinstance(v, Settings) else v for k, v in found.items()}
 
     def _declaration(self, name: str) -> Declared | Mapping[str, Declared]:
         found: Declared | Mapping[str, Declared] | None = self._declarations.get(name)

@@ -82,10 +82,7 @@ def set_values(view: Settings, values: Mapping[str, Any]) -> None:
         An unknown name, or a value out of bounds.
     """
     for name, value in values.items():
-        if isinstance(value, Mapping):
-            set_values(getattr(view, name), value)
-        else:
-            setattr(view, name, value)
+        setattr(view, name, value)
 
 
 def _reset(group: Any, declarations: Mapping[str, Declared]) -> None:

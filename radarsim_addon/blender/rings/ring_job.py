@@ -20,8 +20,9 @@ from ...sidecar import write_record
 from ..materials import found_inside
 from ..plan import Task, instant_at
 from ..run import MeasurementJob, output_folder, run_files
+from ..scene import check_particles_are_baked, moved_by_scripts
 from ..scene import ground_truth as ground_truth
-from ..scene import moved_by_scripts
+from ..state import take_snapshot
 from ..views import Region, set_border
 from .exr_check import verify_exr
 from .render_result import save_render
@@ -48,6 +49,14 @@ class RingJob(MeasurementJob):
         held = self._held_by_scripts()
         return [*found, finding("rendered-at-whole-frames", *held)] if held else found
 
+    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
+        super()._refuse_unmeasurable(depsgraph)
+        if self._measurement.snapshots > 1:
+            check_particles_are_baked(
+                take_snapshot(depsgraph),
+                "Without the motion of particles, take one snapshot (--snapshots 1).",
+            )
+
     def _held_by_scripts(self) -> list[str]:
         """Objects that scripts hold between the snapshots of the first frame, and move after it."""
         first, *later = self.plan.instants(self._measurement.frames[0])
@@ -72,9 +81,12 @@ class RingJob(MeasurementJob):
 
     def _plan_renders(self) -> None:
         tasks = list(self.plan.tasks(self.own_frames))
-        self._pending = [task for task in tasks if not output_folder.is_done(self.folder, task)]
+        self._pending = [task for task in tasks if not self._is_done(task)]
         self.total = len(tasks)
         self.done = self.total - len(self._pending)
+
+    def _is_done(self, task: Task) -> bool:
+        return output_folder.is_done(self.folder, task, self.fingerprint)
 
     def pending(self) -> Iterator[Task]:
         """Renders that are still to be made, in order."""
@@ -83,7 +95,7 @@ class RingJob(MeasurementJob):
         for frame in self._claimed(list(tasks)):
             self.frame_lost = False
             for task in tasks[frame]:
-                if output_folder.is_done(self.folder, task):  # by another process, meanwhile
+                if self._is_done(task):  # by another process, meanwhile
                     self.done += 1
                 elif not self.frame_lost:
                     yield task
@@ -135,7 +147,9 @@ class RingJob(MeasurementJob):
                 file.commit()
             finally:
                 file.discard()
-            record = run_files.render_record(self.plan, task, *self._records, final, self.versions)
+            record = run_files.render_record(
+                self.plan, task, *self._records, final, self.versions, self.fingerprint
+            )
             write_record(self.folder / task.sidecar_path, record)
         except RadarSimError:
             output_folder.check_there(self.folder, task.frame)

@@ -110,8 +110,8 @@ def _check_replaceable(
     if record.extra["resumable"]:
         raise OutputError(
             f"The output folder {folder} holds frames of another run (the scene's files, sampling "
-            "mode, ring step, snapshots, resolution, samples, seed or software differ, or a script "
-            f"or the window measured it). {remedy}"
+            "mode, ring step, snapshots, resolution, samples, seed, carrier of physical materials "
+            f"or software differ, or a script or the window measured it). {remedy}"
         )
 
 
@@ -161,12 +161,13 @@ def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
         remove(place / contract.TILES_DIR)
 
 
-def is_done(folder: Path, task: Task) -> bool:
-    """Whether a render is there: sidecar readable, EXR as the sidecar says, byte for byte."""
+def is_done(folder: Path, task: Task, fingerprint: str) -> bool:
+    """Whether a render of a run is there: sidecar of it, EXR as the sidecar says, byte for byte."""
     try:
         record = read_record(folder / task.sidecar_path, contract.RenderRecord)
         exr = folder / task.exr_path
-        return record.exr_file == exr.name and file_sha256(exr) == record.exr_sha256
+        own = record.run_fingerprint == fingerprint and record.exr_file == exr.name
+        return own and file_sha256(exr) == record.exr_sha256
     except (RadarSimError, OSError):
         return False
 

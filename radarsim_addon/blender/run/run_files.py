@@ -38,16 +38,21 @@ def plan_record(
 
 
 def write_scene(
-    folder: Path, frame: int, plan: Plan, rig: Rig, show: Callable[[Instant], Any]
+    folder: Path,
+    frame: int,
+    plan: Plan,
+    rig: Rig,
+    show: Callable[[Instant], Any],
+    fingerprint: str,
 ) -> None:
-    """Write the labels of a radar frame, unless they are there.
+    """Write the labels of a radar frame, unless those of this run are there.
 
-    `show` brings the scene to a moment and returns the depsgraph at it.
+    `show` brings the scene to a moment and returns the depsgraph at it. `fingerprint` is the run's.
     """
     path = folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
     try:
-        read_record(path, contract.GroundTruthRecord)
-        return
+        if read_record(path, contract.GroundTruthRecord).run_fingerprint == fingerprint:
+            return
     except RadarSimError:
         pass
     instants = plan.instants(frame)
@@ -59,7 +64,8 @@ def write_scene(
         later = ground_truth.rendered_surfaces(depsgraph), receiver
         interval_s = instants[1].time_s - instants[0].time_s
     objects = ground_truth.object_records(show(instants[0]), rig, units, later, interval_s)
-    write_record(path, contract.GroundTruthRecord(frame, instants[0].time_s, objects))
+    record = contract.GroundTruthRecord(frame, instants[0].time_s, objects, fingerprint)
+    write_record(path, record)
 
 
 def render_record(
@@ -69,8 +75,9 @@ def render_record(
     emitter: contract.TransmitterRecord,
     exr: Path,
     versions: dict[str, str],
+    fingerprint: str,
 ) -> contract.RenderRecord:
-    """The sidecar of a finished render of a ring, in the file `exr`."""
+    """The sidecar of a finished render of a ring, in the file `exr` of a run's `fingerprint`."""
     measurement = plan.measurement
     return contract.RenderRecord(
         sampling_mode="rings",
@@ -92,5 +99,6 @@ def render_record(
         max_reflections=measurement.max_reflections,
         exr_file=exr.name,
         exr_sha256=file_sha256(exr),
+        run_fingerprint=fingerprint,
         versions=versions,
     )

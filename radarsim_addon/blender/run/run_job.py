@@ -190,7 +190,8 @@ class MeasurementJob:
             self.versions["device"] = self._settings.device_kind
         self._time.simulate_again()  # changes of the scene empty the caches of simulations
         if earlier is not None:
-            self._shared.join(self._record([]))
+            record = self._record([])
+            self._shared.join(record)
         else:
             self.run_findings = [
                 *self.early_findings,
@@ -201,7 +202,7 @@ class MeasurementJob:
             ]
             record = self._record(self.run_findings)
             self._shared.open(record, self.overwrite)
-            self.fingerprint = record.fingerprint
+        self.fingerprint = record.fingerprint
         self.take(self.own_frames)
 
     def take(self, frames: Sequence[int]) -> None:
@@ -274,12 +275,12 @@ class MeasurementJob:
         survey = Survey(self._show, self.rig, units, self._fps(), self._measurement.burst)
         for frame in self._measurement.frames:
             moments = [instant_at(at, self._fps()) for at in self._surveyed(frame)]
-            survey.look_at(moments, self.code_world, self._refuse_what_is_no_number)
+            survey.look_at(moments, self.code_world, self._refuse_unmeasurable)
         self._speeds = survey.speeds
         self._time.forget()
         return survey.extent
 
-    def _refuse_what_is_no_number(self, depsgraph: Any) -> None:
+    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
         """See that all can be recorded, before anything is written."""
         self._antenna_records(depsgraph, self._metres_per_unit())
         ground_truth.check_surfaces(depsgraph)
@@ -356,7 +357,7 @@ class MeasurementJob:
         )
 
     def _write_scene(self, frame: int) -> None:
-        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show)
+        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show, self.fingerprint)
 
     # -- afterwards --------------------------------------------------------------------------------
 

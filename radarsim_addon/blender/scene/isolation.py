@@ -16,7 +16,13 @@ from typing import Any
 import bpy
 
 from ...findings import Finding, finding
-from ..materials import SURFACE_TYPES, MaterialAssignment, assigned_materials, slot_materials
+from ..materials import (
+    SURFACE_TYPES,
+    MaterialAssignment,
+    assigned_materials,
+    foreign_objects,
+    slot_materials,
+)
 from ..nodes import is_radar_material
 from ..state import SettingsRestorer
 
@@ -56,9 +62,14 @@ def isolate(
     _hide_other_lights(recorder, emitter)
     assigned = assigned_materials(depsgraph)
     if any_material:
-        return [*_optical(assigned), *_isolate_any_material(recorder, scene, assigned)]
+        return [*_optical(depsgraph), *_isolate_any_material(recorder, scene, assigned)]
     is_radar = cache(is_radar_material)
-    silent = [one.item.name for one in assigned if not any(map(is_radar, one.materials))]
+    foreign = set(foreign_objects(depsgraph, is_radar))
+    silent = [
+        one.item.name
+        for one in assigned
+        if one.item in foreign and not any(map(is_radar, one.materials))
+    ]
     rendered = _rendered(scene)
     unsupported = [
         item.name for item in rendered if item.type in _UNSUPPORTED_TYPES and not item.hide_render
@@ -76,16 +87,10 @@ def isolate(
     return findings
 
 
-def _optical(assigned: Sequence[MaterialAssignment]) -> list[Finding]:
+def _optical(depsgraph: Any) -> list[Finding]:
     """Name the objects whose echoes are those of an optical material."""
     known = cache(lambda material: is_radar_material(material) or _is_fog(material))
-    names = [
-        one.item.name
-        for one in assigned
-        if not (one.materials and all(map(known, one.materials)))
-        # Points that carry instances have no surface.
-        and not (one.item.type == "MESH" and not one.item.data.polygons and not one.item.modifiers)
-    ]
+    names = dict.fromkeys(item.name for item in foreign_objects(depsgraph, known))
     return [finding("optical-material", *names)] if names else []
 
 

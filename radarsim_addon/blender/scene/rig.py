@@ -218,7 +218,8 @@ def find_rig(
     if camera is None or camera.type != "CAMERA" or camera.name not in scene.objects:
         raise SceneError(
             "The scene has no camera, which is the receiver. Press Radar > Set Up Radar, or set "
-            "Scene > Camera."
+            "Scene > Camera. In a script, call radarsim.add_radar, or set scene.camera; for "
+            "radarsim render, save the file with the camera."
         )
     if camera.data.type != "PERSP" and not any_projection:
         raise SceneError(

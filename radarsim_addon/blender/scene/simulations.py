@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import bpy
 
 from ...errors import SceneError
+from ..state import Snapshot
 
 #: Types of modifiers with a cache that playing the animation fills.
 _CACHED_MODIFIERS = {"CLOTH", "PARTICLE_SYSTEM", "SOFT_BODY"}
@@ -59,7 +60,7 @@ def renders_whole_frames_only(item: Any) -> bool:
     return False
 
 
-def check_particles_are_baked(items: Iterable[Any]) -> None:
+def check_particles_are_baked(snapshot: Snapshot, otherwise: str) -> None:
     """Check that particles that carry objects or pieces of a mesh have a baked cache.
 
     Between two frames Blender writes states of particles that are not baked into the cache of
@@ -67,15 +68,20 @@ def check_particles_are_baked(items: Iterable[Any]) -> None:
 
     Parameters
     ----------
-    items : iterable of bpy.types.Object
-        Objects and emitters that are rendered.
+    snapshot
+        Of the scene that is rendered.
+    otherwise
+        Remedy for who does not bake.
 
     Raises
     ------
     SceneError
         A particle system is not baked.
     """
-    for item in items if bpy.data.particles else ():
+    if not bpy.data.particles:
+        return
+    rendered = [s.original for s in snapshot.shapes if not s.original.hide_render]
+    for item in (*rendered, *snapshot.layout.instancers):
         for owner, system in _carrying_particles(item):
             cache, settings = system.point_cache, system.settings
             moves = settings.type == "EMITTER" and settings.physics_type != "NO"
@@ -84,8 +90,7 @@ def check_particles_are_baked(items: Iterable[Any]) -> None:
                     f"The particle system {system.name!r} of {owner.name!r} is not baked. Between "
                     "whole frames Blender then gives places of particles that depend on the "
                     "frames shown before, so their range rates would be wrong. Bake it: select "
-                    f"{owner.name!r}, then Particle Properties > Cache > Bake. Without the "
-                    "motion of particles, set Motion to Off (--motion off)."
+                    f"{owner.name!r}, then Particle Properties > Cache > Bake. {otherwise}"
                 )
 
 

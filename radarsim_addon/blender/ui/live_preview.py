@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -38,18 +37,14 @@ _SLICE_S = 0.008
 
 @dataclass
 class _Statistics:
-    """Longest slice of the timer by the clock and by this thread's own time, times of drawings [s];
-    drafts that have come, those of them that were the first after a change, and the longest
-    processor time that the other process took for one of these [s].
+    """Slices of the timer, drafts that have come, those of them that were the first after a change,
+    and drawings.
     """
 
-    longest_slice_s: float = 0.0
-    longest_own_s: float = 0.0
-    drawings_s: deque[float] = field(default_factory=lambda: deque(maxlen=512))
     slices: int = 0
     drafts: int = 0
     first_drafts: int = 0
-    longest_draft_s: float = 0.0
+    drawings: int = 0
 
 
 class LivePreview:
@@ -75,9 +70,8 @@ class LivePreview:
 
         What Blender refuses to change is raised once: where it lets timers, it is done again.
         """
-        start_s, own_s = time.perf_counter(), time.thread_time()
         try:
-            pause_s = self._step(context, start_s + _SLICE_S)
+            pause_s = self._step(context, time.perf_counter() + _SLICE_S)
             self._refused = False
         except (RadarSimError, AttributeError, RuntimeError) as error:  # the latter are Blender's
             self.pause()
@@ -91,10 +85,7 @@ class LivePreview:
         except ReferenceError:  # an object was removed while it was read
             self.pause()
             pause_s = _SOON_S
-        found = self.statistics
-        found.slices += 1
-        found.longest_slice_s = max(found.longest_slice_s, time.perf_counter() - start_s)
-        found.longest_own_s = max(found.longest_own_s, time.thread_time() - own_s)
+        self.statistics.slices += 1
         return pause_s
 
     def _step(self, context: Any, deadline_s: float) -> float:
@@ -153,11 +144,8 @@ class LivePreview:
             self._show_fault(context, tr("The preview's process has ended: {words}", words=words))
 
     def _count(self, draft: Message) -> None:
-        found = self.statistics
-        found.drafts += 1
-        if draft.fields["level"] == 0:
-            found.first_drafts += 1
-            found.longest_draft_s = max(found.longest_draft_s, draft.fields["time_s"])
+        self.statistics.drafts += 1
+        self.statistics.first_drafts += draft.fields["level"] == 0
 
     def _show_fault(self, context: Any, text: str) -> None:
         if text != self.fault:
@@ -274,9 +262,8 @@ def _draw() -> None:
     context = bpy.context
     running = getattr(context.window_manager, PROGRESS_PROPERTY).running
     if _preview is not None and context.space_data.overlay.show_overlays and not running:
-        start_s = time.thread_time()
         draw_live(context, _preview.draft, _preview.lines())
-        _preview.statistics.drawings_s.append(time.thread_time() - start_s)
+        _preview.statistics.drawings += 1
 
 
 @persistent

@@ -12,17 +12,23 @@ import bpy
 
 from ...array_types import Single
 from ...contract import RUN_FILE, RunRecord
-from ...errors import OutputError
+from ...errors import OutputError, SceneError
 from ...sidecar import read_record
 from ...signal.paths import MOST_UNCERTAIN
-from ..rig_settings import PROGRESS_PROPERTY
+from ..rig_settings import PROGRESS_PROPERTY, settings
 from ..run import scene_text
+from ..scene import active_radar, antennas_of
 from .frame_views import FrameView, Target
 from .picture_images import as_image, show_images
 from .result_pictures import KINDS, Kind, Shown
 from .results import ProcessedRun
 from .scene_reading import redraw_panels
 from .translations import tr
+
+#: Settings of a radar that change no frame's results.
+_OF_NO_FRAME = {
+    "output_folder", "overwrite", "frame_mode", "frame_start", "frame_end", "frame_step"
+}  # fmt: skip
 
 #: Where the state of the tab's results hangs on the window manager.
 RESULTS_PROPERTY = "radarsim_results"
@@ -41,6 +47,8 @@ class _State:
     #: Whether the scene was edited since, and its settings as they were then.
     edited: bool = False
     settings: tuple[Any, ...] = ()
+    #: Settings of the radar then. Blender does not report their edits.
+    radar: dict[str, Any] = field(default_factory=dict)
 
 
 _state = _State()
@@ -92,7 +100,7 @@ def note_measured(context: Any, fingerprint: str) -> None:
     context.view_layer.update()  # evaluates what the run has put back: this is no edit
     _state.measured, _state.edited = fingerprint, False
     _state.own.add(fingerprint)
-    _state.settings = _settings_of(context.scene)
+    _state.settings, _state.radar = _settings_of(context.scene), _radar_of(context.scene)
 
 
 def age_of_results() -> str:
@@ -104,7 +112,8 @@ def age_of_results() -> str:
         return tr("Of an earlier session: the scene may have changed")
     if run.fingerprint != _state.measured:
         return tr("Older than the last run: process it")
-    return tr("The scene was edited after this run") if _state.edited else ""
+    edited = _state.edited or _radar_of(bpy.context.scene) != _state.radar
+    return tr("The scene was edited after this run") if edited else ""
 
 
 def _settings_of(scene: Any) -> tuple[Any, ...]:
@@ -113,6 +122,18 @@ def _settings_of(scene: Any) -> tuple[Any, ...]:
     times = render.fps, render.fps_base, render.frame_map_old, render.frame_map_new
     scale = scene.unit_settings.scale_length
     return scene.session_uid, scale, *times, world and world.name, len(scene.objects)
+
+
+def _radar_of(scene: Any) -> dict[str, Any]:
+    """Settings of the scene's radar that change the results of a frame; empty without a radar."""
+    try:
+        radar = active_radar(scene)
+        antennas = antennas_of(scene, radar)
+    except SceneError:
+        return {}
+    chosen = {name: item and item.name for name, item in antennas.items()}
+    values = {k: v for k, v in settings(radar).values().items() if k not in _OF_NO_FRAME}
+    return {**values, **chosen, "radar": radar.name}
 
 
 @bpy.app.handlers.persistent

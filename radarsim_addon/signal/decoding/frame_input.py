@@ -181,5 +181,5 @@ def as_input(frame: RadarFrame | FrameInput) -> FrameInput:
 
 
 def _open_table(render: RadarFrame) -> FrameTable:
-    record, rows = open_frame_table(render.path, render.number)
+    record, rows = open_frame_table(render.path, render.number, render.record.fingerprint)
     return FrameTable(record, rows, frame_motion(render.path, record))

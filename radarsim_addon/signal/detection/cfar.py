@@ -7,6 +7,7 @@ because neighbouring cells of a map are not independent: tapers and oversampling
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from dataclasses import dataclass
@@ -22,6 +23,10 @@ from .cfar_thresholds import Calibration, noise_correlation
 
 CfarKind = Literal["ca", "os"]
 
+#: Cells whose noise is correlated with that of the tested cell by |rho|^2 of this are guard cells.
+_CORRELATED = 0.01
+#: Resolution cells to each side within which the main lobes of all windows lie.
+_WIDEST_LOBE = 8
 #: Maximum number of training cells that the ordered statistic sorts, evenly taken from the ring.
 _MAX_SORTED = 96
 #: Cells sorted at a time: 64 MB.
@@ -47,7 +52,8 @@ class Cfar:
         "False-alarm rate", "Set the false alarms per cell", 1e-6, minimum=1e-15, maximum=0.5
     )
     guard: tuple[int, int] = setting(
-        "Number of guard cells", "Set the guard cells to each side (Doppler, range)", (4, 8),
+        "Number of guard cells",
+        "Set the guard cells to each side (Doppler, range); at least the main lobe", (4, 8),
         minimum=0, maximum=4096, flag="--cfar-guard", metavar="D,R",
     )  # fmt: skip
     train: tuple[int, int] = setting(
@@ -89,6 +95,21 @@ class CfarResult:
     cells: tuple[int, float]
 
 
+def widened_guard(rd_map: RangeDopplerMap, cfar: Cfar) -> Cfar:
+    """Return the detector with guard cells that cover the main lobe of the map's windows.
+
+    Training cells within the lobe contain the noise, and the echo, of the tested cell: false alarms
+    would be rarer than asked for, and echoes missed.
+    """
+    waveform, (rows, cols) = rd_map.radar.waveform, rd_map.plane_power.shape
+    step_m = float(rd_map.range_m[1] - rd_map.range_m[0]) if cols > 1 else math.inf
+    lobe = min(_WIDEST_LOBE, waveform.sample_count // 2) * waveform.sample_spacing_m / step_m
+    along = noise_correlation(rd_map, (min(_WIDEST_LOBE, (rows - 1) // 2), math.ceil(lobe)))
+    least = [int(np.flatnonzero(np.abs(rho) ** 2 > _CORRELATED)[-1]) for rho in along]
+    guard = max(cfar.guard[0], least[0]), max(cfar.guard[1], least[1])
+    return dataclasses.replace(cfar, guard=guard)
+
+
 def _fitted(cfar: Cfar, shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return the guard and training cells that fit into the map."""
     half = (shape[0] - 1) // 2
@@ -106,7 +127,8 @@ def _fitted(cfar: Cfar, shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[
 def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
     """Compute the threshold of every cell of a map.
 
-    Doppler wraps around; at the range limits the training cells are on one side.
+    Doppler wraps around; at the range limits the training cells are on one side. Guard cells that
+    do not cover the main lobe of the windows are widened to it.
 
     Parameters
     ----------
@@ -126,6 +148,7 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
         The map is too small for the guard cells.
     """
     power = rd_map.plane_power
+    cfar = widened_guard(rd_map, cfar)
     guard, train = _fitted(cfar, (power.shape[0], power.shape[1]))
     reach = guard[0] + train[0], guard[1] + train[1]
     rows, cols = np.mgrid[-reach[0] : reach[0] + 1, -reach[1] : reach[1] + 1]

@@ -11,7 +11,7 @@ import numpy as np
 from ...array_types import Real
 from ..echoes import Echoes
 from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
-from .cfar import Cfar, CfarResult, cfar_threshold
+from .cfar import Cfar, CfarResult, cfar_threshold, widened_guard
 from .peaks import Peak, local_maxima, refine_peak
 
 #: Maximum number of interpolated targets; the strongest are kept.
@@ -121,7 +121,7 @@ def detect_targets(
     maximum of the trigonometric interpolation, see :func:`.detection.peaks.find_peaks`: exact for
     one target without noise.
     """
-    cfar = cfar or Cfar()
+    cfar = widened_guard(rd_map, cfar or Cfar())
     result = cfar_threshold(rd_map, cfar)
     power = rd_map.plane_power
     above = power > np.maximum(result.threshold, power.max(initial=0.0) * 10 ** (-dynamics_db / 10))

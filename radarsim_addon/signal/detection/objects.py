@@ -162,12 +162,23 @@ def object_echoes(
     FrameFileError, SchemaError
         The table is missing or damaged.
     """
+    return received_echoes(frame, carrier_hz, link, groups)[0]
+
+
+def received_echoes(
+    frame: RadarFrame | FrameInput,
+    carrier_hz: float,
+    link: Link | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+) -> tuple[list[ObjectEcho], float]:
+    """Return `object_echoes`, and the expected power of all paths together [W]."""
     frame_input = as_input(frame)
     table, waveform = frame_input.table, frame_input.radar.waveform
     record = table.record
     if groups is None:
         groups = {name: [name] for name in record.objects}
     names = list(groups)
+    received_w = 0.0
     sums = _Sums(_owners(record.objects, groups), len(names), record.replicates, record.receiver)
     for start, stop in _tile_edges(table.rows):
         rows = np.asarray(table.rows[start:stop])
@@ -175,9 +186,10 @@ def object_echoes(
         number = start + np.flatnonzero(kept)
         rows = rows if kept.all() else rows[kept]
         power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m, number)
+        received_w += float(power.sum())
         grids = _Grids(table.grids, number)
         sums.add_tile(rows, power, path_rcs_m2(rows, record), grids)
-    return sorted(sums.echoes(names), key=lambda echo: -echo.power_w)
+    return sorted(sums.echoes(names), key=lambda echo: -echo.power_w), received_w
 
 
 def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[Integers]:

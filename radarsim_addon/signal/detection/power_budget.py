@@ -19,7 +19,7 @@ from ..paths import Paths
 from ..radar import FmcwWaveform, Radar, RadarSystem, Weather, make_system
 from ..scattering import ClutterSurfaces, Link, antenna_motion
 from .clutter_ratios import ClutterBudget, clutter_budget
-from .objects import ObjectEcho, object_echoes
+from .objects import ObjectEcho, received_echoes
 
 #: Fraction of a frame's power in paths of unknown last vertex that is worth a warning.
 _GUESSED_SHARE = 1e-3
@@ -76,7 +76,7 @@ class BudgetReport:
     Attributes
     ----------
     received_w
-        Sum of the powers of all paths, without their interference at mirrors [W].
+        Expected power of all paths. Those of path tables that share a scatterer interfere [W].
     noise_w
         Thermal noise of one complex sample at the receiver's input; None without a link budget [W].
     objects
@@ -223,15 +223,16 @@ class FrameBudget:
     ) -> BudgetReport:
         """Return objects, noise and predictions, after all paths were seen.
 
-        `received_w` is the sum of the paths' powers, the tapers are those of the predicted SNR,
-        `range_limits_m` the one-way ranges of the map (None: all), `mti` the pulses of the
-        canceller before it (0: none), `expected` tells its clutter,
-        `receiver_gain` is the G_r of a run without a link budget.
+        `received_w` is the sum of the powers of a frame without tables; with tables it is their
+        expected power. The tapers are those of the predicted SNR, `range_limits_m` the one-way
+        ranges of the map (None: all), `mti` the pulses of the canceller before it (0: none),
+        `expected` tells its clutter, `receiver_gain` is the G_r of a run without a link budget.
         """
         radar, system = self._radar, self.system
         objects: list[ObjectEcho] = []
         if self._input.tables:
-            objects = object_echoes(self._input, radar.waveform.carrier_hz, self.link)
+            objects, received_w = received_echoes(self._input, radar.waveform.carrier_hz, self.link)
+            received_w *= receiver_gain
             least = 10 ** (_LEAST_DB / 10) * max((echo.power_w for echo in objects), default=0.0)
             objects = [
                 dataclasses.replace(
@@ -336,7 +337,7 @@ def _shown_range(
     # the ambiguous range of the echo: the farthest one that is not beyond the limits
     orders = max(math.ceil((range_m - stop_m) / fold_m), 0) if math.isfinite(fold_m) else 0
     shown_m = range_m - orders * fold_m if orders else range_m
-    return shown_m if start_m <= shown_m <= stop_m else "outside the window"
+    return shown_m if start_m <= shown_m <= stop_m else "outside the range limits"
 
 
 def _dbm(power_w: float) -> float | None:

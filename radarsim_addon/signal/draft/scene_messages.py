@@ -98,7 +98,7 @@ def scene_of(message: Message) -> DraftScene:
     )
 
 
-def draft_message(draft: Draft, level: int, triangles: int, time_s: float) -> Message:
+def draft_message(draft: Draft, level: int, triangles: int) -> Message:
     """Return the message with a draft.
 
     Parameters
@@ -109,8 +109,6 @@ def draft_message(draft: Draft, level: int, triangles: int, time_s: float) -> Me
         Number of its level.
     triangles
         Triangles of the scene.
-    time_s
-        Processor time that the draft took [s].
 
     Returns
     -------
@@ -122,7 +120,6 @@ def draft_message(draft: Draft, level: int, triangles: int, time_s: float) -> Me
         "kind": DRAFT,
         "level": level,
         "triangles": triangles,
-        "time_s": time_s,
         "pulses": draft.pulses,
         "rays": draft.rays,
         "peak_error_db": draft.peak_error_db,

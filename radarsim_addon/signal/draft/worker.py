@@ -82,17 +82,14 @@ def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
 
 def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:
     """Write drafts of a scene, finer and finer, until there is a newer one."""
-    start_s = time.process_time()
     triangles = SceneTriangles.of(scene, inbox.meshes)
     for index, level in enumerate(LEVELS):
         draft = make_draft(scene, triangles, level)
-        took_s = time.process_time() - start_s
-        fields, arrays = draft_message(draft, index, len(triangles), took_s)
+        fields, arrays = draft_message(draft, index, len(triangles))
         write_message(writing, {**fields, "number": number}, arrays)
         # while the scene changes, the window answers to each draft with the next scene
         if inbox.has_news(_CALM_S):
             return
-        start_s = time.process_time()
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import numpy as np
 from ...array_types import Complex, Real
 from ...errors import ConfigError
 from ...physics.checks import read_csv
-from ..radar import PmcwWaveform, Radar, replica
+from ..radar import PmcwWaveform, Radar, SteppedWaveform, replica
 from ..spectrum import smooth_size
 from .echoes import Echoes
 from .frequency_grid import line_times_s, line_waveform
@@ -99,22 +99,26 @@ def load_phase_noise(path: str | Path) -> PhaseNoise:
 
 
 class PhaseTrack:
-    """One realisation of the phase at times n / rate, n = 0 ... count-1. Fluctuations slower than
-    the whole length and faster than rate / 2 are left out.
+    """One realisation of the phase at times n / rate, n = 0 ... count-1, averaged over `average_s`.
+    Fluctuations slower than the whole length and faster than rate / 2 are left out.
     """
 
-    def __init__(self, noise: PhaseNoise, rate_hz: float, count: int, seed: int) -> None:
+    def __init__(
+        self, noise: PhaseNoise, rate_hz: float, count: int, seed: int, average_s: float = 0.0
+    ) -> None:
         size = smooth_size(count)
         if size > _MOST_SAMPLES:
             raise ConfigError(
                 f"Phase noise over {size} samples ({size / rate_hz:g} s at {rate_hz:g} Hz); at "
-                f"most {_MOST_SAMPLES}. Take fewer pulses, a higher PRF or a lower sampling rate."
+                f"most {_MOST_SAMPLES}. Take fewer pulses, a higher PRF, a lower sampling rate or, "
+                "for stepped frequency, a table that ends at a lower offset."
             )
         self._rate_hz, self._size, self._count = rate_hz, size, count
         self._frequency_hz = np.fft.rfftfreq(size, 1 / rate_hz)
         rng = np.random.default_rng(seed)
         gauss = rng.standard_normal((2, self._frequency_hz.size))
         power = noise.density(self._frequency_hz) * rate_hz / size / 2
+        power *= np.sinc(self._frequency_hz * average_s) ** 2
         self._spectrum = size * np.sqrt(power) * (gauss[0] + 1j * gauss[1])
 
     def at(self, later_s: float = 0.0) -> Real:
@@ -152,10 +156,12 @@ def _scene(samples: Complex, spectrum: Complex) -> Complex:
     return np.asarray(samples * weight, dtype=np.complex128)
 
 
-def _track(radar: Radar, noise: PhaseNoise, rate_hz: float, last: int, seed: int) -> PhaseTrack:
+def _track(
+    radar: Radar, noise: PhaseNoise, rate_hz: float, last: int, seed: int, average_s: float = 0.0
+) -> PhaseTrack:
     whole_s = (radar.burst.pulses - 1) / radar.burst.prf_hz
     whole_s += max(channel.start_offset_s for channel in radar.channels)
-    return PhaseTrack(noise, rate_hz, math.ceil(whole_s * rate_hz) + last + 2, seed)
+    return PhaseTrack(noise, rate_hz, math.ceil(whole_s * rate_hz) + last + 2, seed, average_s)
 
 
 def _through_pulses(echoes: Echoes, noise: PhaseNoise, seed: int) -> Complex:
@@ -209,16 +215,22 @@ def takes_phase_noise_by_path(radar: Radar) -> bool:
 class LineOscillator:
     """Phase noise of FMCW and stepped frequency, which is put on path by path: straight between the
     delays q step_s at which `factor` is formed.
+
+    FMCW has an anti-alias filter before its ADC. A stepped receiver averages over each step: faster
+    fluctuations fold, by sinc^2(f x step time). The phase therefore has several samples per step.
     """
 
     def __init__(
         self, radar: Radar, noise: PhaseNoise, seed: int = 0, start_offset_s: float = 0.0
     ) -> None:
         waveform = line_waveform(radar)
-        count, rate_hz = waveform.grid_count, 1 / waveform.grid_interval_s
-        self._track = _track(radar, noise, rate_hz, count, seed)
+        interval_s, every, average_s = waveform.grid_interval_s, 1, 0.0
+        if isinstance(waveform, SteppedWaveform):
+            every, average_s = math.ceil(2 * noise.offset_hz[-1] * interval_s), interval_s
+        count, rate_hz = waveform.grid_count * every, every / interval_s
+        self._track = _track(radar, noise, rate_hz, count, seed, average_s)
         starts = np.rint((line_times_s(radar) + start_offset_s) * rate_hz).astype(np.intp)
-        self._places = starts[:, None] + np.arange(count)
+        self._places = starts[:, None] + np.arange(0, count, every)
         self._now = self._track.at()[self._places]
         self.step_s = _DELAY_SHARE / min(noise.offset_hz[-1], rate_hz / 2)
 

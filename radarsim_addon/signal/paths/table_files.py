@@ -15,7 +15,7 @@ from ...errors import ConfigError, PathDataError, SchemaError
 from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
-from ...sidecar import file_sha256, read_record
+from ...sidecar import check_run, file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .flags import PathFlag
 from .geometry import PathGeometry
@@ -38,7 +38,7 @@ _BOUNDS = {
 }
 
 
-def read_paths_record(folder: Path, frame: int) -> PathsRecord:
+def read_paths_record(folder: Path, frame: int, run_fingerprint: str = "") -> PathsRecord:
     """Read the sidecar of a frame's table.
 
     Parameters
@@ -47,6 +47,9 @@ def read_paths_record(folder: Path, frame: int) -> PathsRecord:
         Folder of the radar frame, or of one render of its burst.
     frame
         Number that the record must have.
+    run_fingerprint
+        Fingerprint of the run that the record must be of; empty: any run. Records of older
+        versions name no run.
 
     Returns
     -------
@@ -55,7 +58,7 @@ def read_paths_record(folder: Path, frame: int) -> PathsRecord:
     Raises
     ------
     FrameFileError, SchemaError
-        It is missing, damaged, newer than this version, or of another frame.
+        It is missing, damaged, newer than this version, or of another frame or run.
     """
     record = read_record(folder / PATHS_FILE, PathsRecord)
     if record.frame != frame or record.table_file != PATHS_TABLE:
@@ -63,17 +66,20 @@ def read_paths_record(folder: Path, frame: int) -> PathsRecord:
             f"{folder / PATHS_FILE} is of frame {record.frame} and table {record.table_file!r}; "
             f"expected frame {frame} and {PATHS_TABLE!r}. Remove it and render the run again."
         )
+    check_run(folder / PATHS_FILE, record, run_fingerprint)
     return record
 
 
-def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
+def open_frame_table(
+    folder: Path, frame: int, run_fingerprint: str = ""
+) -> tuple[PathsRecord, PathRows]:
     """Open the sidecar and the table of a frame, and check them against each other.
 
     The hash of all rows is compared here and nowhere else: open a table once and hand it on.
 
     Parameters
     ----------
-    folder, frame
+    folder, frame, run_fingerprint
         As for :func:`read_paths_record`.
 
     Returns
@@ -86,7 +92,7 @@ def open_frame_table(folder: Path, frame: int) -> tuple[PathsRecord, PathRows]:
     FrameFileError, SchemaError
         A file is missing or damaged, they do not belong together, or a group of columns is missing.
     """
-    record = read_paths_record(folder, frame)
+    record = read_paths_record(folder, frame, run_fingerprint)
     path = folder / PATHS_TABLE
     table = open_table(path, record.column_groups)
     if table.size != record.path_count:

@@ -60,13 +60,11 @@ def _radar_findings(frame_input: FrameInput, echoing: bool) -> list[Finding]:
         found.append(finding("carrier-differs-from-run", carrier_hz=now_hz, run_carrier_hz=own_hz))
     unambiguous_m = radar.waveform.unambiguous_range_m
     if stop_m > unambiguous_m * (1 + 1e-9):
-        found.append(
-            finding(
-                "range-limits-beyond-unambiguous-range",
-                range_limit_m=stop_m,
-                unambiguous_range_m=unambiguous_m,
-            )
-        )
+        numbers = {"range_limit_m": stop_m, "unambiguous_range_m": unambiguous_m}
+        if radar.waveform.kind == "fmcw":
+            found.append(finding("range-limits-beyond-sampled-band", **numbers))
+        else:
+            found.append(finding("range-limits-beyond-unambiguous-range", **numbers))
     return found
 
 

@@ -126,8 +126,9 @@ def _print_quality(record: PathsRecord) -> None:
         f"error {100 * record.truncated_reflections_stderr:.1g} %{bound}), "
         f"{100 * record.truncated_transparency_fraction:.2g} % behind more transparent surfaces"
     )
+    unranged = round(100 * record.unranged_power_fraction, 4)
     print(
-        f"  without a range  {100 * record.unranged_power_fraction:.2g} % of the power; mixed "
+        f"  without a range  {unranged:.2g} % of the power; mixed "
         f"{100 * record.mixed_power_fraction:.2g} %, range bias at most "
         f"{record.mixed_bias_bound_m:.2g} m"
     )

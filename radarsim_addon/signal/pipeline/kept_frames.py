@@ -40,8 +40,8 @@ _OF_ALL_FRAMES = ("frames", "frame_times_s")
 #: Options that change no file of a frame; `plots` is settled by who draws.
 _OF_NO_FRAME = ("animate", "animation_format", "plots")
 _MOST_BYTES = 1 << 26
-#: In a frame's record: no product depends on it.
-_RENDER_TIME = re.compile(rb'"render_time_s": *[^,}\s]*')
+#: In a frame's record: no product depends on it, and the record's digest does.
+_RENDER_TIME = re.compile(rb'"(render_time_s|record_sha256)": *[^,}\s]*')
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ...atomic_files import cannot_write, make_folder
-from ...contract import PRODUCTS_DIR, RUN_FILE, RunRecord, frame_dir
-from ...errors import ConfigError, FrameFileError, OutputError
+from ...contract import MOTION_FILE, PRODUCTS_DIR, RUN_FILE, RunRecord, frame_dir
+from ...errors import ConfigError, FrameFileError, OutputError, SchemaError
 from ...findings import frames_text, merge
-from ...sidecar import write_record
+from ...sidecar import check_digest, file_sha256, write_record
 from ..paths import frame_motion, open_frame_table
 from ..pictures import ANTENNA_PICTURE
+from ..products import SUMMARY_ENDING
+from ..results import frame_file
 from ..runs import RadarFrame, Run, open_run, shared_plan
 from .console import Subcommands
 
@@ -103,14 +105,31 @@ def _checked_files(frame: RadarFrame) -> list[Path]:
     frame.scene()
     if frame.sampling_mode == "paths":
         for render in map(frame.of_burst, range(frame.visibility_updates)):
-            record, _ = open_frame_table(render.path, frame.number)
+            record, _ = open_frame_table(render.path, frame.number, frame.record.fingerprint)
             frame_motion(render.path, record)
     else:
         for ring, snapshot in itertools.product(range(frame.rings), range(frame.snapshots)):
             frame.image(ring, snapshot)
     root = frame.run.path
-    products = sorted((root / PRODUCTS_DIR).glob(f"frame_{frame.number:04d}_*"))
-    return [*_files(root / frame_dir(frame.number)), *products]
+    files = list(_files(root / frame_dir(frame.number)))
+    for path in files:
+        if path.suffix == ".json" and path.name != MOTION_FILE:
+            check_digest(path)
+    return [*files, *_checked_products(root / PRODUCTS_DIR, frame.number)]
+
+
+def _checked_products(folder: Path, frame: int) -> list[Path]:
+    """Products of a frame; a named error where one is not as its summary has it."""
+    summary = frame_file(folder, frame, SUMMARY_ENDING)
+    fields = check_digest(summary) if summary.is_file() else {}
+    for name, digest in fields.get("files_sha256", {}).items():
+        path = folder / name
+        if not path.is_file() or file_sha256(path) != digest:
+            raise SchemaError(
+                f"{path} is missing or was changed: its SHA-256 is not that in {summary.name}. "
+                "Process this part again."
+            )
+    return sorted(folder.glob(f"frame_{frame:04d}_*"))
 
 
 def _files(folder: Path) -> Iterator[Path]:

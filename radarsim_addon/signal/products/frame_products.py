@@ -9,6 +9,7 @@ from typing import Any
 
 from ...atomic_files import write_arrays, write_json
 from ...findings import merge, to_json
+from ...sidecar import file_sha256, with_digest
 from ..echoes import ReceivedSignal
 from ..maps import level_unit
 from ..radar import waveform_to_dict
@@ -67,8 +68,7 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
     radar, report = result.rd_map.radar, result.echoes.report
     path = frame_file(folder, result.frame, SUMMARY_ENDING)
     strongest, median = result.rd_map.strongest_and_median
-    write_json(
-        path,
+    fields = with_digest(
         {
             "frame": result.frame,
             "time_s": result.time_s,
@@ -92,9 +92,11 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
                 "noise_power": result.map_noise_power,
             },
             "files": {file.name: file.stat().st_size for file in result.files},
+            "files_sha256": {file.name: file_sha256(file) for file in result.files},
             "fingerprint": result.fingerprint,
-        },
+        }
     )
+    write_json(path, fields)
     return [path]
 
 

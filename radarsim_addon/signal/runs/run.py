@@ -34,7 +34,7 @@ from ...contract import (
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
 from ...findings import frames_text
-from ...sidecar import file_sha256, read_record
+from ...sidecar import check_run, file_sha256, read_record
 from ...textfile import refusal_to_open
 from ...typed_json import from_json
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
@@ -162,7 +162,11 @@ class RadarFrame:
     def scene(self) -> GroundTruthRecord | None:
         """Return the ground truth of the objects, or None if the run holds no such record."""
         path = self.run.path / frame_dir(self.number) / GROUND_TRUTH_FILE
-        return read_record(path, GroundTruthRecord) if path.is_file() else None
+        if not path.is_file():
+            return None
+        record = read_record(path, GroundTruthRecord)
+        check_run(path, record, self.record.fingerprint)
+        return record
 
     def image(self, ring: int, snapshot_index: int = 0) -> tuple[RenderRecord, dict[str, Single]]:
         """Read one render and check it against its sidecar and the run's plan.
@@ -207,6 +211,7 @@ class RadarFrame:
         self, record: RenderRecord, ring: int, snapshot_index: int, sidecar: Path
     ) -> None:
         plan = self.record
+        check_run(sidecar, record, plan.fingerprint)
         expected = {
             "sampling_mode": plan.sampling_mode,
             "frame": self.number,

@@ -107,12 +107,6 @@ def link(path: Path) -> Any:
     return bpy.data.collections["Walls"]
 
 
-def instanced(collection: Any) -> None:
-    empty = bpy.data.objects.new("Instance", None)
-    empty.instance_type, empty.instance_collection = "COLLECTION", collection
-    bpy.context.scene.collection.objects.link(empty)
-
-
 def plain(folder: Path) -> None:
     wall(soil())
 
@@ -126,7 +120,7 @@ def linked(folder: Path) -> None:
 def linked_instance(folder: Path) -> None:
     path = in_library(folder)
     rs.new_scene()
-    instanced(link(path))
+    rs.instance_of(link(path))
 
 
 def override(folder: Path) -> None:
@@ -146,7 +140,7 @@ def local_instance(folder: Path) -> None:
     collection = bpy.data.collections.new("Walls")
     bpy.context.scene.collection.objects.unlink(item)
     collection.objects.link(item)
-    instanced(collection)
+    rs.instance_of(collection)
 
 
 def object_slot(folder: Path) -> None:

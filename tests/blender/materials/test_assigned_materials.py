@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,6 @@ from tests.blender.materials.material_ways import (
     WAYS,
     geometry_nodes,
     index_of,
-    instanced,
     link,
     nested,
     soil,
@@ -178,7 +178,7 @@ def test_linked_group_of_an_older_radarsim_is_rebuilt_in_memory(tmp_path: Path) 
     bpy.data.libraries.write(str(path), {collection})
     before = path.read_bytes()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    instanced(link(path))
+    rs.instance_of(link(path))
     made = the_material()
     with pytest.raises(ConfigError, match=r"'Soil'.*'Grazing Transmission'.*old\.blend.*append"):
         pm.update_materials(RUN_HZ, None, {made})
@@ -201,7 +201,7 @@ def test_bare_member_of_an_instanced_collection_is_named_and_absorbs(tmp_path: P
     collection = bpy.data.collections.new("Things")
     bpy.context.scene.collection.objects.unlink(bare)
     collection.objects.link(bare)
-    instanced(collection)
+    rs.instance_of(collection)
     options = {"max_reflections": 1, "range_encoding": "materials"}
     run = ph.run_paths(tmp_path / "run", options=options, width_px=16, height_px=16)
     assert [item.subjects for item in run.job.findings if item.code == "no-radar-material"] == [
@@ -222,10 +222,32 @@ def test_foreign_material_set_by_geometry_nodes_needs_the_world_code(tmp_path: P
     assert run.table()["length_m"] == pytest.approx(40.0, rel=0.05)
 
 
-def test_band_of_a_material_set_by_geometry_nodes_is_checked() -> None:
+def put_on_points(item: Any) -> None:
+    """Let another modifier show a cube, and on its corners what the object showed before."""
+    tree = bpy.data.node_groups.new("Put", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    first, last = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    cube, put = (
+        tree.nodes.new("GeometryNodeMeshCube"),
+        tree.nodes.new("GeometryNodeInstanceOnPoints"),
+    )
+    tree.links.new(cube.outputs["Mesh"], put.inputs["Points"])
+    tree.links.new(first.outputs[0], put.inputs["Instance"])
+    join = tree.nodes.new("GeometryNodeJoinGeometry")
+    for shown in (put.outputs[0], cube.outputs["Mesh"]):
+        tree.links.new(shown, join.inputs[0])
+    tree.links.new(join.outputs[0], last.inputs[0])
+    item.modifiers.new("Put", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize("instances", [False, True])
+def test_band_of_a_material_set_by_geometry_nodes_is_checked(instances: bool) -> None:
     item = wall(soil())
     item.data.materials.clear()
     geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
+    if instances:
+        put_on_points(item)
     depsgraph = bpy.context.evaluated_depsgraph_get()
     assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
     with pytest.raises(ConfigError, match="'Ice'"):

@@ -121,13 +121,7 @@ def test_faces_and_rim_do_what_the_volume_does(
             bpy.context.view_layer.update()
             item.data.transform(item.matrix_world.inverted() @ shown)
         if kind == "instance":
-            collection = bpy.data.collections.new("Asset")
-            bpy.context.scene.collection.objects.unlink(item)
-            collection.objects.link(item)
-            empty = bpy.data.objects.new("Instance", None)
-            empty.instance_type, empty.instance_collection = "COLLECTION", collection
-            empty.scale, empty.location = (0.8, 0.8, 0.8), (0.1, 4.0, 0.2)
-            bpy.context.scene.collection.objects.link(empty)
+            rs.instance_of(item, (0.1, 4.0, 0.2)).scale = (0.8, 0.8, 0.8)
         else:
             item.data.materials.clear()
             rough = {"rms_slope": 0.3} if kind == "rough" else {}

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from radarsim_addon import contract, signal
+from radarsim_addon.blender.motion.burst_motion import _approximated
 from radarsim_addon.blender.run.output_folder import clear_run
 from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.sidecar import read_record
@@ -213,3 +214,13 @@ def test_bursts_along_an_animation_make_a_gif_or_a_movie(tmp_path: Path) -> None
     first.pixels.foreach_get(values)
     shown = 255 * values.reshape(first.size[1], first.size[0], 4)[::-1, :, :3]
     assert np.abs(shown - pictures[0]).mean() < 3
+
+
+@pytest.mark.parametrize(
+    ("fraction", "severities"), [(0.0005, []), (0.006, ["info"]), (0.02, ["caution"])]
+)
+def test_little_power_with_approximated_motion_is_information(
+    fraction: float, severities: list[str]
+) -> None:
+    """Without this power, levels would be 10 lg(1 - fraction) lower: 0.03 and 0.09 dB."""
+    assert [item.severity for item in _approximated(fraction)] == severities

@@ -351,9 +351,15 @@ def test_particles_carry_their_instances(tmp_path: Path, baked: bool, pulses: in
     if not baked:
         with pytest.raises(SceneError, match=r"of 'Source' is not baked.*Cache > Bake"):
             measured(tmp_path, 9, burst)
+        rings = {"frames": (9,), "ring_step_m": 100.0, "rings": 1}
+        with pytest.raises(SceneError, match=r"of 'Source' is not baked.*--snapshots 1"):
+            rs.run(tmp_path / "two", snapshots=2, snapshot_interval_s=0.01, **rings)
+        assert not list((tmp_path / "two").glob("**/*.exr"))
+        assert rs.run(tmp_path / "one", snapshots=1, **rings).done == 1
         assert not measured(tmp_path / "off", 9, burst, motion="off")[0]["range_rate_mps"].any()
         return
     bake(source)
+    rs.run(tmp_path / "rings", frames=(9,), snapshots=2, ring_step_m=100.0, rings=1)
     rows, _, record = measured(tmp_path, 9, burst)
     assert rows.size
     speed = rows["range_rate_mps"] / rows["direction"][:, 1]

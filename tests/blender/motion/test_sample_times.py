@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
+from radarsim_addon.blender.motion.fits import _rounding_step
 from radarsim_addon.blender.motion.samples import SamplingPlan
 
 
@@ -39,3 +40,15 @@ def test_samples_are_dated_as_blender_evaluates_them(frame: int, digits: int) ->
             frame + at_s * 24, abs=0.8 * 2.0**-digits
         )
     assert np.ptp([plan.at(f)[0] for f in (0.0, 1.0)]) == pytest.approx(0.02, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("metres_per_unit", "step_units"), [(1.0, 2.0**-23), (0.01, 2.0**-16), (1000.0, 2.0**-33)]
+)
+def test_places_are_rounded_in_the_units_of_the_scene(
+    metres_per_unit: float, step_units: float
+) -> None:
+    """1.5 m are 1.5 m, 150 cm or 0.0015 km, of which float32 has 24 binary digits."""
+    places_m = np.array([[0.2, -1.5, 0.0]])
+    found_m = _rounding_step(places_m, metres_per_unit)
+    assert found_m == pytest.approx(step_units * metres_per_unit, rel=1e-12)

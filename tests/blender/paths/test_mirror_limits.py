@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import is_mirror_like
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
-from tests.blender.mirror_scenes import HEIGHT_M, box, measure, scene
+from tests.blender.mirror_scenes import HEIGHT_M, RANGE_M, box, measure, scene
+from tests.blender.paths.test_paths_walls import medium, passage
 
 pytestmark = pytest.mark.blender
 
@@ -232,3 +234,27 @@ def test_the_scene_comes_back(tmp_path: Path) -> None:
              for item in getattr(bpy.data, kind)}  # fmt: skip
     assert after == before
     assert {item.name: item.hide_render for item in bpy.data.objects} == hidden
+
+
+def test_a_wall_next_to_its_edge_in_a_mirror(tmp_path: Path) -> None:
+    """The plate seen in the ground, all of it through a wall; the upper half is lit over the wall.
+
+    Rays pass the wall by chance, so the power has the standard error of their number.
+    """
+    powers, rays = [], 0
+    for walled in (False, True):
+        scene(view_deg=2.0)
+        bpy.data.objects["Radar"].rotation_euler.x -= math.atan2(2 * HEIGHT_M, RANGE_M)
+        if walled:
+            wall = box("Wall", (-3, 30, 0.05), (3, 30.05, HEIGHT_M))
+            wall.data.materials[0] = medium("Wall", 4.2)
+        rows = measure(tmp_path / f"{walled}", pixels=48, max_reflections=2, replicates=4).table()
+        rows = rows[(rows["order"] == 2) & (rows["last_scatterer_m"][:, 1] > RANGE_M - 0.1)]
+        low = rows["last_scatterer_m"][:, 2] < HEIGHT_M
+        powers.append([rows["power_w"][low].sum(), rows["power_w"][~low].sum()])
+        rays = rays or rows.size / 2
+    once = passage(4.2, 0.05, math.degrees(math.atan2(2 * HEIGHT_M, RANGE_M)))[0].mean()
+    error = math.sqrt((1 - once) / (once * rays))
+    assert error < 0.03
+    ratios = np.divide(powers[1], powers[0])
+    np.testing.assert_allclose(ratios, [once**2, once], rtol=3 * error)

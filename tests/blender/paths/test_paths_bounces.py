@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon.signal import PathFlag
+from radarsim_addon.signal import FrameResult, PathFlag, ProcessOptions, process_run
 
 bpy = pytest.importorskip("bpy")
 
@@ -247,3 +247,6 @@ def test_nothing_in_sight(tmp_path: Path) -> None:
     assert (record.path_count, record.total_power_w, record.relative_error) == (0, 0.0, 0.0)
     assert run.table().size == 0
     assert [item.code for item in record.findings] == ["no-echo"]
+    events = process_run(tmp_path, ProcessOptions(plots=False))
+    (result,) = (one for one in events if isinstance(one, FrameResult))
+    assert [item.code for item in result.findings].count("no-echo") == 1

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ bpy = pytest.importorskip("bpy")
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
 from tests.blender import radar_scenes as rs
+from tests.blender.paths.test_paths_walls import medium, passage, slab
 from tests.blender.state.test_settings_restore import snapshot
 
 pytestmark = pytest.mark.blender
@@ -90,3 +92,31 @@ def test_an_error_in_a_render_puts_all_back(tmp_path: Path) -> None:
     after = snapshot(scene)
     for name in before.keys() | after.keys():
         assert after.get(name) == before.get(name), name
+
+
+@pytest.mark.parametrize("foreign", [False, True])
+def test_walls_are_passed_by_chance_only_next_to_foreign_materials(
+    tmp_path: Path, foreign: bool
+) -> None:
+    """5 cm without loss at 37 degrees: the power is that of (1 - R)^2 both ways, with the standard
+    error of rays that each pass with this chance.
+    """
+    powers, counts = [], []
+    for wall in (False, True):
+        rs.new_scene()
+        ph.field_of_view(2.0)
+        ph.plate_at(100.0, 3.0, ph.rough_metal())
+        if wall:
+            slab(20.0, 0.05, 37.0, medium("Wall", 4.2))
+        if foreign:  # next to the way
+            corners = [(30, 10, 0), (31, 10, 0), (31, 10, 1), (30, 10, 1)]
+            ph.quad("Other", corners, ph.principled("Grey", (0.4, 0.4, 0.4)))
+        rows = ph.run_paths(tmp_path / f"{wall}", width_px=32, height_px=32).table()
+        rows = rows[rows["last_scatterer_m"][:, 1] > 99]
+        powers.append(rows["power_w"].sum())
+        counts.append(rows.size)
+    once = passage(4.2, 0.05, 37.0)[0].mean()
+    error = math.sqrt((1 - once) / (once * counts[0])) if foreign else 0.0
+    assert powers[1] / powers[0] == pytest.approx(once**2, rel=4 * error + 2e-3)
+    passed = counts[1] / counts[0]
+    assert passed == pytest.approx(once if foreign else 1.0, abs=4 * error * once)

@@ -330,9 +330,7 @@ def test_the_mesh_of_renders_is_that_of_lengths(tmp_path: Path, range_m: float) 
     linked = bpy.data.objects["Cube"]
     holder = bpy.data.collections.new("Holder")
     holder.objects.link(linked)
-    item = bpy.data.objects.new("Instance", None)
-    item.instance_type, item.instance_collection = "COLLECTION", holder
-    bpy.context.scene.collection.objects.link(item)
+    item = rs.instance_of(holder)
     look_at(item, range_m, "radar")
     run = measure(tmp_path / "run", range_encoding="world")
     assert linked.modifiers[0].levels == 1

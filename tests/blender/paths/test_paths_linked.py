@@ -36,9 +36,7 @@ def linked(path: str, override: bool = False) -> Any:
     """An instance of the file's collection, or its objects, overridden."""
     with bpy.data.libraries.load(path, link=True) as (_, target):
         target.collections = ["Asset"]
-    shown = bpy.data.objects.new("Instance", None)
-    shown.instance_type, shown.instance_collection = "COLLECTION", target.collections[0]
-    bpy.context.scene.collection.objects.link(shown)
+    shown = rs.instance_of(target.collections[0])
     if override:
         shown.select_set(True)
         bpy.context.view_layer.objects.active = shown

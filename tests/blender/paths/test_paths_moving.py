@@ -121,7 +121,7 @@ def test_moving_instance(tmp_path: Path) -> None:
     rs.new_scene()
     ph.field_of_view(40)
     collection = ps.plate_collection()
-    moving_targets = [ps.instance(collection, place) for place in ps.PLACES]
+    moving_targets = [rs.instance_of(collection, place) for place in ps.PLACES]
     rs.move_steadily(moving_targets[1], (0.0, 6.0, 0.0))
     rows = ph.run_paths(tmp_path, width_px=48, height_px=48, snapshots=2).table()
     planes = np.array([place[1] for place in ps.PLACES])

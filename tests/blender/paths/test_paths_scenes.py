@@ -40,7 +40,7 @@ def test_collection_instances(tmp_path: Path) -> None:
     ph.field_of_view(40)
     collection = ps.plate_collection()
     for place in ps.PLACES:
-        ps.instance(collection, place)
+        rs.instance_of(collection, place)
     run = ph.run_paths(tmp_path, width_px=48, height_px=48)
     rows = run.table()
     assert_plates_seen(rows, ps.PLACES)
@@ -94,7 +94,7 @@ def test_linked_library(tmp_path: Path) -> None:
         target.collections = ["Plates", "Foreign"]
     mine, theirs = target.collections
     for collection, place in zip((mine, theirs, mine), ps.PLACES, strict=True):
-        ps.instance(collection, place)
+        rs.instance_of(collection, place)
     bpy.context.scene.render.image_settings.file_format = "OPEN_EXR"
     bpy.context.scene.render.image_settings.file_format = "PNG"
     path = tmp_path / "scene.blend"

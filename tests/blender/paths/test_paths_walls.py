@@ -191,14 +191,8 @@ def test_walls_of_one_object_average_separately_too(tmp_path: Path, kind: str) -
     else:
         slab(20.0, 0.05, 30.0, medium("Wall", 4.2))
     if kind == "instances":
-        collection, item = bpy.data.collections.new("Asset"), bpy.data.objects["Wall"]
-        collection.objects.link(item)
-        bpy.context.scene.collection.objects.unlink(item)
-        for y in (0.0, 15.0):
-            shown = bpy.data.objects.new("Instance", None)
-            shown.instance_type, shown.instance_collection = "COLLECTION", collection
-            shown.location.y = y
-            bpy.context.scene.collection.objects.link(shown)
+        first = rs.instance_of(bpy.data.objects["Wall"])
+        rs.instance_of(first.instance_collection, (0.0, 15.0, 0.0))
     run = ph.run_paths(tmp_path, width_px=4, height_px=4, options={"max_reflections": 2})
     said = [one for one in run.job.findings if one.code == "walls-averaged-separately"]
     assert len(said) == (kind != "plate")
@@ -219,14 +213,8 @@ def room(
 
 def instanced(item: Any, scale: float) -> None:
     """Move an object into a collection that only an instance of another scale shows."""
-    collection = bpy.data.collections.new("Asset")
-    collection.objects.link(item)
-    bpy.context.scene.collection.objects.unlink(item)
     item.location = (0, 0, 0)
-    shown = bpy.data.objects.new("Instance", None)
-    shown.instance_type, shown.instance_collection = "COLLECTION", collection
-    shown.location, shown.scale = (0, 20, 0), (scale,) * 3
-    bpy.context.scene.collection.objects.link(shown)
+    rs.instance_of(item, (0, 20, 0)).scale = (scale,) * 3
 
 
 @pytest.mark.parametrize(

@@ -83,6 +83,22 @@ def test_a_plate_beyond_a_fresnel_zone_mirrors_the_radar(tmp_path: Path) -> None
     )
 
 
+@pytest.mark.parametrize(("slope", "said"), [(0.02, False), (0.1, True)])
+def test_a_plate_with_the_same_level_smooth_or_rough(
+    tmp_path: Path, slope: float, said: bool
+) -> None:
+    """pi R^2 of both, unless part of the lobe misses: its normals are within 0.2 and 0.1 of it."""
+    add_plate(8.0, 4.0, 20.0, 0.0, {**METAL, "rms_slope": slope})
+    items = found(tmp_path, 10.24e9)
+    assert set(items) == ({"face-height-unknown"} if said else set())
+    if said:
+        part = math.prod(math.erf(edge / slope / math.sqrt(2)) for edge in (0.2, 0.1))
+        measured = 10 * math.log10(math.pi * 20.0**2 * part)
+        assert items["face-height-unknown"].numbers["measured_dbsm"] == pytest.approx(
+            measured, abs=0.5
+        )
+
+
 def test_dielectric_plate_reflects_less(tmp_path: Path) -> None:
     surface = {"n": 2.5, "rms_height_m": 0.1e-3, "correlation_length_m": 5e-3}
     add_plate(0.5, 0.5, 40.0, 0.0, surface)

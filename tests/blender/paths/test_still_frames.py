@@ -37,15 +37,15 @@ def measured(folder: Path) -> list[int]:
 
 
 def contents(folder: Path, frame: int) -> dict[str, Any]:
-    """All files of a frame, without what its renders cost."""
+    """All files of a frame, without what its renders cost, the name of its run and the digest."""
     found: dict[str, Any] = {}
     for path in sorted((folder / contract.frame_dir(frame)).iterdir()):
         if path.suffix != ".json":
             found[path.name] = path.read_bytes()
             continue
         found[path.name] = json.loads(path.read_text())
-        for cost in ("renders", "render_time_s"):
-            found[path.name].pop(cost, None)
+        for name in ("renders", "render_time_s", "run_fingerprint", "record_sha256"):
+            found[path.name].pop(name, None)
     return found
 
 

@@ -15,10 +15,10 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon import contract
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.scene import pattern_mesh
+from radarsim_addon.blender.scene import active_radar, pattern_mesh
 from radarsim_addon.blender.ui import link_budget_panel as system_panel
 from radarsim_addon.contract import AntennaRecord, LinkBudget
-from radarsim_addon.errors import ConfigError
+from radarsim_addon.errors import ConfigError, SettingNameError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import FrameBudget, matching_objects, object_echoes
@@ -44,6 +44,23 @@ def scene(addon: Any) -> Any:
     rs.add_plate(10.0)
     rs.radar().width_px = rs.radar().height_px = 16
     return made
+
+
+def test_an_antenna_takes_a_mapping(scene: Any) -> None:
+    settings = properties.settings(active_radar(scene))
+    settings.transmitter.peak_gain_dbi = 8.5
+    settings.transmitter = {"kind": "gaussian", "azimuth_beamwidth_deg": 9.0}
+    antenna = settings.transmitter
+    assert (antenna.kind, antenna.azimuth_beamwidth_deg) == ("gaussian", 9.0)
+    assert antenna.peak_gain_dbi == 8.5  # not in the mapping
+    assert settings.receiver.kind == "isotropic"
+    assert settings.values()["transmitter"]["azimuth_beamwidth_deg"] == 9.0
+    with pytest.raises(SettingNameError, match="'beamwidth'"):
+        settings.transmitter = {"beamwidth": 9.0}
+    with pytest.raises(ConfigError, match="Azimuth beamwidth"):
+        settings.transmitter = {"azimuth_beamwidth_deg": -1.0}
+    with pytest.raises(ConfigError, match=r"transmitter is 3; expected a mapping .*kind, "):
+        settings.transmitter = 3
 
 
 def test_settings_reach_the_run(scene: Any, tmp_path: Path) -> None:

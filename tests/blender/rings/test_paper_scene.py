@@ -11,7 +11,7 @@ import pytest
 
 pytestmark = pytest.mark.slow
 
-pytest.importorskip("bpy")
+bpy = pytest.importorskip("bpy")
 
 ROOT = Path(__file__).parents[3]
 CARRIER_WAVELENGTH_M = 299_792_458 / 5.3e9
@@ -28,6 +28,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
         stdin=subprocess.DEVNULL,
     )
     assert result.returncode == 0, result.stdout + result.stderr
+    (out / "printed.txt").write_text(result.stdout, encoding="utf-8")
     return out
 
 
@@ -53,6 +54,15 @@ def test_target_is_a_dot_at_its_range_and_doppler(summary: dict) -> None:
     assert target["level_above_background_db"] >= 15
 
 
+def test_the_readme_shows_what_the_demo_prints(demo: Path) -> None:
+    """Row by row; the range rate depends on the version of Blender."""
+    text = (ROOT / "README.md").read_text("utf-8")
+    rows = text[text.index("true    measured") :].split("```")[0].splitlines()
+    rows = rows if bpy.app.version[:2] == (5, 2) else rows[:-1]
+    printed = (demo / "printed.txt").read_text("utf-8")
+    assert len(rows) >= 4 and "\n".join(rows) in printed, printed
+
+
 def test_the_run_is_that_of_the_table(summary: dict) -> None:
     assert (summary["rings"], summary["ring_step_m"], summary["snapshots"]) == (21, 250, 2)
     assert summary["pulses"] >= 128
@@ -69,8 +79,6 @@ def test_pictures_are_there(demo: Path) -> None:
 
 def test_the_example_file_is_what_its_script_makes(demo: Path) -> None:
     """blend_examples/paper_scene.blend renders to the same run as the file made just now."""
-    import bpy
-
     from radarsim_addon.blender import rig_settings as properties
 
     properties.register()

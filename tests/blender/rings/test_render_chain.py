@@ -210,15 +210,8 @@ def test_empty_scene_is_valid(tmp_path: Path) -> None:
 
 
 def test_automatic_rings_reach_the_farthest_point_through_instances(tmp_path: Path) -> None:
-    scene = rs.new_scene()
-    plate = rs.add_plate(5.0, size=1.0)
-    group = bpy.data.collections.new("Group")
-    scene.collection.objects.unlink(plate)
-    group.objects.link(plate)
-    holder = bpy.data.objects.new("Holder", None)
-    holder.instance_type, holder.instance_collection = "COLLECTION", group
-    holder.location = (0, 15.0, 0)
-    scene.collection.objects.link(holder)
+    rs.new_scene()
+    rs.instance_of(rs.add_plate(5.0, size=1.0), (0, 15.0, 0), "Holder")
     job = rs.run(tmp_path, ring_step_m=4.0)
     # Corners at (+-0.5, 20, +-0.5): 20.0125 m, in the sixth ring.
     assert job.plan.extent.from_emitter_m == pytest.approx(math.hypot(20.0, 0.5, 0.5), rel=1e-6)

@@ -15,6 +15,7 @@ from radarsim_addon.blender.materials import set_clutter, set_clutter_fluctuatio
 from radarsim_addon.blender.scene.isolation import animation_curves
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
+from tests.blender import radar_scenes as rs
 from tests.blender.slab_scene import physical_material
 
 Case = Callable[[], Iterator[None]]
@@ -898,12 +899,8 @@ def remapped_time() -> Iterator[None]:
 
 @case
 def contents_of_an_instance() -> Iterator[None]:
-    made = bpy.data.collections.new("Part")
     item = grid()
-    made.objects.link(item)
-    bpy.context.scene.collection.objects.unlink(item)
-    place = empty()
-    place.instance_type, place.instance_collection = "COLLECTION", made
+    rs.instance_of(item)
     yield
     item.location.y = 9.0
 

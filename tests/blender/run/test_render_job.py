@@ -19,14 +19,16 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
+from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.rings import RingJob, ring_job
 from radarsim_addon.blender.run import output_folder
-from radarsim_addon.errors import OutputError, RenderError, SceneError
+from radarsim_addon.errors import OutputError, RenderError, SceneError, SchemaError
 from radarsim_addon.sidecar import file_sha256, read_record
 from radarsim_addon.signal.radar import Burst
 from tests.blender import radar_scenes as rs
+from tests.blender.path_helpers import run_paths
 
 pytestmark = pytest.mark.blender
 
@@ -145,6 +147,20 @@ def test_another_run_is_refused_and_kept(
     with pytest.raises(OutputError, match=r"another run.*overwrite"):
         rendered(tmp_path, **change)
     assert exr_times(tmp_path) == before
+
+
+def test_another_carrier_is_another_run_where_materials_are_physical(
+    plate: Any, tmp_path: Path
+) -> None:
+    other = signal.Waveform(24e9, 50e6, 2.5e-6, 60e6)
+    rendered(tmp_path / "simple")
+    before = exr_times(tmp_path / "simple")
+    rendered(tmp_path / "simple", waveform=other)
+    assert exr_times(tmp_path / "simple") == before
+    make_physical_material("Wall", "concrete", carrier_hz=5.3e9)
+    rendered(tmp_path / "physical")
+    with pytest.raises(OutputError, match=r"another run.*carrier of physical materials"):
+        rendered(tmp_path / "physical", waveform=other)
 
 
 def test_overwrite_removes_the_other_run_and_nothing_else(plate: Any, tmp_path: Path) -> None:
@@ -389,8 +405,39 @@ def test_scaled_later_in_the_animation(plate: Any, tmp_path: Path) -> None:
 def test_done_only_where_bytes_match(plate: Any, tmp_path: Path) -> None:
     job = rendered(tmp_path, limit=1)
     first, second = list(job.plan.tasks())[:2]
-    assert output_folder.is_done(tmp_path, first)
-    assert not output_folder.is_done(tmp_path, second)
+    assert output_folder.is_done(tmp_path, first, job.fingerprint)
+    assert not output_folder.is_done(tmp_path, second, job.fingerprint)
+
+
+def test_a_frame_of_another_run_is_refused_and_rendered_again(plate: Any, tmp_path: Path) -> None:
+    """Both runs are alike but for the power of the transmitter."""
+    own, other = tmp_path / "own", tmp_path / "other"
+    run_both(own, "file")
+    before = exr_blue(own)
+    bpy.data.lights[0].energy *= 4
+    run_both(other, "another file")
+    assert (exr_blue(other) != before).any()
+    frame = contract.frame_dir(1)
+    for name in ("rings", "paths"):
+        shutil.rmtree(own / name / frame)
+        shutil.copytree(other / name / frame, own / name / frame)
+        with pytest.raises(SchemaError, match="frame 1 belongs to another run"):
+            list(signal.process_run(own / name, signal.ProcessOptions(plots=False)))
+    bpy.data.lights[0].energy /= 4
+    run_both(own, "file")
+    assert (exr_blue(own) == before).all()
+    for name in ("rings", "paths"):
+        list(signal.process_run(own / name, signal.ProcessOptions(plots=False)))
+
+
+def run_both(folder: Path, identity: str) -> None:
+    folder.mkdir(exist_ok=True)
+    rendered(folder / "rings", identity=identity)
+    run_paths(folder / "paths", identity=identity)
+
+
+def exr_blue(folder: Path) -> Any:
+    return signal.read_exr(folder / "rings" / contract.frame_dir(1) / "ring_002_t0.exr")["B"]
 
 
 def test_groups_of_an_older_version_are_rebuilt_before_the_first_ring(

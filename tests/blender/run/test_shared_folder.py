@@ -208,7 +208,7 @@ def test_a_frame_that_was_taken_over_is_not_written(tmp_path: Path) -> None:
                 os.utime(lease, (1.0, 1.0))
                 assert Leases(tmp_path).claim("frame_0001") is not None
             job.finish(task)
-            done.append((task.frame, output_folder.is_done(tmp_path, task)))
+            done.append((task.frame, output_folder.is_done(tmp_path, task, job.fingerprint)))
     assert done[0] == (1, False)
     assert [frame for frame, _ in done].count(1) == 1
     assert {frame for frame, whole in done if whole} == {2}

@@ -33,14 +33,7 @@ def vertex(value: float) -> None:
 
 def instanced() -> Any:
     """Have the plate as an instance of a collection only; what holds it."""
-    plate = bpy.data.objects["Plate"]
-    held = bpy.data.collections.new("Held")
-    held.objects.link(plate)
-    bpy.context.scene.collection.objects.unlink(plate)
-    holder = bpy.data.objects.new("Holder", None)
-    holder.instance_type, holder.instance_collection = "COLLECTION", held
-    bpy.context.scene.collection.objects.link(holder)
-    return holder
+    return rs.instance_of(bpy.data.objects["Plate"], name="Holder")
 
 
 def instanced_vertex(value: float) -> None:

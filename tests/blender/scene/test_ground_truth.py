@@ -258,13 +258,7 @@ def test_members_of_an_instance_follow_its_visibility(tmp_path: Path) -> None:
     rs.new_scene()
     ph.field_of_view(40)
     item = cube()
-    collection = bpy.data.collections.new("Members")
-    collection.objects.link(item)
-    bpy.context.scene.collection.objects.unlink(item)
-    shown = bpy.data.objects.new("Shown", None)
-    shown.instance_type, shown.instance_collection = "COLLECTION", collection
-    bpy.context.scene.collection.objects.link(shown)
-    shown.visible_camera = False
+    rs.instance_of(item, name="Shown").visible_camera = False
     rs.add_plate(30.0, 9.0)
     _, nearest, found = measured(tmp_path, width_px=32, height_px=32)
     assert found["hidden-from-receiver"].subjects == ("Shown",)

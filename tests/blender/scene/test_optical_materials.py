@@ -138,6 +138,32 @@ def test_said_once_for_the_scene(tmp_path: Path) -> None:
     assert [sorted(item.subjects) for item in said] == [["Block", "Pane", "Road", "Thing"]]
 
 
+@pytest.mark.parametrize("encoding", ["auto", "materials"])
+@pytest.mark.parametrize("foreign", [False, True])
+def test_instances_and_not_their_host_decide(tmp_path: Path, foreign: bool, encoding: str) -> None:
+    """Geometry nodes replace a bare plane by instances of cubes, whose material they set."""
+    rs.new_scene()
+    made = ph.principled("Light", (0.4, 0.4, 0.4)) if foreign else ph.rough_metal()
+    host = ph.quad("Host", [(-1, 8, -1), (1, 8, -1), (1, 8, 1), (-1, 8, 1)], None)
+    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("MeshCube", "SetMaterial", "InstanceOnPoints")
+    cube, set_material, points = (tree.nodes.new(f"GeometryNode{kind}") for kind in kinds)
+    set_material.inputs["Material"].default_value = made
+    ends = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    tree.links.new(ends[0].outputs[0], points.inputs["Points"])
+    tree.links.new(cube.outputs["Mesh"], set_material.inputs["Geometry"])
+    tree.links.new(set_material.outputs[0], points.inputs["Instance"])
+    tree.links.new(points.outputs[0], ends[1].inputs[0])
+    host.modifiers.new("Scatter", "NODES").node_group = tree
+    run = ph.run_paths(tmp_path, width_px=8, height_px=8, options={"range_encoding": encoding})
+    code = "optical-material" if encoding == "auto" else "no-radar-material"
+    named = [item.subjects for item in run.job.run_findings if item.code == code]
+    assert named == ([("Host",)] if foreign else [])
+    assert run.job.code_world == (foreign and encoding == "auto")
+
+
 def test_fog_is_named_once(tmp_path: Path) -> None:
     """It is hidden, so it does not scatter below its surface."""
     rs.new_scene()

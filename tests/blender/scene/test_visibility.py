@@ -113,9 +113,7 @@ def test_members_of_instances_move_whatever_the_viewport_shows(tmp_path: Path, h
     outer.children.link(inner)
     inner.objects.link(plate)
     bpy.context.scene.collection.objects.unlink(plate)
-    shown = bpy.data.objects.new("Shown", None)
-    shown.instance_type, shown.instance_collection = "COLLECTION", outer
-    bpy.context.scene.collection.objects.link(shown)
+    rs.instance_of(outer)
     hidden = plate if how == "screen" else inner
     hidden.hide_viewport = True
     rows = ph.run_paths(tmp_path / "run", width_px=16, height_px=16).table()

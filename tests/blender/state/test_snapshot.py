@@ -150,6 +150,19 @@ def test_a_snapshot_is_what_a_walk_finds(what: str) -> None:
     checked()
 
 
+def test_a_move_after_an_edit_keeps_the_edit() -> None:
+    """Blender reports both evaluations one after the other, before the next snapshot."""
+    rs.new_scene()
+    still = box("Still")
+    checked()
+    still.data.vertices[0].co = (9, 9, 9)
+    still.data.update()
+    bpy.context.view_layer.update()
+    still.location = (1, 2, 3)
+    bpy.context.view_layer.update()
+    checked()
+
+
 def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch) -> None:
     rs.new_scene()
     carriers(50)

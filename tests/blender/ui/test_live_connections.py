@@ -115,9 +115,9 @@ def instances(moves: str) -> None:
     """Plates of a collection: turned, unevenly scaled; the instancer or the original moves."""
     set_radar(width_px=128, height_px=128)
     collection = ps.plate_collection()
-    one = ps.instance(collection, (0.0, 15.0, 0.0))
+    one = rs.instance_of(collection, (0.0, 15.0, 0.0))
     one.rotation_euler, one.scale = (0.0, 0.0, 0.3), (1.0, -2.0, 0.5)
-    ps.instance(collection, (3.0, 20.0, 0.0))
+    rs.instance_of(collection, (3.0, 20.0, 0.0))
     item = {"instancer": one, "original": collection.objects[0]}[moves]
     start = item.location.copy()
     mh.key(item, "location", (1, start), (25, start + type(start)((0.0, 3.0, 0.0))))

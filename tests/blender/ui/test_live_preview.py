@@ -113,6 +113,26 @@ def test_a_draft_has_the_peaks_of_the_rendered_run(scene: Any, tmp_path: Path) -
     assert found["velocity_mps"][rows[0]] == pytest.approx(rate_mps, abs=0.12)
 
 
+def test_a_slice_ends_after_the_part_that_takes_long(
+    scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ball(0.0, 20.0, ph.lambert(0.5))
+    monkeypatch.setattr(live_preview, "_SLICE_S", -1.0)
+    preview, parts = switched_on(), [0]
+    read = preview._reader.read
+
+    def counted(context: Any) -> Iterator[Any]:
+        for part in read(context):
+            parts[-1] += 1
+            yield part
+
+    monkeypatch.setattr(preview._reader, "read", counted)
+    while preview._sent is None:
+        preview.tick(bpy.context)
+        parts.append(0)
+    assert max(parts) == 1 and sum(parts) >= 6
+
+
 def test_what_moves_is_drafted_again_and_meshes_stay(scene: Any) -> None:
     plate = ph.plate_at(10.0, 2.0, ph.lambert(0.5))
     first = drafted()

@@ -189,6 +189,33 @@ def test_results_older_than_the_last_edit_are_marked(state: Any, tmp_path: Path)
         assert after(change) == "The scene was edited after this run", name
 
 
+def test_results_older_than_the_last_edit_of_the_radar_are_marked(
+    state: Any, tmp_path: Path
+) -> None:
+    radar = active_radar(bpy.context.scene)
+    view = settings(radar)
+    view.output_folder = str(tmp_path / "run")
+    assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
+    process()
+    sr.note_measured(bpy.context, sr._state.measured)
+    assert sr.age_of_results() == ""
+    carrier_ghz = radar.radarsim.carrier_ghz
+    for shown, name, value in (
+        (radar.radarsim, "carrier_ghz", carrier_ghz / 2),
+        (radar.radarsim, "seed", 5),
+        (radar.radarsim.transmitter, "kind", "cosine"),
+        (radar.radarsim, "use_link_budget", not view.use_link_budget),
+    ):
+        before = getattr(shown, name)
+        setattr(shown, name, value)
+        assert sr.age_of_results() == "The scene was edited after this run", name
+        assert "The scene was edited after this run" in texts()
+        setattr(shown, name, before)
+        assert sr.age_of_results() == "", name
+    view.output_folder, view.frame_end = str(tmp_path / "other"), 99
+    assert sr.age_of_results() == ""
+
+
 def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:
     view = process()
     names = [item["name"] for item in view.targets]

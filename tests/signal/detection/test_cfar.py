@@ -111,7 +111,7 @@ def test_training_cells_wrap_around_in_doppler_and_end_in_range(kind: str) -> No
     plain = noise_map(RADAR, "hamming", 3, (500.0, 700.0))
     power = plain.plane_power
     rows, cols = power.shape
-    cfar = Cfar(kind, 1e-3, (2, 2), (2, 3))
+    cfar = Cfar(kind, 1e-3, (2, 5), (2, 2))
     found = cfar_threshold(plain, cfar).noise
     expected = np.empty_like(power)
     for row in range(rows):
@@ -119,8 +119,8 @@ def test_training_cells_wrap_around_in_doppler_and_end_in_range(kind: str) -> No
             cells = [
                 power[(row + r) % rows, col + c]
                 for r in range(-4, 5)
-                for c in range(-5, 6)
-                if 0 <= col + c < cols and (abs(r) > 2 or abs(c) > 2)
+                for c in range(-7, 8)
+                if 0 <= col + c < cols and (abs(r) > 2 or abs(c) > 5)
             ]
             ordered = sorted(cells)
             ranked = ordered[round(cfar.rank * len(cells)) - 1]
@@ -184,6 +184,20 @@ def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Rad
     assert cells * pfa > 500
 
 
+@pytest.mark.parametrize("kind", ["ca", "os"])
+@pytest.mark.parametrize("window", ["none", "hann", "blackman"])
+def test_false_alarms_are_as_designed_without_guard_cells(kind: str, window: str) -> None:
+    """Counted: training cells in the main lobe contain noise of the tested cell, and are unused."""
+    rates, cfar = [], Cfar(kind, 1e-2, (0, 0), (2, 6))
+    for seed in range(30):
+        rd_map = noise_map(RADAR, window, seed)
+        alarms = rd_map.plane_power > cfar_threshold(rd_map, cfar).threshold
+        rates.append(alarms.mean() / cfar.pfa)
+    error = np.std(rates) / math.sqrt(len(rates))
+    assert np.mean(rates) == pytest.approx(1, abs=0.01 + 3 * error)
+    assert error < 0.02, "enough cells to tell"
+
+
 @pytest.mark.parametrize(
     ("kind", "window"), [("os", "hann"), ("os", "taylor:4:-35"), ("os", "kaiser:8"), ("ca", "hann")]
 )
@@ -219,12 +233,12 @@ def test_a_strong_echo_does_not_spoil_thresholds_beside_it() -> None:
     spiked = RangeDopplerMap(
         values[None], rd_map.doppler_hz, rd_map.range_m, rd_map.radar, "hamming", "hamming"
     )
-    cfar = Cfar("ca", 1e-3, (2, 4), (2, 8))
+    cfar = Cfar("ca", 1e-3, (2, 5), (2, 7))
     plain, found = (cfar_threshold(m, cfar).noise for m in (rd_map, spiked))
     near = found > 2 * plain
     rows, cols = np.nonzero(near)
     assert np.abs(rows - 20).max() <= 4 and np.abs(cols - 400).max() <= 12
-    assert not near[18:23, 396:405].any(), "guard cells keep the echo out"
+    assert not near[18:23, 395:406].any(), "guard cells keep the echo out"
     np.testing.assert_allclose(found[~near], plain[~near], rtol=1e-9)
 
 

@@ -95,7 +95,7 @@ def test_frames_of_a_run_share_their_factors(monkeypatch: pytest.MonkeyPatch) ->
         (first, dataclasses.replace(rule, pfa=1e-4)),
         (first, dataclasses.replace(rule, rank=0.5)),
         (first, dataclasses.replace(rule, kind="ca")),
-        (first, dataclasses.replace(rule, guard=(1, 2))),
+        (first, dataclasses.replace(rule, guard=(1, 8))),
     ):
         before = len(made)
         cfar_threshold(rd_map, changed)

@@ -3,9 +3,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,8 +13,8 @@ pytest.importorskip("distributed")
 from radarsim_addon.errors import WorkerError
 from radarsim_addon.signal.distributed import dask_workers
 from radarsim_addon.signal.distributed.dask_workers import DaskWorkers
+from scripts.benchmarks.worker_costs import dask_cluster
 
-ROOT = Path(__file__).parents[3]
 #: Ends its process at the first calls, as many as the file "lives" has characters.
 MORTAL = """
 import os
@@ -30,41 +27,18 @@ def run_frame(folder, words, frame, command):
         os._exit(1)
     return {"frames": [1], "pid": os.getpid()}
 """
-CLUSTER = """
-import sys
-import dask
-dask.config.set({"distributed.scheduler.allowed-failures": 1})
-from distributed import LocalCluster
-if __name__ == "__main__":
-    with LocalCluster(
-        n_workers=int(sys.argv[1]), threads_per_worker=1, dashboard_address=None, processes=True
-    ) as cluster:
-        print(cluster.scheduler_address, flush=True)
-        sys.stdin.read()
-"""
 
 
 @pytest.fixture
-def cluster(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[str]:
+def cluster(
+    tmp_path: Path, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[str]:
     """A scheduler and so many workers, which are started again when they end."""
     (tmp_path / "mortal.py").write_text(MORTAL, encoding="utf-8")
-    (tmp_path / "cluster.py").write_text(CLUSTER, encoding="utf-8")
-    paths = os.pathsep.join([str(tmp_path), str(ROOT)])
-    with subprocess.Popen(
-        [sys.executable, str(tmp_path / "cluster.py"), str(request.param)],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": paths},
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as process:
-        assert process.stdin is not None and process.stdout is not None
-        try:
-            yield process.stdout.readline().strip()
-        finally:
-            process.stdin.close()
-            process.wait(60)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
+    with dask_cluster(tmp_path, request.param) as address:
+        yield address
 
 
 @pytest.mark.parametrize("cluster", [2], indirect=True)

@@ -312,7 +312,7 @@ def test_phase_noise_tells_what_the_report_without_it_tells(waveform) -> None:
     )
     clean = synthesize(paths, radar, range_limits_m=(0.0, 9.0)).report
     # delays of its factors 0.3 m apart: each path has its own
-    quiet = PhaseNoise((1e3, 3e8), (-240.0, -240.0))
+    quiet = PhaseNoise((1e3, 1e7), (-240.0, -240.0))
     synthesizer = synthesizer_for(radar, (0.0, 9.0), phase_noise=quiet)
     synthesizer.add(paths)
     noisy = synthesizer.result().report

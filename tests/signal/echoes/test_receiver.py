@@ -245,6 +245,45 @@ def test_dechirped_echo_keeps_what_range_correlation_leaves(range_m: float) -> N
         assert power[here].mean() == pytest.approx(expected, rel=slack)
 
 
+@pytest.mark.parametrize("range_m", [15.0, 60.0, 450.0])
+def test_steps_fold_what_is_faster_than_they_are(range_m: float) -> None:
+    """White pedestal to 20 times half the step rate, against averages over steps of a fine phase
+    and against sum L(f) 4 sin^2(pi f tau) sinc^2(f T) over the frequencies that fold together.
+    """
+    step_s, steps, pulses, fine = 2e-6, 128, 64, 200
+    waveform = SteppedWaveform(5.3e9, 20e3, steps, step_s)
+    radar = Radar(waveform, Burst(1 / waveform.duration_s, pulses))
+    noise = PhaseNoise((1e3, 5e6), (-100.0, -100.0))
+    echo = []
+    for settings in ({}, {"phase_noise": noise, "phase_noise_seed": 4}):
+        synthesizer = synthesizer_for(radar, (0.0, 1000.0), **settings)
+        synthesizer.add(unit_paths(radar, [range_m]))
+        echo.append(synthesizer.result().plane)
+    rest = echo[1] * np.conj(echo[0]) - 1
+
+    rng = np.random.default_rng(8)
+    rate_hz, size = fine / step_s, fine * steps * pulses
+    spectrum = np.fft.rfft(rng.normal(0, math.sqrt(1e-10 * rate_hz), size))
+    spectrum[np.fft.rfftfreq(size, 1 / rate_hz) > 5e6] = 0
+    phase = np.fft.irfft(spectrum, size)
+    delay = round(2 * range_m / SPEED_OF_LIGHT_MPS * rate_hz)
+    apart = np.exp(1j * (np.roll(phase, delay) - phase))
+    direct = apart.reshape(pulses, steps, fine).mean(axis=-1) - 1
+
+    f = np.fft.fftfreq(steps, step_s)[:, None] + np.arange(-10, 11) / step_s
+    folded = np.sum(residual_density(noise, range_m, f) * np.sinc(f * step_s) ** 2, axis=1)
+    window = np.hanning(steps)
+    for low_hz, high_hz in ((3e4, 1.2e5), (1.3e5, 2.3e5)):
+        here = (np.abs(f[:, 10]) > low_hz) & (np.abs(f[:, 10]) < high_hz)
+        found, simulated = (
+            np.mean(np.abs(np.fft.fft(values * window)[:, here]) ** 2) * step_s / (window @ window)
+            for values in (rest, direct)
+        )
+        slack = 4 / math.sqrt(pulses * here.sum() / 4)
+        assert found == pytest.approx(folded[here].mean(), rel=slack)
+        assert found == pytest.approx(simulated, rel=1.5 * slack)
+
+
 @pytest.mark.parametrize(
     "waveform",
     [

@@ -290,7 +290,7 @@ def test_range_limits_end_all_axes(run: Path) -> None:
     for holder in (result.rd_map, result.profile, result.compressed, result.expected):
         assert holder is not None
         assert holder.range_m[0] == 150.0 and 348.0 < holder.range_m[-1] <= 350.0
-    assert result.budget.excluded_reason == {"Aircraft": "outside the window"}
+    assert result.budget.excluded_reason == {"Aircraft": "outside the range limits"}
     assert sorted(result.budget.snr) == ["Boat", "Mast"]
     row, column = cell(result.rd_map, BOAT)
     here = result.rd_map.range_m[column]
@@ -298,7 +298,7 @@ def test_range_limits_end_all_axes(run: Path) -> None:
     strongest = result.rd_map.plane_power[row].argmax()
     assert abs(int(strongest) - column) <= 1
     beyond = processed(run, range_limits_m=(150.0, 760.0))
-    (found,) = (i for i in beyond.findings if i.code == "range-limits-beyond-unambiguous-range")
+    (found,) = (i for i in beyond.findings if i.code == "range-limits-beyond-sampled-band")
     assert found.numbers["range_limit_m"] == 760.0
     assert found.numbers["unambiguous_range_m"] == pytest.approx(251 * u.CELL_M)
 
@@ -369,7 +369,7 @@ def test_engine_of_the_synthesis(run: Path) -> None:
 
 
 def test_the_detector_is_the_one_that_was_chosen(run: Path) -> None:
-    cfar = Cfar("ca", 1e-9, guard=(2, 4), train=(2, 6))
+    cfar = Cfar("ca", 1e-9, guard=(2, 5), train=(2, 6))
     found = processed(run, cfar=cfar, receiver=Receiver(noise_figure_db=50.0)).detections
     assert found is not None and found.cfar == cfar
     assert found.left_out == 0

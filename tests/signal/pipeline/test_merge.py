@@ -10,6 +10,7 @@ import pytest
 from radarsim_addon.contract import (
     DEFORMING_SURFACES_FILE,
     MOTION_FILE,
+    PATHS_FILE,
     PATHS_TABLE,
     RUN_FILE,
     RunRecord,
@@ -98,6 +99,39 @@ def test_a_damaged_part_is_named_before_anything_is_written(
     assert main(["merge", str(tmp_path / "other"), str(part)]) == 1
     assert (part / name).name in capsys.readouterr().err
     assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "old", "new"),
+    [
+        ("rings", "frames/frame_0001/ground_truth.json", b"299.0", b"298.0"),
+        ("rings", "frames/frame_0032/ring_001_t1.json", b'"seed": 0', b'"seed": 1'),
+        ("paths", f"frames/frame_0001/{PATHS_FILE}", b'"carrier_hz": 5', b'"carrier_hz": 6'),
+        ("paths", "products/frame_0001_summary.json", b'"time_s": 0.0', b'"time_s": 9.0'),
+        ("paths", "products/frame_0001_profile.npz", b"range_m", b"range_n"),
+        ("paths", "products/frame_0001_map.npz", None, b""),
+    ],
+)  # fmt: skip
+def test_a_changed_record_or_product_is_named(
+    corpus: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    kind: str,
+    name: str,
+    old: bytes | None,
+    new: bytes,
+) -> None:
+    part = Path(shutil.copytree(corpus / kind, tmp_path / "part"))
+    assert main(["process", str(part), "--no-plots"]) == 0
+    data = (part / name).read_bytes()
+    assert old is None or old in data
+    (part / name).write_bytes(data[:-20] if old is None else data.replace(old, new, 1))
+    capsys.readouterr()
+    assert main(["merge", str(tmp_path / "whole"), str(part)]) == 1
+    assert (part / name).name in capsys.readouterr().err
+    assert not (tmp_path / "whole").exists()
+    (part / name).write_bytes(data)
+    assert main(["merge", str(tmp_path / "whole"), str(part)]) == 0
 
 
 def test_a_part_inside_another_one_keeps_its_own_frames(corpus: Path, tmp_path: Path) -> None:

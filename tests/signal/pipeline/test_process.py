@@ -405,6 +405,18 @@ def plate_run(folder: Path, scene: contract.GroundTruthRecord | None) -> Path:
     )  # fmt: skip
 
 
+def test_info_takes_the_rounding_of_powers_for_no_power(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    folder = plate_run(tmp_path / "run", None)
+    path = folder / contract.frame_dir(1) / contract.PATHS_FILE
+    for fraction, shown in ((8.6e-38, "0 %"), (1.5e-3, "0.15 %")):
+        content = json.loads(path.read_text())
+        path.write_text(json.dumps(content | {"unranged_power_fraction": fraction}))
+        assert main(["info", str(folder)]) == 0
+        assert f"without a range  {shown} of the power" in capsys.readouterr().out
+
+
 def test_a_missing_ground_truth_is_found_because_it_changes_echoes(tmp_path: Path) -> None:
     item = contract.ObjectRecord("Plate", 50.0, 50.0, None, rms_height_m=0.0)
     folder = plate_run(tmp_path / "run", contract.GroundTruthRecord(1, 0.0, [item]))

@@ -7,6 +7,7 @@ import csv
 import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -182,6 +183,10 @@ def test_detections(written: Written) -> None:
     with open(written.file("_detections.csv"), encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(targets) >= 3
+    docs = (Path(__file__).parents[3] / "docs/detection.md").read_text(encoding="utf-8")
+    listed = docs.split("`_detections.csv`, `_detections.json`: ")[1].split("- `.h5`")[0]
+    columns_said = re.sub(r"\([^)]*\)", "", listed).rstrip().rstrip(".").split(",")
+    assert [*rows[0]] == [name.strip() for name in columns_said]
     with h5py.File(written.file(".h5")) as file:
         columns = {name: file[f"detections/{name}"][:] for name in targets[0]}
         attributes = dict(file["detections"].attrs)

@@ -220,8 +220,13 @@ def test_carrier_and_window_that_differ_are_mentioned(folder: Path) -> None:
     result = result_of(folder, ProcessOptions(products=False, plots=False, radar=radar))
     found = {item.code: item.numbers for item in result.findings}
     assert found["carrier-differs-from-run"] == {"carrier_hz": 77e9, "run_carrier_hz": 5.3e9}
-    assert found["range-limits-beyond-unambiguous-range"]["range_limit_m"] == 1000.0
+    assert found["range-limits-beyond-sampled-band"]["range_limit_m"] == 1000.0
     assert "paths-beyond-sampled-band" in found
+    stepped = Radar(SteppedWaveform(5.3e9, 1e6, 16, 1e-6), Burst(1000.0, 16))
+    other = result_of(folder, ProcessOptions(products=False, plots=False, radar=stepped))
+    (item,) = (one for one in other.findings if one.code.startswith("range-limits-beyond"))
+    assert item.code == "range-limits-beyond-unambiguous-range"
+    assert item.numbers["unambiguous_range_m"] == pytest.approx(299792458.0 / 2e6)
 
 
 def test_axes_of_all_files_are_numbers_worked_out_by_hand(folder: Path) -> None:

@@ -131,6 +131,19 @@ def test_sidecar_of_another_render(folder: Path, changes: dict[str, Any]) -> Non
         open_run(folder).frame(1).image(0)
 
 
+@pytest.mark.parametrize("run_fingerprint", ["synthetic", "", "another"])
+def test_sidecar_of_another_run(folder: Path, run_fingerprint: str) -> None:
+    """Files of older versions name no run."""
+    channels = encode(SETUP, *empty(SETUP))
+    write_render(folder, SETUP, 1, 0, 0, channels, run_fingerprint=run_fingerprint)
+    frame = open_run(folder).frame(1)
+    if run_fingerprint != "another":
+        assert frame.image(0)[0].run_fingerprint == run_fingerprint
+        return
+    with pytest.raises(SchemaError, match=r"ring_000_t0.json: frame 1 belongs to another run"):
+        frame.image(0)
+
+
 def test_negative_radiance(folder: Path) -> None:
     channels = encode(SETUP, *empty(SETUP))
     channels["B"][3, 4] = -1e-9

@@ -22,8 +22,8 @@ from radarsim_addon.signal.detection import (
     object_echoes,
 )
 from radarsim_addon.signal.detection.power_budget import compression_loss_db
-from radarsim_addon.signal.paths import write_table
-from radarsim_addon.signal.paths.table import open_table
+from radarsim_addon.signal.paths import IMAGE_DTYPE, write_table
+from radarsim_addon.signal.paths.table import column_groups, open_table
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar
 from radarsim_addon.signal.runs import open_run
@@ -95,8 +95,8 @@ def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     quick = ProcessOptions(products=False, plots=False, range_limits_m=(0.0, 800.0))
     report = budget_of(folder, quick)
     assert set(report.snr) == {"Near"}
-    assert report.excluded_reason == {"Far": "outside the window"}
-    assert "outside the window" in report.lines()[2] and "SNR" not in report.lines()[2]
+    assert report.excluded_reason == {"Far": "outside the range limits"}
+    assert "outside the range limits" in report.lines()[2] and "SNR" not in report.lines()[2]
     # 50 MHz over 250 samples: 749 m; the anti-alias filter takes out what is beyond
     fmcw = Radar(FmcwWaveform(5.3e9, 50e6, 250, 1e6), Burst(1000.0, 64))
     report = budget_of(folder, dataclasses.replace(quick, range_limits_m=None, radar=fmcw))
@@ -106,7 +106,7 @@ def test_no_snr_of_what_is_not_in_the_map(tmp_path: Path) -> None:
     report = budget_of(
         folder, dataclasses.replace(quick, range_limits_m=(300.0, 480.0), radar=folding)
     )
-    assert report.excluded_reason == {"Near": "outside the window"}
+    assert report.excluded_reason == {"Near": "outside the range limits"}
     assert set(report.snr) == {"Far"}
 
 
@@ -130,6 +130,32 @@ def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
         gain = {2: 4 * sine / 2, 3: 16 * sine**2 / 6}[pulses] * (65 - pulses) / 64
         change_db = report.snr["Far"].burst_db - plain.burst_db
         assert change_db == pytest.approx(10 * math.log10(gain), abs=1e-9)
+
+
+def test_received_power_knows_of_interference(tmp_path: Path) -> None:
+    """Each point direct and over a mirror with 0.8 of the amplitude, in and out of phase."""
+    folder = two_plates(tmp_path / "run")
+    table = folder / contract.frame_dir(1) / contract.PATHS_TABLE
+    sidecar = folder / contract.frame_dir(1) / contract.PATHS_FILE
+    quick = ProcessOptions(products=False, plots=False, speckle_seed=None)
+    alone_w = budget_of(folder, quick).received_w
+    direct = np.array(open_table(table))
+    rows = np.zeros(2 * direct.size, dtype=IMAGE_DTYPE)
+    for name in direct.dtype.names or ():
+        rows[name] = np.repeat(direct[name], 2, axis=0)
+    rows["point"] = 1 + np.arange(rows.size) // 2
+    rows["power_w"][1::2] *= 0.64
+    groups = column_groups(IMAGE_DTYPE.names or ())
+    for turn, gain in ((math.pi, 0.2**2), (0.0, 1.8**2), (math.pi / 2, 1.64)):
+        rows["mirror_phase_rad"][1::2] = turn
+        write_table(table, [rows], IMAGE_DTYPE)
+        record = read_record(sidecar, contract.PathsRecord)
+        sha256 = file_sha256(table)
+        changed = dataclasses.replace(
+            record, table_sha256=sha256, column_groups=groups, path_count=rows.size
+        )
+        write_record(sidecar, changed)
+        assert budget_of(folder, quick).received_w / alone_w == pytest.approx(gain, rel=1e-6)
 
 
 def test_windows_cost_what_harris_says() -> None:
