@@ -15,8 +15,8 @@ from typing import Any
 
 from .errors import MissingDependencyError, RadarSimError
 from .findings import exit_code
-from .option_arguments import Share, share_of
-from .terminal_text import error_line
+from .options import Share, share_of
+from .terminal import error_line
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

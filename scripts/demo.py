@@ -28,7 +28,6 @@ sys.path.insert(0, str(ROOT))
 from radarsim_addon.atomic_files import write_json
 from radarsim_addon.contract import GROUND_TRUTH_FILE, RUN_FILE, GroundTruthRecord, frame_dir
 from radarsim_addon.errors import RadarSimError, RenderError
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.maps import power_unit
 from radarsim_addon.signal.pictures import (
     plot_echo,
@@ -39,6 +38,7 @@ from radarsim_addon.signal.pictures import (
 )
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.runs import open_run
+from radarsim_addon.typed_json import read_record
 
 #: An edge this far from an object's near face is of something else [range resolutions].
 EDGE_SEARCH = 3

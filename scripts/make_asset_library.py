@@ -87,23 +87,23 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))  # from a checkout, installed or not
     import bpy
 
-    from radarsim_addon.blender.ui import asset_library
+    from radarsim_addon.blender.ui import material_panel
 
-    out = options.out or asset_library.FOLDER
+    out = options.out or material_panel.FOLDER
     out.mkdir(parents=True, exist_ok=True)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     ball = preview_scene(bpy)
-    materials = asset_library.make_assets()
+    materials = material_panel.make_assets()
     with tempfile.TemporaryDirectory() as folder:
         for material in materials:
             add_preview(bpy, ball, material, Path(folder))
     ball.data.materials.clear()
-    blend = out / asset_library.BLEND.name
+    blend = out / material_panel.BLEND.name
     part = blend.with_suffix(".part.blend")
     bpy.data.libraries.write(str(part), set(materials), fake_user=True, compress=True)
     os.replace(part, blend)
-    catalogues = out / asset_library.CATALOGUES.name
-    catalogues.write_text(asset_library.catalogue_text(), encoding="utf-8", newline="\n")
+    catalogues = out / material_panel.CATALOGUES.name
+    catalogues.write_text(material_panel.catalogue_text(), encoding="utf-8", newline="\n")
     print(f"{len(materials)} materials, {blend.stat().st_size / 1e3:.0f} kB: {blend}")
     sys.stdout.flush()
     return 0

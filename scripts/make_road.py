@@ -28,10 +28,10 @@ import numpy as np
 from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
 from radarsim_addon.physics.materials import material
 from radarsim_addon.physics.mirrors import MirrorMaterial
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.radar import ConstantGain, CoverageSetup, Mount, two_ray_gain
 from radarsim_addon.signal.scattering import interference_factors
+from radarsim_addon.typed_json import read_record
 from scripts.make_canyon import add_box, add_mesh
 
 CARRIER_HZ, BANDWIDTH_HZ = 24.125e9, 250e6

@@ -10,8 +10,7 @@ from typing import Any
 
 from radarsim_addon.blender.plan import Measurement, PathOptions, RunSettings, render_settings
 from radarsim_addon.contract import LinkBudget
-from radarsim_addon.option_arguments import settings_table
-from radarsim_addon.options import declared
+from radarsim_addon.options import declared, settings_table
 from radarsim_addon.signal import Cfar, ProcessOptions, Receiver, SpectrogramOptions
 from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst, Weather
 

@@ -13,17 +13,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .headless.scripting import add_radar, antennas, measure, process, settings
-    from .headless.scripting_materials import (
+    from .headless.scripting import (
+        add_radar,
+        antennas,
         assign_by_name,
         assign_material,
         material,
-        set_clutter,
-        set_clutter_fluctuation,
-        set_mirror,
-        set_scattered_lobe,
+        measure,
+        process,
+        settings,
         simple_material,
     )
+    from .materials import set_clutter, set_clutter_fluctuation, set_mirror, set_scattered_lobe
 
 __all__ = [
     "add_radar",
@@ -44,9 +45,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        from .headless import scripting, scripting_materials
+        from .headless import scripting as home
 
-        home = scripting if hasattr(scripting, name) else scripting_materials
         # Modules of these names, such as the room `settings`, are found by import statements only.
         value = globals()[name] = getattr(home, name)
         return value

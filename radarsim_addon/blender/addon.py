@@ -10,37 +10,29 @@ from . import rig_settings
 from .headless.session import session_folder
 from .state import follow_evaluations, ignore_evaluations
 from .ui import (
-    asset_library,
-    clutter_panel,
-    coverage_operator,
-    fixes,
+    fields,
     live_preview,
-    material_names,
     material_panel,
     operators,
     overlays,
     panels,
-    picking,
     picture_images,
-    preset_menu,
     result_files,
-    result_settings,
     results_panel,
     scene_panel,
-    translations,
 )
 from .ui import link_budget_panel as system_panel
 
 #: Every class besides the settings, in the order of registration, which is that of the panels.
 CLASSES: tuple[type, ...] = (
     *operators.CLASSES,
-    *coverage_operator.CLASSES,
-    *preset_menu.CLASSES,
+    *operators.COVERAGE_CLASSES,
+    *panels.CLASSES,
     *results_panel.CLASSES,
-    *picking.CLASSES,
+    *results_panel.PICKING_CLASSES,
     *result_files.CLASSES,
-    *fixes.CLASSES,
-    *material_names.CLASSES,
+    *scene_panel.FIX_CLASSES,
+    *scene_panel.NAME_CLASSES,
     *panels.RADAR_CLASSES,
     *system_panel.CLASSES,
     *overlays.CLASSES,
@@ -48,8 +40,8 @@ CLASSES: tuple[type, ...] = (
     *scene_panel.CLASSES,
     *panels.RUN_CLASSES,
     *material_panel.CLASSES,
-    *clutter_panel.CLASSES,
-    *asset_library.CLASSES,
+    *material_panel.CLUTTER_CLASSES,
+    *material_panel.ASSET_CLASSES,
 )
 
 
@@ -58,34 +50,34 @@ def register() -> None:
 
     Temporary folders of sessions that have crashed are removed.
     """
-    translations.register_translations()
+    fields.register_translations()
     rig_settings.register()
     own = session_folder()
     if own is not None:
         own_folder(own)
     remove_abandoned_folders()
     follow_evaluations()
-    result_settings.register_results()
+    results_panel.register_results()
     live_preview.register_live()
     for item in CLASSES:
         if not getattr(item, "is_registered", False):
             bpy.utils.register_class(item)
     overlays.show_overlays()
     picture_images.follow_zoom()
-    picking.follow_clicks()
+    results_panel.follow_clicks()
 
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
     live_preview.unregister_live()
-    picking.ignore_clicks()
+    results_panel.ignore_clicks()
     picture_images.ignore_zoom()
     overlays.hide_overlays()
-    clutter_panel.forget_plots()
+    material_panel.forget_plots()
     for item in reversed(CLASSES):
         if getattr(item, "is_registered", False):
             bpy.utils.unregister_class(item)
-    result_settings.unregister_results()
+    results_panel.unregister_results()
     ignore_evaluations()
     rig_settings.unregister()
-    translations.unregister_translations()
+    fields.unregister_translations()

@@ -8,9 +8,20 @@ library only.
 """
 
 from .catalogue import NO_ECHO_CODES
-from .merging import exit_code, finding_about, finding_lines, merge
-from .records import Finding, Value, finding, from_json, to_json
-from .texts import frames_text, frequency_text, length_text
+from .records import (
+    Finding,
+    Value,
+    exit_code,
+    finding,
+    finding_about,
+    finding_lines,
+    frames_text,
+    frequency_text,
+    from_json,
+    length_text,
+    merge,
+    to_json,
+)
 
 __all__ = [
     "NO_ECHO_CODES",

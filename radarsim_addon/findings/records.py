@@ -4,14 +4,157 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import string
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
 from ..errors import FrameFileError
+from ..terminal import printable
 from .catalogue import CATALOGUE
-from .kinds import Severity
-from .texts import fill, names_text
+from .scene_kinds import Severity
+
+# -------------------------------------------------------------------------------------------------
+# Numbers, spans of numbers, names and frames as text.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Names that a text gives in full; the others are counted.
+_NAMES_SHOWN = 3
+#: Frames, or series of them, that a text gives; the others are counted.
+_FRAMES_SHOWN = 8
+#: Unit, its size, and the least value that is given in it.
+_NUMBER_UNITS = {
+    "length": (("km", 1e3, 1e4), ("m", 1.0, -math.inf)),
+    "frequency": (("GHz", 1e9, 1e9), ("MHz", 1e6, 1e6), ("kHz", 1e3, 1e3), ("Hz", 1.0, -math.inf)),
+}
+
+
+def fill(template: str, values: Mapping[str, Any]) -> str:
+    """Return a template of the catalogue with its values, each a number, a word or a span."""
+    return _TEXT.vformat(template, (), values)
+
+
+def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
+    """Return "frame 3" or "frames 1-20, 25"; "2-8 (every 2nd)" where those between do not exist.
+
+    Parameters
+    ----------
+    frames
+        Frame numbers, at least one.
+    among
+        All frames of the run, in their order.
+
+    Returns
+    -------
+    str
+        The frames in the order of `among`.
+    """
+    place = {frame: number for number, frame in enumerate(among)}
+    runs: list[list[int]] = []
+    for frame in sorted(frames, key=lambda number: place.get(number, len(place) + number)):
+        if runs and place.get(frame, -1) == place.get(runs[-1][-1], -3) + 1:
+            step, run = frame - runs[-1][-1], runs[-1]
+            if len(run) == 1 or step == run[1] - run[0]:
+                run.append(frame)
+                continue
+        runs.append([frame])
+    words = [word for run in runs for word in _run_words(run)]
+    shown = ", ".join(words[:_FRAMES_SHOWN])
+    left = len(words) - _FRAMES_SHOWN
+    more = f" and {left} more" if left > 0 else ""
+    return f"frame{'s' if len(frames) > 1 else ''} {shown}{more}"
+
+
+def _run_words(run: Sequence[int]) -> list[str]:
+    """Return frames of one distance as one word, or one word each where a dash would mislead."""
+    step = run[1] - run[0] if len(run) > 1 else 1
+    if len(run) == 1 or (step != 1 and len(run) < 4):
+        return [str(frame) for frame in run]
+    every = {1: "", 2: " (every 2nd)", 3: " (every 3rd)"}.get(step, f" (every {step}th)")
+    return [f"{run[0]}-{run[-1]}{every}"]
+
+
+def names_text(names: Sequence[str]) -> str:
+    """Return the first names in quotes, and how many there are besides."""
+    shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
+    more = len(names) - _NAMES_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def length_text(metres: float) -> str:
+    """Return a length with a unit that suits it.
+
+    Parameters
+    ----------
+    metres
+        Length [m].
+
+    Returns
+    -------
+    str
+        Number and unit.
+    """
+    return _TEXT.format_field(metres, "length")
+
+
+def frequency_text(hertz: float) -> str:
+    """Return a frequency with a unit that suits it.
+
+    Parameters
+    ----------
+    hertz
+        Frequency [Hz].
+
+    Returns
+    -------
+    str
+        Number and unit.
+    """
+    return _TEXT.format_field(hertz, "frequency")
+
+
+class _Text(string.Formatter):
+    """Formats numbers, spans of numbers and words by the specifications of the catalogue.
+
+    ``percent``, ``length``, ``height`` and ``frequency`` choose digits and unit, ``#path`` counts
+    ("1 path", "3 paths"), ``is|are`` gives the word for a count of one, or that for any other
+    count. Other specifications are Python's own.
+    """
+
+    def format_field(self, value: Any, spec: str) -> str:
+        """Return one value, or the span of several, as text."""
+        if "|" in spec:
+            one, other = spec.split("|")
+            return one if value == 1 else other
+        if isinstance(value, str):
+            return value
+        (first, unit), (last, last_unit) = (
+            _number(end, spec) for end in (value if isinstance(value, tuple) else (value, value))
+        )
+        if (first, unit) == (last, last_unit):
+            return first + unit
+        if unit == last_unit or spec.startswith("#"):
+            unit = ""
+        return f"{first}{unit} to {last}{last_unit}"
+
+
+def _number(value: float, spec: str) -> tuple[str, str]:
+    """Return a number's digits and its unit."""
+    if spec == "percent":
+        return f"{100 * value:{'.2g' if abs(value) < 0.0995 else '.0f'}}", " %"
+    if spec.startswith("#"):
+        return f"{value:,}", f" {spec[1:]}{'' if value == 1 else 's'}"
+    if spec == "height":
+        return f"{1e3 * value:.2g}", " mm"
+    for unit, scale, least in _NUMBER_UNITS.get(spec, ()):
+        if value >= least:
+            return f"{value / scale:.5g}", f" {unit}"
+    return format(value, spec), ""
+
+
+_TEXT = _Text()
+
 
 Value = float | int | str | tuple[float, float]
 """A number in SI units, a word, or the least and the largest of several findings' numbers."""
@@ -189,3 +332,144 @@ def _plain(value: Any) -> Value:
     """Return a numpy scalar as Python's own; infinite and undefined values as words."""
     plain = value.item() if hasattr(value, "item") else value
     return str(plain) if isinstance(plain, float) and not math.isfinite(plain) else plain
+
+
+# -------------------------------------------------------------------------------------------------
+# Findings of many frames and objects, one for each code.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Exit code where all is done, and findings of severity error concern all of it.
+UNUSABLE = 3
+
+
+def merge(findings: Iterable[Finding]) -> list[Finding]:
+    """Make one finding of all those of a code, over frames and objects.
+
+    Parameters
+    ----------
+    findings
+        In any order.
+
+    Returns
+    -------
+    list of Finding
+        In the order in which their codes came up. Subjects and frames are joined; a number becomes
+        its least and largest value. Findings whose code is not in the catalogue are one where their
+        texts are equal.
+    """
+    groups: dict[tuple[str, ...], list[Finding]] = {}
+    for item in findings:
+        groups.setdefault(_group(item), []).append(item)
+    return [_merged(group) for group in groups.values()]
+
+
+def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Finding:
+    """Make one finding about many subjects, as `merge` makes it of one for each.
+
+    Parameters
+    ----------
+    code
+        Key of :data:`.catalogue.CATALOGUE`.
+    found
+        Numbers of the catalogue's placeholders by subject, at least one.
+
+    Returns
+    -------
+    Finding
+        With the least and largest of each number.
+    """
+    columns: dict[str, set[float]] = {}
+    for numbers in found.values():
+        for name, value in numbers.items():
+            columns.setdefault(name, set()).add(value)
+    spans: dict[str, Value] = {
+        name: min(values) if len(values) == 1 else (min(values), max(values))
+        for name, values in columns.items()
+    }
+    return written(Finding(code, CATALOGUE[code].severity, tuple(found), (), spans))
+
+
+def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> list[str]:
+    """Return the merged findings as lines for a console.
+
+    Parameters
+    ----------
+    findings
+        In any order.
+    frames
+        All frames that were looked at, in order; with more than one, a line names its frames.
+
+    Returns
+    -------
+    list of str
+        Such as ``caution: frames 1-3: ... [doppler-ambiguous-paths]``; safe to print.
+    """
+    lines = []
+    for item in merge(findings):
+        place = ""
+        if len(frames) > 1 and item.frames:
+            place = f"{frames_text(item.frames, frames)}: "
+        lines.append(printable(f"{item.severity}: {place}{item.message} [{item.code}]"))
+    return lines
+
+
+def exit_code(findings: Iterable[Finding], frames: Sequence[int]) -> int:
+    """Return the exit code of a command that did all its work.
+
+    Parameters
+    ----------
+    findings
+        Of the run and of its frames.
+    frames
+        All frames that were looked at.
+
+    Returns
+    -------
+    int
+        `UNUSABLE` if findings of severity error concern the whole run, or all frames; else 0.
+    """
+    errors = [item for item in findings if item.severity == "error"]
+    spoilt = {frame for item in errors for frame in item.frames}
+    whole = any(not item.frames for item in errors)
+    return UNUSABLE if whole or (spoilt and spoilt.issuperset(frames)) else 0
+
+
+def _group(item: Finding) -> tuple[str, ...]:
+    """Return what findings that become one have in common."""
+    if item.code not in CATALOGUE:
+        return item.code, item.message
+    return (item.code,)
+
+
+def _merged(group: Sequence[Finding]) -> Finding:
+    first = group[0]
+    if len(group) == 1:
+        return first
+    joined = replace(
+        first,
+        severity=max((item.severity for item in group), key=get_args(Severity).index),
+        subjects=tuple(dict.fromkeys(name for item in group for name in item.subjects)),
+        frames=tuple(sorted({frame for item in group for frame in item.frames})),
+        numbers=_spans(group),
+    )
+    try:
+        return written(joined)
+    except (KeyError, ValueError):  # another version's numbers: its texts stay
+        return joined
+
+
+def _spans(group: Sequence[Finding]) -> dict[str, Value]:
+    values: dict[str, list[Any]] = {}
+    for item in group:
+        for name, value in item.numbers.items():
+            values.setdefault(name, []).extend(value if isinstance(value, tuple) else [value])
+    spans: dict[str, Value] = {}
+    for name, found in values.items():
+        if len(set(found)) == 1:
+            spans[name] = found[0]
+        elif any(isinstance(value, str) for value in found):
+            spans[name] = " or ".join(dict.fromkeys(map(str, found)))
+        else:
+            spans[name] = (min(found), max(found))
+    return spans

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..array_types import Real
+from ..arrays import Real
 from ..errors import ConfigError
-from ..textfile import TextTooLongError, read_text
+from ..typed_json import TextTooLongError, read_text
 
 #: Relative slack at the ends of a closed interval: numbers arrive through float32 properties.
 EDGE_SLACK = 1e-6

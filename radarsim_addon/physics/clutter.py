@@ -10,6 +10,8 @@ Outside, its equation is continued; a table holds its last row. A caller asks `i
 from __future__ import annotations
 
 import difflib
+import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,11 +20,167 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..array_types import Real
+from ..arrays import Real
 from ..errors import ConfigError
-from .checks import EDGE_SLACK, real_array
-from .clutter_table import ClutterTable, read_clutter_table
+from .checks import EDGE_SLACK, CsvTable, read_csv, real_array
 from .material_model import Parameter
+
+# -------------------------------------------------------------------------------------------------
+# sigma0 from a user's CSV file over grazing angle, and if it has them, frequency, polarisation.
+# -------------------------------------------------------------------------------------------------
+
+
+_COLUMNS = (("grazing_deg", "sigma0_db"), ("grazing_deg", "sigma0"))
+#: What a cell of the column polarisation may hold.
+_SIDE_OF_CELL = {"vv": "vertical", "v": "vertical", "hh": "horizontal", "h": "horizontal"}
+_BOTH = ("", "any", "average")
+#: Values that a table may hold [dB]: beyond them it is nearly always in another unit.
+_LIMITS_DB = (-150.0, 50.0)
+
+
+@dataclass(frozen=True)
+class ClutterTable:
+    """Rows of sigma0, by polarisation and frequency.
+
+    Attributes
+    ----------
+    path
+        The file.
+    rows
+        Number of its rows.
+    curves
+        For "vertical" and "horizontal": frequencies [Hz] in rising order, 0 for all, each with
+        grazing angles [rad], in rising order, and sigma0 [dB], (rows,) each.
+    """
+
+    path: Path
+    rows: int
+    curves: dict[str, list[tuple[float, Real, Real]]]
+
+    @property
+    def band_hz(self) -> tuple[float, float]:
+        """Frequencies for which there are rows of all polarisations [Hz]."""
+        limits = [(curves[0][0], curves[-1][0]) for curves in self.curves.values()]
+        low, high = max(low for low, _ in limits), min(high for _, high in limits)
+        return (low, high) if low > 0 else (0.0, np.inf)
+
+    @property
+    def grazing_rad(self) -> tuple[float, float]:
+        """Grazing angles for which all curves have values [rad]."""
+        angles = [angle for curves in self.curves.values() for _, angle, _ in curves]
+        return max(float(one[0]) for one in angles), min(float(one[-1]) for one in angles)
+
+    def sigma0_db(self, frequency_hz: float, grazing_rad: Real, polarisation: str) -> Real:
+        """Return sigma0 [dB], linear in dB over the logarithms of angle and frequency."""
+        curves = self.curves[polarisation]
+        values = [np.interp(np.log(grazing_rad), np.log(angle), db) for _, angle, db in curves]
+        if len(curves) == 1:
+            return np.asarray(values[0])
+        known_hz = [known for known, _, _ in curves]
+        at = np.interp(np.log(frequency_hz), np.log(known_hz), np.arange(len(known_hz)))
+        below = min(int(at), len(curves) - 2)
+        part = at - below
+        return np.asarray((1 - part) * values[below] + part * values[below + 1])
+
+
+def read_clutter_table(path: str | Path) -> ClutterTable:
+    """Read a table of sigma0.
+
+    Parameters
+    ----------
+    path
+        Columns grazing_deg, and sigma0_db or sigma0 (as a ratio); if they are needed frequency_ghz
+        and polarisation (HH, VV or any). The angles of one frequency and polarisation rise from row
+        to row.
+
+    Returns
+    -------
+    ClutterTable
+        Values between rows are linear in dB over the logarithms of angle and frequency. Beyond
+        them the nearest row holds.
+
+    Raises
+    ------
+    ConfigError
+        A cell that is no finite number, an angle out of 0 to 90 degrees or out of order, sigma0 not
+        above 0 or out of -150 to 50 dB, a frequency not above 0, an unknown polarisation or
+        column, or a polarisation without rows; the message has file and line.
+    """
+    table = read_csv(path, _COLUMNS)
+    known = {*itertools.chain(*_COLUMNS), "frequency_ghz", "polarisation"}
+    if unknown := sorted(set(table.columns) - known):
+        raise ConfigError(
+            f"{table.path.name} has a column {unknown[0]!r}, whose meaning is not known; expected "
+            f"{', '.join(sorted(known))}. Rename the column, or remove it."
+        )
+    if {"sigma0_db", "sigma0"} <= set(table.columns):
+        raise ConfigError(
+            f"{table.path.name} has the columns sigma0_db and sigma0; expected one of them."
+        )
+    grazing_deg = _checked(table, "grazing_deg", "degrees", 0.0, 90.0)
+    if "sigma0_db" in table.columns:
+        db = _checked(table, "sigma0_db", "dB", _LIMITS_DB[0] - 1e-9, _LIMITS_DB[1])
+    else:
+        most = 10 ** (_LIMITS_DB[1] / 10)
+        db = 10 * np.log10(_checked(table, "sigma0", "(sigma0 is a ratio)", 0.0, most))
+    frequency_hz = np.zeros(len(table.lines))
+    if "frequency_ghz" in table.columns:
+        frequency_hz = _checked(table, "frequency_ghz", "GHz", 0.0, 1e6) * 1e9
+    sides = _polarisations(table)
+    curves = {}
+    for side in ("vertical", "horizontal"):
+        mine = np.array([one in (side, "both") for one in sides])
+        if not mine.any():
+            raise ConfigError(
+                f"{table.path.name} has no rows for {side} polarisation. Add them, or write 'any' "
+                "in the column polarisation."
+            )
+        curves[side] = [
+            _curve(table, mine & (frequency_hz == known), known, grazing_deg, db)
+            for known in np.unique(frequency_hz[mine])
+        ]
+    return ClutterTable(table.path, len(table.lines), curves)
+
+
+def _checked(table: CsvTable, column: str, unit: str, above: float, maximum: float) -> Real:
+    """Return a column after a check that all of it is above one number and at most another."""
+    values = table.numbers(column)
+    for line, value in zip(table.lines, values, strict=True):
+        if not above < value <= maximum:
+            raise ConfigError(
+                f"{table.path.name}, line {line}: {column} is {value:g}; expected more than "
+                f"{above:g} and at most {maximum:g} {unit}."
+            )
+    return values
+
+
+def _polarisations(table: CsvTable) -> list[str]:
+    found = []
+    cells = table.columns.get("polarisation", [""] * len(table.lines))
+    for line, cell in zip(table.lines, cells, strict=True):
+        name = cell.strip().lower()
+        if name not in _SIDE_OF_CELL and name not in _BOTH:
+            raise ConfigError(
+                f"{table.path.name}, line {line}: polarisation is {cell!r}; expected HH, VV or any."
+            )
+        found.append(_SIDE_OF_CELL.get(name, "both"))
+    return found
+
+
+def _curve(
+    table: CsvTable, rows: np.ndarray, frequency_hz: float, grazing_deg: Real, db: Real
+) -> tuple[float, Real, Real]:
+    numbers = np.flatnonzero(rows)
+    falls = np.flatnonzero(np.diff(grazing_deg[numbers]) <= 0)
+    if falls.size:
+        line = table.lines[numbers[falls[0] + 1]]
+        raise ConfigError(
+            f"{table.path.name}, line {line}: grazing_deg is "
+            f"{grazing_deg[numbers[falls[0] + 1]]:g} after {grazing_deg[numbers[falls[0]]]:g}; "
+            "expected rising angles for each frequency and polarisation. Sort the rows."
+        )
+    return float(frequency_hz), np.radians(grazing_deg[numbers]), db[numbers]
+
 
 CLUTTER_TABLE = "table"
 """Name under which a CSV file is read; it takes the one parameter ``path``."""
@@ -259,3 +417,240 @@ def _of_table(table: ClutterTable) -> ClutterModel:
         table.grazing_rad,
         table.sigma0_db,
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# How clutter fluctuates: texture over the surface, and the motion of its scatterers.
+#
+# Texture is a factor on sigma0 of mean 1 with a correlation length. Over speckle it makes the
+# intensity K-distributed, log-normal with speckle, or Weibull. Scatterers have constant random
+# velocities, so the echo of many has the Doppler spectrum that the velocities are drawn from.
+# -------------------------------------------------------------------------------------------------
+
+
+TEXTURES = ("none", "k", "lognormal", "weibull")
+MOTIONS = ("none", "exponential", "gaussian", "sea")
+
+#: Cosines that a Gaussian field is the sum of.
+_COSINES = 128
+_GRAVITY_MPS2 = 9.81
+#: Surface tension of water over its density [m^3/s^2].
+_TENSION = 7.4e-5
+#: Probabilities away from 0 and 1, where quantiles are infinite.
+_LEAST = 1e-12
+
+
+def check_texture(kind: str, shape: float, length_m: float) -> None:
+    """Check the numbers of a texture.
+
+    Parameters
+    ----------
+    kind, shape, length_m
+        As for `texture`.
+
+    Raises
+    ------
+    ConfigError
+        An unknown kind, a number out of range.
+    """
+    if kind not in TEXTURES:
+        raise ConfigError(f"Texture is {kind!r}; expected one of {', '.join(TEXTURES)}.")
+    if kind == "none":
+        return
+    highest = {"k": 1e3, "lognormal": 3.0, "weibull": 1.0}[kind]
+    real_array(f"Shape of the texture {kind!r}", shape, "", minimum=0.05, maximum=highest)
+    real_array("Length of the texture", length_m, "m", above=0.0)
+
+
+def texture(points_m: Real, kind: str, shape: float, length_m: float, seed: int) -> Real:
+    """Return factors of mean 1 on the power of scatterers at points of a surface.
+
+    Parameters
+    ----------
+    points_m
+        In the surface's own coordinates, (n, 3) [m].
+    kind
+        One of `TEXTURES`: "k": gamma distribution of the order `shape` (nu); "lognormal": standard
+        deviation `shape` of the natural logarithm; "weibull": with speckle the intensity has a
+        Weibull distribution of the shape `shape`, at most 1, and a Rayleigh amplitude at 1.
+    shape
+        See `kind`.
+    length_m
+        Correlation length L: the field underneath has the correlation exp(-(r/L)^2) [m].
+    seed
+        Of the realisation.
+
+    Returns
+    -------
+    ndarray
+        (n,).
+
+    Raises
+    ------
+    ConfigError
+        An unknown kind, a number out of range.
+    """
+    check_texture(kind, shape, length_m)
+    if kind == "none":
+        return np.ones(len(points_m))
+    rng = np.random.default_rng(seed)
+    field = _gaussian_field(points_m / length_m, rng)
+    if kind == "lognormal":
+        return np.asarray(np.exp(shape * field - shape**2 / 2))
+    if kind == "k":
+        from scipy.special import gammaincinv  # not at import: some Blenders have no scipy
+
+        return np.asarray(gammaincinv(shape, _probability(field)) / shape)
+    angle = np.pi * _probability(field)
+    return _inverse_stable(angle, _gaussian_field(points_m / length_m, rng), shape)
+
+
+def _gaussian_field(places: Real, rng: np.random.Generator) -> Real:
+    """Unit Gaussian field of correlation exp(-r^2), (n,): random Fourier features."""
+    waves = rng.normal(0.0, math.sqrt(2.0), (_COSINES, 3))
+    phases = rng.uniform(0.0, 2 * np.pi, _COSINES)
+    found = np.zeros(len(places))
+    for wave, phase in zip(waves, phases, strict=True):
+        found += np.cos(places @ wave + phase)
+    return found * math.sqrt(2 / _COSINES)
+
+
+def _probability(field: Real) -> Real:
+    from scipy.special import ndtr
+
+    return np.asarray(np.clip(ndtr(field), _LEAST, 1 - _LEAST))
+
+
+def _inverse_stable(angle: Real, field: Real, shape: float) -> Real:
+    """1/S of mean 1, S one-sided stable (Kanter, Ann. Probab. 3, 697, 1975): an exponential times
+    it is Weibull.
+    """
+    if shape == 1.0:
+        return np.ones(angle.size)
+    waiting = -np.log(_probability(field))
+    log_stable = (
+        np.log(np.sin(shape * angle))
+        - np.log(np.sin(angle)) / shape
+        + (1 - shape) / shape * (np.log(np.sin((1 - shape) * angle)) - np.log(waiting))
+    )
+    return np.asarray(np.exp(-log_stable - math.lgamma(1 + 1 / shape)))
+
+
+def check_motion(kind: str, speed_mps: float, fraction: float) -> None:
+    """Check the numbers of internal motion.
+
+    Parameters
+    ----------
+    kind, speed_mps, fraction
+        As for `clutter_velocities`.
+
+    Raises
+    ------
+    ConfigError
+        An unknown kind, a number out of range.
+    """
+    if kind not in MOTIONS:
+        raise ConfigError(f"Clutter motion is {kind!r}; expected one of {', '.join(MOTIONS)}.")
+    real_array("Speed of the clutter motion", speed_mps, "m/s", minimum=0.0, maximum=100.0)
+    real_array("Fraction of the clutter motion", fraction, "", minimum=0.0, maximum=1.0)
+
+
+def clutter_velocities(
+    kind: str,
+    speed_mps: float,
+    fraction: float,
+    draws: tuple[Real, Real],
+    grazing_cosine: Real,
+    wavelength_m: float,
+) -> Real:
+    """Return the velocities of scatterers along the line of sight, receding positive.
+
+    Parameters
+    ----------
+    kind
+        One of `MOTIONS`. "exponential": spectrum exp(-|v| / speed_mps), as Billingsley found over
+        wooded land, and a `fraction` of the power that does not move. "gaussian": standard
+        deviation `speed_mps`. "sea": both Bragg lines, approaching with the `fraction`, each
+        with the standard deviation `speed_mps`.
+    speed_mps, fraction
+        See `kind`.
+    draws
+        Two numbers even over 0 to 1 for each scatterer, (n,) each.
+    grazing_cosine
+        Cosine of the grazing angle, (n,); for "sea".
+    wavelength_m
+        Of the carrier; for "sea".
+
+    Returns
+    -------
+    ndarray
+        (n,) [m/s].
+
+    Raises
+    ------
+    ConfigError
+        An unknown kind, a number out of range.
+    """
+    check_motion(kind, speed_mps, fraction)
+    one, other = (np.clip(draw, _LEAST, 1 - _LEAST) for draw in draws)
+    if kind == "none":
+        return np.zeros(one.size)
+    if kind == "exponential":
+        # one draw for stillness and side, another for the speed
+        side = np.where(one < fraction + (1 - fraction) / 2, -1.0, 1.0)
+        return np.asarray(np.where(one < fraction, 0.0, -side * speed_mps * np.log(other)))
+    from scipy.special import ndtri
+
+    spread_mps = speed_mps * ndtri(other)
+    if kind == "gaussian":
+        return np.asarray(spread_mps)
+    side = np.where(one < fraction, -1.0, 1.0)
+    return np.asarray(side * bragg_velocity_mps(wavelength_m, grazing_cosine) + spread_mps)
+
+
+def clutter_correlation(
+    kind: str, speed_mps: float, fraction: float, lag_s: Real, wavelength_m: float
+) -> Real:
+    """Return the correlation of the echo of many scatterers with themselves, a time later.
+
+    Parameters
+    ----------
+    kind, speed_mps, fraction
+        As for `clutter_velocities`.
+    lag_s
+        Times, (n,) [s].
+    wavelength_m
+        Of the carrier [m].
+
+    Returns
+    -------
+    ndarray
+        (n,), 1 at lag 0: the characteristic function of the velocities. Of "sea" it is that of each
+        Bragg line, about its own velocity.
+    """
+    turn = 4 * np.pi / wavelength_m * speed_mps * np.asarray(lag_s, dtype=np.float64)
+    if kind == "none":
+        return np.ones(turn.shape)
+    if kind == "exponential":
+        return np.asarray(fraction + (1 - fraction) / (1 + turn**2))
+    return np.asarray(np.exp(-(turn**2) / 2))
+
+
+def bragg_velocity_mps(wavelength_m: float, grazing_cosine: Real | float) -> Real:
+    """Return the phase velocity of the sea waves that scatter back, along the line of sight.
+
+    Parameters
+    ----------
+    wavelength_m
+        Of the carrier [m].
+    grazing_cosine
+        Cosine of the grazing angle.
+
+    Returns
+    -------
+    ndarray
+        sqrt(g k_B + 7.4e-5 k_B^3) / (2 k), k_B = 2 k cos of the angle, in deep water [m/s].
+    """
+    k = 2 * np.pi / wavelength_m
+    bragg = 2 * k * np.asarray(grazing_cosine, dtype=np.float64)
+    return np.asarray(np.sqrt(_GRAVITY_MPS2 * bragg + _TENSION * bragg**3) / (2 * k))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..array_types import Complex, Real
+from ..arrays import Complex, Real
 from ..errors import ConfigError
 from .checks import EDGE_SLACK, real_array, require_one_shape
 

@@ -11,19 +11,463 @@ Convention exp(-j w t): Im >= 0.
 from __future__ import annotations
 
 import difflib
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from ..array_types import Complex
+from ..arrays import Complex, Real
 from ..errors import ConfigError
-from .material_model import MaterialModel
-from .materials_general import general_models, table_model
-from .materials_itu import itu_models
-from .materials_soil import soil_models
-from .materials_water import water_models
+from .checks import read_csv
+from .constants import VACUUM_PERMITTIVITY_F_PER_M
+from .material_model import MaterialModel, Parameter
+from .materials_water import debye_permittivity, water_models
+
+# -------------------------------------------------------------------------------------------------
+# Media given by user's numbers: vacuum, permittivity, index, Debye, conductor, CSV table.
+# -------------------------------------------------------------------------------------------------
+
+
+_ALL_HZ = ((0.0, np.inf),)
+
+TABLE_COLUMNS = (
+    ("frequency_ghz", "eps_real", "eps_imag"),
+    ("frequency_hz", "eps_real", "eps_imag"),
+    ("frequency_ghz", "n", "k"),
+    ("frequency_hz", "n", "k"),
+)
+"""Headers that a material's CSV file may have."""
+
+
+def conductor_permittivity(
+    frequency_hz: ArrayLike, conductivity_s_per_m: ArrayLike, relative_permittivity: ArrayLike = 1.0
+) -> Complex:
+    """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Engineering Electromagnetics, 2-72).
+
+    Parameters
+    ----------
+    frequency_hz
+        f [Hz]. All arguments broadcast.
+    conductivity_s_per_m
+        sigma [S/m].
+    relative_permittivity
+        eps'.
+
+    Returns
+    -------
+    ndarray
+        Complex relative permittivity.
+    """
+    f = np.asarray(frequency_hz, dtype=np.float64)
+    loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
+        2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M
+    )
+    real = np.asarray(relative_permittivity, dtype=np.float64)
+    return np.asarray(real + 1j * loss, dtype=np.complex128)
+
+
+def _vacuum(frequency_hz: Real) -> Complex:
+    return np.ones(frequency_hz.shape, dtype=np.complex128)
+
+
+def _given_permittivity(frequency_hz: Real, eps_real: Real, eps_imag: Real) -> Complex:
+    return np.asarray(eps_real + 1j * eps_imag + 0 * frequency_hz, dtype=np.complex128)
+
+
+def _given_index(frequency_hz: Real, n: Real, k: Real) -> Complex:
+    return np.asarray((n + 1j * k) ** 2 + 0 * frequency_hz, dtype=np.complex128)
+
+
+def _debye(
+    frequency_hz: Real,
+    static_permittivity: Real,
+    infinite_permittivity: Real,
+    relaxation_frequency_hz: Real,
+    conductivity_s_per_m: Real,
+) -> Complex:
+    if np.any(static_permittivity < infinite_permittivity):
+        raise ConfigError(
+            f"Material 'debye' has the static permittivity {np.min(static_permittivity):g} below "
+            f"the infinite one, {np.max(infinite_permittivity):g}: its relaxation amplifies. "
+            "Exchange the two, or use the model 'permittivity'."
+        )
+    relaxation = debye_permittivity(
+        frequency_hz, static_permittivity, infinite_permittivity, relaxation_frequency_hz
+    )
+    return relaxation + conductor_permittivity(frequency_hz, conductivity_s_per_m, 0.0)
+
+
+_CONDUCTIVITY = "conductivity_s_per_m"
+
+
+def general_models() -> tuple[MaterialModel, ...]:
+    """Return the models with user-given numbers, which hold at every frequency.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        Vacuum, permittivity, index, debye, conductor.
+    """
+    own, edition = "values given by the user", "constant over frequency"
+    return (
+        MaterialModel("vacuum", "Vacuum, air", "definition", "exact", _ALL_HZ, _vacuum),
+        MaterialModel(
+            "permittivity",
+            "Permittivity given",
+            own,
+            edition,
+            _ALL_HZ,
+            _given_permittivity,
+            (
+                Parameter("eps_real", "", "real part of the relative permittivity"),
+                Parameter("eps_imag", "", "its imaginary part, loss >= 0", 0.0, 0.0),
+            ),
+        ),
+        MaterialModel(
+            "index",
+            "Index of refraction given",
+            own,
+            edition,
+            _ALL_HZ,
+            _given_index,
+            (
+                Parameter("n", "", "real part of the index", None, 0.0),
+                Parameter("k", "", "its imaginary part, loss >= 0", 0.0, 0.0),
+            ),
+        ),
+        MaterialModel(
+            "debye",
+            "One Debye relaxation and a conductivity",
+            "Debye, Polar Molecules",
+            "1929",
+            _ALL_HZ,
+            _debye,
+            (
+                Parameter("static_permittivity", "", "permittivity at f = 0", None, 0.0),
+                Parameter("infinite_permittivity", "", "permittivity far above f_r", None, 0.0),
+                Parameter("relaxation_frequency_hz", "Hz", "f_r = 1/(2 pi tau)", None, above=0.0),
+                Parameter(_CONDUCTIVITY, "S/m", "conductivity", 0.0, 0.0),
+            ),
+        ),
+        MaterialModel(
+            "conductor",
+            "Conductor",
+            "Ohm's law in Maxwell's equations",
+            "conductivity constant over frequency",
+            # Drude relaxation of metals lies in the terahertz; a constant sigma fails there.
+            ((0.0, 1e12),),
+            conductor_permittivity,
+            (
+                Parameter(_CONDUCTIVITY, "S/m", "conductivity, copper 5.8e7", None, 0.0),
+                Parameter("relative_permittivity", "", "real part of the permittivity", 1.0, 0.0),
+            ),
+        ),
+    )
+
+
+def table_model(path: str | Path) -> MaterialModel:
+    """Return a medium measured by the user: a CSV file over frequency.
+
+    Parameters
+    ----------
+    path
+        Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag or n, k; rows in any order.
+
+    Returns
+    -------
+    MaterialModel
+        Permittivity interpolated linearly over log f: exact at the rows, passive between them. The
+        band is that of the rows; one row holds at its own frequency only.
+
+    Raises
+    ------
+    ConfigError
+        The table is missing, misnamed, not numeric, not positive in frequency, double in frequency,
+        or amplifying; the message has file, line and column.
+    """
+    table = read_csv(path, TABLE_COLUMNS)
+    columns = table.columns
+    in_ghz = "frequency_ghz" in columns
+    frequency = table.numbers("frequency_ghz" if in_ghz else "frequency_hz")
+    frequency = frequency * (1e9 if in_ghz else 1.0)
+    by_index = not {"eps_real", "eps_imag"} <= set(columns)
+    real = table.numbers("n" if by_index else "eps_real")
+    imag = table.numbers("k" if by_index else "eps_imag")
+    name = table.path.name
+    for line, f, loss in zip(table.lines, frequency, imag, strict=True):
+        if f <= 0:
+            raise ConfigError(f"{name}, line {line}: frequency {f:g} Hz; expected more than 0.")
+        if loss < 0:
+            raise ConfigError(
+                f"{name}, line {line}: imaginary part {loss:g} means gain. With exp(-jwt) loss is "
+                "positive; change the sign of the column."
+            )
+    eps = (real + 1j * imag) ** 2 if by_index else real + 1j * imag
+    order = np.argsort(frequency, kind="stable")
+    frequency, eps = frequency[order], eps[order]
+    double = np.flatnonzero(np.diff(frequency) == 0)
+    if double.size:
+        raise ConfigError(
+            f"{name} holds {frequency[double[0]] / 1e9:g} GHz twice; remove one of the rows."
+        )
+    log_frequency = np.log(frequency)
+
+    def permittivity_of(frequency_hz: Real) -> Complex:
+        at = np.log(frequency_hz)
+        value = np.interp(at, log_frequency, eps.real) + 1j * np.interp(at, log_frequency, eps.imag)
+        if len(eps) > 1:  # beyond the rows, on the line through the last two
+            slopes = np.diff(eps) / np.diff(log_frequency)
+            value = value + slopes[0] * np.minimum(at - log_frequency[0], 0.0)
+            value = value + slopes[-1] * np.maximum(at - log_frequency[-1], 0.0)
+        return np.asarray(value, dtype=np.complex128)
+
+    return MaterialModel(
+        name=f"table {name}",
+        title=f"Table {name}",
+        source=f"{len(frequency)} rows of {name}",
+        edition="given by the user",
+        bands_hz=((float(frequency[0]), float(frequency[-1])),),
+        permittivity_of=permittivity_of,
+        remedy="Change the carrier, or add rows to the table.",
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# Building materials and grounds of Recommendation ITU-R P.2040, Table 3.
+#
+# eps' = a f^b, sigma = c f^d [S/m], f in GHz; eps'' = sigma / (2 pi f eps_0).
+#
+# The edition matters: P.2040-1 (2015) has other numbers for several materials (concrete 5.31 there,
+# 5.24 here). The rows named ``ITU_EDITION`` are those of P.2040-2 (2021) and P.2040-3 (2023), which
+# agree. Asphalt concrete, vinyl tile and carpet tile were added with P.2040-4 (2025), whose text
+# was not at hand: they come from two implementations of it that agree, and carry
+# ``ITU_NEW_EDITION``.
+# -------------------------------------------------------------------------------------------------
+
+
+ITU_EDITION = "P.2040-3, 2023, Table 3"
+ITU_NEW_EDITION = "P.2040-4, 2025, Table 3, from secondary sources"
+
+
+class ItuRow(NamedTuple):
+    """Coefficients of a material in a band.
+
+    Attributes
+    ----------
+    low_ghz, high_ghz
+        Band [GHz].
+    a, b, c, d
+        eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m.
+    """
+
+    low_ghz: float
+    high_ghz: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+
+#: Bands of one material never overlap.
+ITU_ROWS: dict[str, tuple[ItuRow, ...]] = {
+    "concrete": (ItuRow(1, 100, 5.24, 0, 0.0462, 0.7822),),
+    "brick": (ItuRow(1, 40, 3.91, 0, 0.0238, 0.16),),
+    "plasterboard": (ItuRow(1, 100, 2.73, 0, 0.0085, 0.9395),),
+    "wood": (ItuRow(0.001, 100, 1.99, 0, 0.0047, 1.0718),),
+    "glass": (
+        ItuRow(0.1, 100, 6.31, 0, 0.0036, 1.3394),
+        ItuRow(220, 450, 5.79, 0, 0.0004, 1.658),
+    ),
+    "ceiling_board": (
+        ItuRow(1, 100, 1.48, 0, 0.0011, 1.0750),
+        ItuRow(220, 450, 1.52, 0, 0.0029, 1.029),
+    ),
+    "chipboard": (ItuRow(1, 100, 2.58, 0, 0.0217, 0.78),),
+    "plywood": (ItuRow(1, 40, 2.71, 0, 0.33, 0),),
+    "marble": (ItuRow(1, 60, 7.074, 0, 0.0055, 0.9262),),
+    "floorboard": (ItuRow(50, 100, 3.66, 0, 0.0044, 1.3515),),
+    "metal": (ItuRow(1, 100, 1, 0, 1e7, 0),),
+    "very_dry_ground": (ItuRow(1, 10, 3, 0, 0.00015, 2.52),),
+    "medium_dry_ground": (ItuRow(1, 10, 15, -0.1, 0.035, 1.63),),
+    "wet_ground": (ItuRow(1, 10, 30, -0.4, 0.15, 1.30),),
+}
+
+ITU_NEW_ROWS: dict[str, tuple[ItuRow, ...]] = {
+    "vinyl_tile": (ItuRow(1, 40, 3.62, 0, 0.0051, 0.8422),),
+    "carpet_tile": (ItuRow(1, 40, 2.08, 0, 0.0009, 0.82),),
+    "asphalt_concrete": (ItuRow(1, 40, 4.83, 0, 0.0108, 1.3969),),
+}
+
+
+def _permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
+    """Return P.2040 eq. (57) to (59) by the row of the nearest band, as the frequencies."""
+    f_ghz = frequency_hz / 1e9
+    eps = np.empty(f_ghz.shape, dtype=np.complex128)
+    outside = [np.abs(np.log(np.clip(f_ghz, r.low_ghz, r.high_ghz) / f_ghz)) for r in rows]
+    nearest = np.argmin(outside, axis=0)
+    for number, row in enumerate(rows):
+        conductivity = row.c * f_ghz**row.d
+        loss = conductivity / (2 * np.pi * frequency_hz * VACUUM_PERMITTIVITY_F_PER_M)
+        eps = np.where(nearest == number, row.a * f_ghz**row.b + 1j * loss, eps)
+    return eps
+
+
+def _model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
+    remedy = (
+        "Change the carrier, or use the model 'soil' (0.3 to 1.3 and 1.4 to 18 GHz), 'table' or "
+        "'permittivity'."
+        if name.endswith("_ground")
+        else "Change the carrier, or use the model 'conductor'."
+        if name == "metal"
+        else MaterialModel.remedy
+    )
+    return MaterialModel(
+        name=name,
+        title=name.replace("_", " ").capitalize(),
+        source="Recommendation ITU-R P.2040",
+        edition=edition,
+        bands_hz=tuple((row.low_ghz * 1e9, row.high_ghz * 1e9) for row in rows),
+        permittivity_of=partial(_permittivity, rows=rows),
+        remedy=remedy,
+    )
+
+
+def itu_models() -> tuple[MaterialModel, ...]:
+    """Return all rows of the table as models.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        One per material.
+    """
+    return tuple(
+        _model(name, rows, edition)
+        for table, edition in ((ITU_ROWS, ITU_EDITION), (ITU_NEW_ROWS, ITU_NEW_EDITION))
+        for name, rows in table.items()
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# Moist mineral soil: Dobson et al. 1985 (1.4 to 18 GHz), Peplinski et al. 1995 (0.3 to 1.3 GHz).
+#
+# The two differ in the effective conductivity and, below 1.3 GHz, in a linear correction of eps'.
+# Published models of soil differ by 3 to 12 % in eps' (up to 40 % in eps'' of dry soil): the
+# accuracy of a soil's permittivity is that, not the digits printed.
+# -------------------------------------------------------------------------------------------------
+
+
+_SOLID_DENSITY_G_PER_CM3 = 2.664
+_SOLID_PERMITTIVITY = 4.7
+_SHAPE = 0.65
+_WATER_INFINITE = 4.9
+#: Between Peplinski's band and Dobson's.
+_DIVIDE_HZ = 1.35e9
+
+
+def soil_permittivity(
+    frequency_hz: ArrayLike,
+    moisture: ArrayLike,
+    sand: ArrayLike,
+    clay: ArrayLike,
+    bulk_density_g_per_cm3: ArrayLike,
+    temperature_c: ArrayLike,
+) -> Complex:
+    """Return the complex relative permittivity of moist mineral soil.
+
+    Dobson et al. 1985 (IEEE Trans. GE-23, 35) eq. (28)-(31); Peplinski et al. 1995
+    (IEEE Trans. GRS-33, 803) eq. (2)-(10).
+
+    Parameters
+    ----------
+    frequency_hz
+        Frequency [Hz]. All arguments broadcast.
+    moisture
+        Water by volume, fraction of 1.
+    sand, clay
+        Fractions of 1 by weight.
+    bulk_density_g_per_cm3
+        Dry bulk density [g/cm^3].
+    temperature_c
+        Temperature [degC].
+
+    Returns
+    -------
+    ndarray
+        Permittivity; NaN if the fitted conductivity makes the free water amplify (very sandy soil
+        at low frequency).
+    """
+    f = np.asarray(frequency_hz, dtype=np.float64)
+    mv = np.asarray(moisture, dtype=np.float64)
+    s = np.asarray(sand, dtype=np.float64)
+    c = np.asarray(clay, dtype=np.float64)
+    density = np.asarray(bulk_density_g_per_cm3, dtype=np.float64)
+    t = np.asarray(temperature_c, dtype=np.float64)
+    low_band = f < _DIVIDE_HZ
+
+    beta_real = 1.2748 - 0.519 * s - 0.152 * c
+    beta_imag = 1.33797 - 0.603 * s - 0.166 * c
+    conductivity = np.where(
+        low_band,
+        0.0467 + 0.2204 * density - 0.4111 * s + 0.6614 * c,
+        -1.645 + 1.939 * density - 2.25622 * s + 1.594 * c,
+    )
+    static = 87.134 - 1.949e-1 * t - 1.276e-2 * t**2 + 2.491e-4 * t**3
+    omega_tau = f * (1.1109e-10 - 3.824e-12 * t + 6.938e-14 * t**2 - 5.096e-16 * t**3)
+    water_real = _WATER_INFINITE + (static - _WATER_INFINITE) / (1 + omega_tau**2)
+    solid_fraction = (_SOLID_DENSITY_G_PER_CM3 - density) / (_SOLID_DENSITY_G_PER_CM3 * mv)
+    water_imag = omega_tau * (static - _WATER_INFINITE) / (1 + omega_tau**2) + (
+        conductivity * solid_fraction / (2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M)
+    )
+    real = (
+        1
+        + density / _SOLID_DENSITY_G_PER_CM3 * (_SOLID_PERMITTIVITY**_SHAPE - 1)
+        + mv**beta_real * water_real**_SHAPE
+        - mv
+    ) ** (1 / _SHAPE)
+    imag = mv ** (beta_imag / _SHAPE) * np.where(water_imag >= 0, water_imag, np.nan)
+    real = np.where(low_band, 1.15 * real - 0.68, real)
+    return np.asarray(real + 1j * imag, dtype=np.complex128)
+
+
+def _checked(frequency_hz: Real, **soil: Real) -> Complex:
+    total = soil["sand"] + soil["clay"]
+    if np.any(total > 1 + 1e-6):
+        raise ConfigError(
+            f"Sand and clay of material 'soil' add up to {np.max(total):g}; expected at most 1 "
+            "(fractions by weight; the rest is silt). Divide percentages by 100."
+        )
+    return soil_permittivity(frequency_hz, **soil)
+
+
+def soil_models() -> tuple[MaterialModel, ...]:
+    """Return the soil model with its two bands.
+
+    Returns
+    -------
+    tuple of MaterialModel
+        One model.
+    """
+    return (
+        MaterialModel(
+            name="soil",
+            title="Moist mineral soil",
+            source="Dobson et al., IEEE Trans. GE-23, 35; Peplinski et al., GRS-33, 803",
+            edition="1985 from 1.4 GHz; 1995 up to 1.3 GHz",
+            bands_hz=((0.3e9, 1.3e9), (1.4e9, 18e9)),
+            permittivity_of=_checked,
+            parameters=(
+                Parameter("moisture", "m^3/m^3", "water by volume", None, 0.01, 0.5),
+                Parameter("sand", "", "sand, fraction by weight", 0.4, 0.0, 1.0),
+                Parameter("clay", "", "clay, fraction by weight", 0.2, 0.0, 1.0),
+                Parameter("bulk_density_g_per_cm3", "g/cm^3", "dry bulk density", 1.3, 0.8, 2.0),
+                Parameter("temperature_c", "degC", "temperature", 20.0, 0.0, 40.0),
+            ),
+        ),
+    )
+
 
 TABLE = "table"
 """Name under which a CSV file is read; it takes the one parameter ``path``."""

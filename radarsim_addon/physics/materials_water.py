@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..array_types import Complex
+from ..arrays import Complex
 from .constants import VACUUM_PERMITTIVITY_F_PER_M, ZERO_CELSIUS_K
 from .material_model import MaterialModel, Parameter
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..array_types import Real
+from ..arrays import Real
 from .checks import direction_cosine, real_array
 
 

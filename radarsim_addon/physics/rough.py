@@ -9,12 +9,13 @@ alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. All arguments broadcas
 from __future__ import annotations
 
 import math
-from typing import Literal
+from functools import lru_cache
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..array_types import Real
+from ..arrays import Real, dots, norms
 from ..errors import ConfigError
 from ..findings import Finding, finding
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
@@ -364,3 +365,231 @@ def albedo(
     lambda_o = masking_lambda(alpha, np.where(used, cos_o, 1.0), masking)
     value = weight * facing / (cos_i * cos_m) / (1 + lambda_i + lambda_o)
     return float(np.mean(np.where(used, value, 0.0)))
+
+
+# -------------------------------------------------------------------------------------------------
+# Bound on the transmission of a rough surface, so that it conserves energy.
+#
+# A microfacet lobe reflects the albedo A(theta), the mean of Fresnel's F over the facets; a ray
+# that passes straight through a face gets 1 - F(theta) of the smooth one. A exceeds F by up
+# to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, and the sum exceeds 1. The
+# factors of this module reduce the transmission by the excess.
+# -------------------------------------------------------------------------------------------------
+
+
+RAMP_BELOW = 0.5
+"""Cosine of incidence below which the factor runs linearly from the first to the second."""
+_FLAT_ABOVE = 0.4
+_TRANSMISSION_COSINES = (
+    *(1.0, 0.97, 0.94, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.55, 0.5, 0.45, 0.4),
+    *(0.35, 0.3, 0.25, 0.2, 0.16, 0.13, 0.1, 0.07, 0.05, 0.03),
+)
+_STEPS = 96
+_SLACK = 3e-4
+"""Allowed excess: the error of the integral, small against the powers."""
+
+
+@lru_cache(maxsize=256)
+def transmission_factors(
+    index: complex, slope: float, facet_fresnel: bool = True
+) -> tuple[float, float]:
+    """Return the factors on 1 - F of a rough surface; (1, 1) for a smooth one.
+
+    Parameters
+    ----------
+    index
+        Complex index n + jk.
+    slope
+        Rms slope m, 0 for a smooth surface.
+    facet_fresnel
+        Each facet reflects by Fresnel's equations; False: as at normal incidence.
+
+    Returns
+    -------
+    flat, grazing
+        Factor for cosines from `RAMP_BELOW` up, and at grazing incidence (cosine 0); linear in the
+        cosine between.
+
+    Raises
+    ------
+    ConfigError
+        Negative slope, amplifying index.
+    """
+    if slope == 0:
+        return 1.0, 1.0
+    cosines = np.array(_TRANSMISSION_COSINES)
+    normal = float(unpolarised_reflectance(index, 1.0))
+    reflected = [
+        albedo(slope, float(c), index, "cycles", _STEPS)
+        if facet_fresnel
+        else normal * albedo(slope, float(c), None, "cycles", _STEPS)
+        for c in cosines
+    ]
+    entering = 1 - unpolarised_reflectance(index, cosines)
+    allowed = np.maximum(1 + _SLACK - np.array(reflected), 0.0)
+    bound = np.minimum(allowed / np.maximum(entering, 1e-30), 1.0)
+    flat = float(bound[cosines >= _FLAT_ABOVE].min())
+    ramp = np.maximum(1 - cosines / RAMP_BELOW, 0.0)
+    low = ramp > 0
+    grazing = float(np.min(flat + (bound[low] - flat) / ramp[low]))
+    return flat, min(max(grazing, 0.0), 1.0)
+
+
+# -------------------------------------------------------------------------------------------------
+# Scattering of a rough surface from one direction into another: Kirchhoff's model, bistatic.
+# -------------------------------------------------------------------------------------------------
+
+
+def facet_scattering(
+    index: complex, alpha: float, normal: Real, to_one: Real, to_other: Real, exact: bool = True
+) -> Real:
+    """Return F D G / (4 cos cos): scattered radiance over incident irradiance, per steradian.
+
+    Facets have Beckmann's distribution and Smith's masking in the approximation that Cycles uses
+    (Walter et al. 2007, eq. 20, 25 and 27). In backscatter 4 pi cos^2 times this is sigma0.
+
+    Parameters
+    ----------
+    index
+        n + jk.
+    alpha
+        sqrt(2) times the RMS slope, above 0.
+    normal, to_one, to_other
+        Unit vectors: of the surface, and from it towards both ends, on its side, (n, 3).
+    exact
+        Fresnel's equations at each facet; False: at normal incidence on it.
+
+    Returns
+    -------
+    ndarray
+        (n,); 0 where an end is below the surface.
+    """
+    half = to_one + to_other
+    half = half / np.maximum(norms(half), 1e-300)[:, None]
+    cosines = dots(normal, to_one), dots(normal, to_other)
+    facet = np.maximum(dots(normal, half), 1e-100)
+    above = (cosines[0] > 0) & (cosines[1] > 0)
+    one, other = (np.where(above, cosine, 1.0) for cosine in cosines)
+    tan2 = (1 - facet) * (1 + facet) / facet**2
+    with np.errstate(over="ignore"):
+        density = np.exp(-tan2 / alpha**2 - 4 * np.log(facet)) / (np.pi * alpha**2)
+    masked = 1 + sum(masking_lambda(alpha, cosine, "cycles") for cosine in (one, other))
+    seen = np.clip(dots(half, to_one), 0.0, 1.0) if exact else 1.0
+    found = unpolarised_reflectance(index, seen) * density / masked / (4 * one * other)
+    return np.asarray(np.where(above, found, 0.0), dtype=np.float64)
+
+
+# -------------------------------------------------------------------------------------------------
+# Scattering around the mirrored direction: the directive lobe of effective roughness.
+#
+# A surface scatters a fraction of the power that it reflects. Per steradian the scattered power
+# goes with ((1 + cos psi) / 2)^exponent, psi the angle to the direction of the mirrored wave. Over
+# all directions above the surface the lobe adds up to 1, whatever the angle of incidence.
+#
+# References
+# ----------
+# V. Degli-Esposti, F. Fuschini, E. M. Vitucci, G. Falciasecca, Measurement and modelling of
+# scattering from buildings, IEEE Trans. Antennas Propag. 55 (2007) 143-153, eq. 9 to 12.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Largest exponent of a lobe: half of its power lies within 2.4 degrees there.
+MOST_EXPONENT = 1000
+#: Cosines in a table of `lobe_integral`.
+_COSINES = 4097
+
+
+def lobe_exponent(value: Any) -> int:
+    """Return an exponent as a whole number.
+
+    Parameters
+    ----------
+    value
+        Number.
+
+    Returns
+    -------
+    int
+        1 to `MOST_EXPONENT`.
+
+    Raises
+    ------
+    ConfigError
+        It is no such number.
+    """
+    is_number = isinstance(value, int | float | np.integer | np.floating)
+    if (
+        not is_number
+        or isinstance(value, bool)
+        or not 1 <= value <= MOST_EXPONENT
+        or value != int(value)
+    ):
+        raise ConfigError(
+            f"The exponent of a scattered lobe is {value!r}; expected a whole number from 1 (wide) "
+            f"to {MOST_EXPONENT} (narrow)."
+        )
+    return int(value)
+
+
+def lobe_integral(exponent: int, cosine: Real) -> Real:
+    """Return the integral of ((1 + cos psi) / 2)^exponent over all directions above a surface.
+
+    Parameters
+    ----------
+    exponent
+        See `lobe_exponent`.
+    cosine
+        Cosines of angles of incidence.
+
+    Returns
+    -------
+    ndarray
+        Solid angles [sr].
+    """
+    cosine = np.asarray(cosine, dtype=np.float64)
+    sine2 = (1 - cosine) * (1 + cosine)
+    total = np.zeros(cosine.shape)
+    # the sum over w up to (j - 1) / 2 of binomial(2w, w) (sine / 2)^(2w)
+    part = term = np.ones(cosine.shape)
+    for j in range(exponent + 1):
+        share = math.exp(
+            math.lgamma(exponent + 1)
+            - math.lgamma(j + 1)
+            - math.lgamma(exponent - j + 1)
+            - exponent * math.log(2)
+        )
+        if j % 2 and j > 1:
+            w = (j - 1) // 2
+            term = term * sine2 * (2 * w - 1) / (2 * w)
+            part = part + term
+        total += share * 2 * math.pi / (j + 1) * (cosine * part if j % 2 else 1.0)
+    return np.asarray(total)
+
+
+@lru_cache(maxsize=64)
+def _table(exponent: int) -> tuple[Real, Real]:
+    """Cosines and the integrals there."""
+    cosines = np.linspace(0.0, 1.0, _COSINES)
+    return cosines, lobe_integral(exponent, cosines)
+
+
+def directive_lobe(exponent: int, normal: Real, to_source: Real, to_observer: Real) -> Real:
+    """Return the scattered radiance over the irradiance of the scattered fraction, per steradian.
+
+    Parameters
+    ----------
+    exponent
+        See `lobe_exponent`.
+    normal, to_source, to_observer
+        Unit vectors: of the surface, and from it towards both, on its side, (n, 3).
+
+    Returns
+    -------
+    ndarray
+        (n,). Its integral over the observer's directions, times their cosines, is 1.
+    """
+    cosine = dots(normal, to_source)
+    mirrored = 2 * cosine * dots(normal, to_observer) - dots(to_source, to_observer)
+    lobe = np.clip((1 + mirrored) / 2, 0.0, 1.0) ** exponent
+    integral = np.interp(np.clip(cosine, 0.0, 1.0), *_table(exponent))
+    return np.asarray(lobe / integral / dots(normal, to_observer))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..array_types import Real
+from ..arrays import Real
 from .constants import STANDARD_EARTH_RADIUS_M
 
 #: Steps of the search for the point of reflection; most points take less than eight.

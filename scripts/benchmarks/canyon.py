@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths.table import open_table
+from radarsim_addon.typed_json import read_record
 
 from .stages import process_cost, render_cost
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.contract import PathsRecord
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.signal import open_run

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.physics.fresnel import unpolarised_reflectance
 
 #: Lowest and highest corner of a box.

@@ -12,8 +12,8 @@ from unittest import mock
 
 import numpy as np
 
+from radarsim_addon.arrays import take_rows
 from radarsim_addon.signal.paths import PathRows, spread, steps_of
-from radarsim_addon.vectors import take_rows
 
 from .clock import half_range
 

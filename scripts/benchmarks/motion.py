@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 
 Velocity = Callable[[Real], Real]
 
@@ -184,7 +184,7 @@ def _box(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[list[Any], li
 def _key(item: Any, path: str, kind: str, *values: tuple[int, Any]) -> None:
     import bpy
 
-    from radarsim_addon.blender.scene.isolation import animation_curves
+    from radarsim_addon.blender.scene.visibility import animation_curves
 
     for frame, value in values:
         setattr(item, path, value)

@@ -14,9 +14,8 @@ import numpy as np
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon import contract
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.physics.radar_equation import effective_area_m2
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import Paths, iter_path_chunks, make_paths, open_run
 from radarsim_addon.signal.decoding import pixel_grid
 from radarsim_addon.signal.maps import expected_power_profile
@@ -24,6 +23,7 @@ from radarsim_addon.signal.paths import spread, steps_of, tiles_by_replicate
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.paths.table import open_table
 from radarsim_addon.signal.radar import Radar
+from radarsim_addon.typed_json import read_record
 
 from .clock import Cost, peak_mib, stopwatch
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.typed_json import read_record
 
 from .stages import render_cost
 

@@ -15,7 +15,7 @@ import numpy as np
 from mathutils import Vector
 
 from radarsim_addon import signal
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 
 from . import drone, indoor
 

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.decoding import open_frame

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 
 from .scenes import EIRP_W, Plate, wavelength
 

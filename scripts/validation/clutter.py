@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from radarsim_addon import blender as radarsim
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender import nodes
-from radarsim_addon.physics.clutter import clutter_model
-from radarsim_addon.physics.clutter_statistics import clutter_velocities, texture
+from radarsim_addon.physics.clutter import clutter_model, clutter_velocities, texture
 from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.rough import sigma0 as kirchhoff
 

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from radarsim_addon import blender as radarsim
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.contract import LinkBudget
 from radarsim_addon.physics.clutter import clutter_model
 from radarsim_addon.signal import expected_power_profile, make_paths, open_run

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender.headless import scene_coverage
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.plan import CoverageRequest

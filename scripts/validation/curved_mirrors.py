@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender.materials import make_physical_material
 
 from .case import Bench, Check, absolute_check, power_check, worst_of

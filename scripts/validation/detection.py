@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import Burst, Cfar, FmcwWaveform, Radar, Receiver, cfar_threshold
 from radarsim_addon.signal.detection import CfarKind
 from radarsim_addon.signal.echoes import apply_receiver, synthesizer_for

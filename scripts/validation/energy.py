@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.nodes.materials import preset_material
 
@@ -70,7 +70,7 @@ def smooth_surfaces(bench: Bench) -> list[Check]:
         for angle_deg in ANGLES_DEG:
             total, spread = radiance(bench, _surface(material, angle_deg), 64).both
             # A metal is opaque: it absorbs what it does not reflect.
-            passes = nodes.fresnel.OPAQUE_BELOW_TRANSMITTANCE
+            passes = nodes.interface.OPAQUE_BELOW_TRANSMITTANCE
             index = complex(preset.n, preset.kappa)
             reflected = textbook_reflectance(index, angle_deg)
             absorbed = 0.0

@@ -17,13 +17,12 @@ from radarsim_addon.blender.materials import (
     settle_interiors,
     update_materials,
 )
-from radarsim_addon.blender.materials.library import ASSETS
-from radarsim_addon.blender.materials.physical_materials import Medium
+from radarsim_addon.blender.materials.physical_materials import ASSETS, Medium
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import refresh_groups
 from radarsim_addon.blender.nodes.materials import lets_nothing_through
 from radarsim_addon.blender.state import SettingsRestorer
-from radarsim_addon.blender.ui.asset_library import BLEND
+from radarsim_addon.blender.ui.material_panel import BLEND
 
 from .case import Bench, Check, absolute_check, worst_of
 from .fresnel import textbook_reflectance

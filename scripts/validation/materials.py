@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 
 from radarsim_addon.physics import materials
-from radarsim_addon.physics.materials_soil import soil_permittivity
+from radarsim_addon.physics.materials import soil_permittivity
 from radarsim_addon.physics.materials_water import (
     ice_permittivity,
     kaatze_permittivity,

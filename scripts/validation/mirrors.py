@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim_addon.array_types import Complex, Real
+from radarsim_addon.arrays import Complex, Real
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.signal import iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.maps import expected_power, range_process

@@ -13,13 +13,12 @@ import numpy as np
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.scene import active_radar, animation_curves
-from radarsim_addon.contract import MOTION_FILE, frame_dir
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.contract import MOTION_FILE, MotionRecord, frame_dir
 from radarsim_addon.signal.decoding import frame_paths, pixel_rays
+from radarsim_addon.typed_json import read_record
 
 from .case import Bench, Case, Check, Group, absolute_check
 from .scenes import (

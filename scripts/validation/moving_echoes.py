@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from radarsim_addon.array_types import Complex, Real
+from radarsim_addon.arrays import Complex, Real
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import (
     Burst,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from radarsim_addon import blender as radarsim
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.signal import iter_path_chunks, range_doppler, synthesize
 from radarsim_addon.signal.decoding import open_frame

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.maps import expected_power
 from radarsim_addon.signal.scattering import reverse_factors

@@ -11,7 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
 from radarsim_addon.signal import PathFlag
 

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from radarsim_addon import blender as radarsim
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender import nodes
 
 from .case import Bench, Check, power_check, relative_check, worst_of

@@ -17,12 +17,12 @@ import numpy as np
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon import contract
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.scene.rig import EMITTER_NAME
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths.table import open_table
+from radarsim_addon.typed_json import read_record
 
 from .case import Bench
 

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import expected_power_profile, iter_path_chunks, open_run, synthesize
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.maps import expected_power, range_process

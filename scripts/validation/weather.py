@@ -11,8 +11,7 @@ from typing import cast
 
 import numpy as np
 
-from radarsim_addon.physics.rain_echo import rain_reflectivity_per_m
-from radarsim_addon.physics.weather import Polarisation
+from radarsim_addon.physics.weather import Polarisation, rain_reflectivity_per_m
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.pipeline import main

@@ -16,8 +16,8 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.physics.radar_equation import effective_area_m2
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths.table import open_table
+from radarsim_addon.typed_json import read_record
 from tests.blender import radar_scenes as rs
 
 C0_MPS = 299_792_458.0

@@ -15,7 +15,7 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.plan import Measurement
 from radarsim_addon.blender.rings import RingJob
 from radarsim_addon.blender.scene import setup_rig
-from radarsim_addon.blender.scene.isolation import animation_curves
+from radarsim_addon.blender.scene.visibility import animation_curves
 from radarsim_addon.signal.radar import Burst, Waveform
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)

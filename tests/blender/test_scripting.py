@@ -22,7 +22,7 @@ from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.blender import rig_settings
 from radarsim_addon.blender.materials.physical_materials import medium_of
-from radarsim_addon.blender.nodes.group_search import group_input, group_node
+from radarsim_addon.blender.nodes.groups import group_input, group_node
 from radarsim_addon.blender.nodes.materials import has_interior
 from radarsim_addon.blender.rig_settings import read_link_budget, read_measurement
 from radarsim_addon.errors import ConfigError, SceneError, SettingNameError

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.typed_json import read_record
 
 RINGS = 3
 

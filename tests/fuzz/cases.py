@@ -21,7 +21,7 @@ from radarsim_addon.blender.plan.render_arguments import render_settings
 from radarsim_addon.errors import RadarSimError
 from radarsim_addon.signal.pictures import figure as _figure  # noqa: F401  (loaded before the fork)
 from radarsim_addon.signal.pipeline import main
-from radarsim_addon.signal.pipeline.process_arguments import add_process_parser
+from radarsim_addon.signal.pipeline.cli import add_process_parser
 
 from .corpus import correct_hashes
 from .mutations import NUMBERS, TEXTS, change_file

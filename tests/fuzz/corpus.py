@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from radarsim_addon import contract
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import file_sha256, read_record, with_digest, write_record
+from radarsim_addon.contract import MotionRecord
 from radarsim_addon.signal.motion import (
     BodyMotion,
     Tracks,
@@ -21,6 +20,7 @@ from radarsim_addon.signal.motion import (
     write_tracks,
 )
 from radarsim_addon.signal.radar import waveform_to_dict
+from radarsim_addon.typed_json import file_sha256, read_record, with_digest, write_record
 from tests.signal import path_runs, synthetic
 from tests.signal.waveform_kinds import ALL
 

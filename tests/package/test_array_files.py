@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.lib import format as npy_format
 
-from radarsim_addon import array_files
-from radarsim_addon.array_files import read_header, read_npy, read_npz
+from radarsim_addon import arrays
+from radarsim_addon.arrays import read_header, read_npy, read_npz
 
 ROWS = np.array([(1, 2.5, b"a"), (2, -0.5, b"bc")], dtype=[("n", "<i4"), ("x", ">f8"), ("s", "S3")])
 ARRAYS = {
@@ -105,7 +105,7 @@ def test_archives_that_unpack_to_more_than_they_may(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With compression up to a limit, without it up to the size of the file."""
-    monkeypatch.setattr(array_files, "_MOST_COMPRESSED", 10_000)
+    monkeypatch.setattr(arrays, "_MOST_COMPRESSED", 10_000)
     stream = io.BytesIO()
     np.save(stream, np.zeros(2000))
     members = {"x": stream.getvalue()}
@@ -115,7 +115,7 @@ def test_archives_that_unpack_to_more_than_they_may(
         read_npz(bomb)
     whole = archive_of(tmp_path / "whole.npz", members, zipfile.ZIP_STORED)
     assert read_npz(whole)["x"].shape == (2000,)
-    monkeypatch.setattr(array_files, "_MOST", 16_000)
+    monkeypatch.setattr(arrays, "_MOST", 16_000)
     with pytest.raises(ValueError, match="at most 16000"):
         read_npz(whole)
 

@@ -31,8 +31,8 @@ from radarsim_addon.findings import (
 )
 from radarsim_addon.findings.__main__ import reference_page
 from radarsim_addon.findings.catalogue import CATALOGUE, TOPICS
-from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.pipeline import main
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal.synthetic import Setup, points, run_record, write_run
 
 ROOT = Path(__file__).resolve().parents[2]

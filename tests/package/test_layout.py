@@ -82,7 +82,7 @@ SCRIPTS = [
 
 
 def test_the_walk_finds_rooms_and_imports() -> None:
-    assert room_of("radarsim_addon.signal.radar.codes") == "signal.radar"
+    assert room_of("radarsim_addon.signal.radar.waveforms") == "signal.radar"
     assert room_of("radarsim_addon.errors") == ""
     assert room_of("radarsim_addon.blender.addon") == "blender"
     assert (

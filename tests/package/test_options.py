@@ -14,17 +14,15 @@ import pytest
 
 from radarsim_addon.blender.plan import shortest_decimal
 from radarsim_addon.errors import ConfigError, FrameFileError
-from radarsim_addon.option_arguments import (
+from radarsim_addon.options import (
     CommandParser,
     add_arguments,
-    finite_number,
-    given,
-    settings_table,
-)
-from radarsim_addon.options import (
     check_settings,
     declared,
+    finite_number,
+    given,
     setting,
+    settings_table,
 )
 from radarsim_addon.typed_json import from_json
 

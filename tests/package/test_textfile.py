@@ -13,10 +13,9 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import RadarSimError
 from radarsim_addon.physics.checks import read_csv
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.radar import load_radar, read_system
-from radarsim_addon.textfile import TextTooLongError, read_text, refusal_to_open
+from radarsim_addon.typed_json import TextTooLongError, read_record, read_text, refusal_to_open
 
 ENDLESS = Path("/dev/zero")
 

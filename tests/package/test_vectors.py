@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radarsim_addon import vectors
+from radarsim_addon import arrays
 
 
 @pytest.mark.parametrize("second", [(3,), (500, 3)])
@@ -17,10 +17,10 @@ def test_same_bits_as_numpy(second: tuple[int, ...]) -> None:
     a[3, 1], a[4, 2], a[5, 0] = np.nan, np.inf, -np.inf
     b = rng.normal(size=second)
     for first in (a, np.asfortranarray(a)):
-        np.testing.assert_array_equal(vectors.norms(first), np.linalg.norm(a, axis=1))
-        np.testing.assert_array_equal(vectors.distances(first, b), np.linalg.norm(a - b, axis=1))
-        np.testing.assert_array_equal(vectors.dots(first, b), np.sum(a * b, axis=1))
-        np.testing.assert_array_equal(vectors.crosses(first, b), np.cross(a, b))
-        np.testing.assert_array_equal(vectors.largest(first), np.abs(a).max(axis=1))
+        np.testing.assert_array_equal(arrays.norms(first), np.linalg.norm(a, axis=1))
+        np.testing.assert_array_equal(arrays.distances(first, b), np.linalg.norm(a - b, axis=1))
+        np.testing.assert_array_equal(arrays.dots(first, b), np.sum(a * b, axis=1))
+        np.testing.assert_array_equal(arrays.crosses(first, b), np.cross(a, b))
+        np.testing.assert_array_equal(arrays.largest(first), np.abs(a).max(axis=1))
         finite = np.isfinite(a).all(axis=1)
-        np.testing.assert_array_equal(vectors.are_finite(first), finite)
+        np.testing.assert_array_equal(arrays.are_finite(first), finite)

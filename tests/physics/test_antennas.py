@@ -9,20 +9,23 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError, MissingDependencyError
-from radarsim_addon.physics.antenna_table import TableAntenna, read_pattern
 from radarsim_addon.physics.antennas import (
+    TAPERS,
     Antenna,
     Aperture,
     CosinePower,
     Gaussian,
     Isotropic,
+    PlanarArray,
+    TableAntenna,
     angles_from_direction,
     direction_from_angles,
+    read_pattern,
     sphere_mean,
+    taper_weights,
     to_antenna_frame,
     two_way_gain,
 )
-from radarsim_addon.physics.arrays import TAPERS, PlanarArray, taper_weights
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 

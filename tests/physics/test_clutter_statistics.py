@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics.clutter_statistics import (
-    bragg_velocity_mps,
-    clutter_velocities,
-    texture,
-)
+from radarsim_addon.physics.clutter import bragg_velocity_mps, clutter_velocities, texture
 
 stats = pytest.importorskip("scipy.stats")
 

@@ -9,10 +9,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from radarsim_addon.physics.curved_mirrors import reflected_widths
-from radarsim_addon.physics.smooth_patches import SmoothPatches
-from radarsim_addon.physics.specular_points import SpecularPoints, SpecularSearch
-from radarsim_addon.vectors import dots, norms
+from radarsim_addon.arrays import dots, norms
+from radarsim_addon.physics.mirrors import reflected_widths
+from radarsim_addon.physics.specular_points import SmoothPatches, SpecularPoints, SpecularSearch
 
 RADAR_M = np.array([0.0, 0.0, 1.0])
 MIDDLE_M = np.array([2.0, 5.0, 0.3])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics.directive_lobes import directive_lobe, lobe_exponent, lobe_integral
+from radarsim_addon.physics.rough import directive_lobe, lobe_exponent, lobe_integral
 
 
 def half_space(count: int = 160) -> tuple[np.ndarray, np.ndarray]:

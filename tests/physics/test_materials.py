@@ -15,8 +15,7 @@ import pytest
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics import materials
 from radarsim_addon.physics.material_model import MaterialModel
-from radarsim_addon.physics.materials_itu import ITU_NEW_ROWS, ITU_ROWS
-from radarsim_addon.physics.materials_soil import soil_permittivity
+from radarsim_addon.physics.materials import ITU_NEW_ROWS, ITU_ROWS, soil_permittivity
 from radarsim_addon.physics.materials_water import (
     ice_permittivity,
     kaatze_permittivity,

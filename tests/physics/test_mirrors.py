@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from radarsim_addon.array_types import Complex, Real
+from radarsim_addon.arrays import Complex, Real
 from radarsim_addon.physics.mirrors import (
     MirrorMaterial,
     co_polar,

@@ -5,22 +5,22 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics import noise
+from radarsim_addon.physics import radar_equation
 from radarsim_addon.physics import radar_equation as eq
 
 
 def test_thermal_noise_in_one_hertz() -> None:
     """-173.975 dBm/Hz at 290 K, the textbook's -174."""
-    assert 10 * np.log10(float(noise.noise_power_w(1.0)) / 1e-3) == pytest.approx(
+    assert 10 * np.log10(float(radar_equation.noise_power_w(1.0)) / 1e-3) == pytest.approx(
         -173.9752, abs=1e-4
     )
 
 
 def test_noise_figure_and_antenna_temperature() -> None:
-    room = noise.noise_power_w(50e6, 3.0)
-    assert float(room / noise.noise_power_w(50e6)) == pytest.approx(10**0.3, rel=1e-12)
+    room = radar_equation.noise_power_w(50e6, 3.0)
+    assert float(room / radar_equation.noise_power_w(50e6)) == pytest.approx(10**0.3, rel=1e-12)
     # 3 dB receiver under a cold sky: 30 K + 0.99526 * 290 K.
-    cold = noise.noise_power_w(1.0, 3.0, 30.0)
+    cold = radar_equation.noise_power_w(1.0, 3.0, 30.0)
     assert float(cold) / 1.380649e-23 == pytest.approx(30 + (10**0.3 - 1) * 290, rel=1e-12)
 
 
@@ -31,12 +31,12 @@ def test_snr_of_a_simulated_burst_is_the_predicted_one() -> None:
     samples = round(rate * length)
     time = (np.arange(samples) - samples / 2) / rate
     chirp = np.exp(1j * np.pi * 50e6 / length * time**2)
-    noise_power = float(noise.noise_power_w(rate, figure_db))
-    prediction = noise.predict_snr(power, length, rate, pulses, figure_db)
+    noise_power = float(radar_equation.noise_power_w(rate, figure_db))
+    prediction = radar_equation.predict_snr(power, length, rate, pulses, figure_db)
     assert prediction.single_sample_db == pytest.approx(10 * np.log10(power / noise_power))
 
     rng = np.random.default_rng(3)
-    draws = noise.complex_noise(rng, (1500, pulses, samples), noise_power)
+    draws = radar_equation.complex_noise(rng, (1500, pulses, samples), noise_power)
     filtered = draws @ np.conj(chirp)
     signal = np.sqrt(power) * np.sum(np.abs(chirp) ** 2)
     single = signal**2 / np.mean(np.abs(filtered) ** 2)
@@ -48,11 +48,13 @@ def test_snr_of_a_simulated_burst_is_the_predicted_one() -> None:
 
 
 def test_snr_does_not_depend_on_the_sampling_rate() -> None:
-    slow, fast = (noise.predict_snr(1e-12, 2.5e-6, rate, 128, 4.0) for rate in (60e6, 600e6))
+    slow, fast = (
+        radar_equation.predict_snr(1e-12, 2.5e-6, rate, 128, 4.0) for rate in (60e6, 600e6)
+    )
     assert slow.burst_db == pytest.approx(fast.burst_db, abs=1e-12)
     assert slow.single_sample_db - fast.single_sample_db == pytest.approx(10)
     assert slow.burst_db - slow.single_pulse_db == pytest.approx(10 * np.log10(128))
-    tapered = noise.predict_snr(1e-12, 2.5e-6, 60e6, 128, 4.0, window_loss_db=2.7)
+    tapered = radar_equation.predict_snr(1e-12, 2.5e-6, 60e6, 128, 4.0, window_loss_db=2.7)
     assert tapered.burst_db == pytest.approx(slow.burst_db - 2.7)
 
 
@@ -60,17 +62,19 @@ def test_window_loss_closed_forms() -> None:
     """Rectangular 0 dB; Hann N sum w^2/(sum w)^2 -> 1.5; Hamming -> 1.3628 (Harris 1978)."""
     count = 4096
     n = np.arange(count) / count
-    assert noise.window_loss_db(np.ones(7)) == pytest.approx(0, abs=1e-14)
+    assert radar_equation.window_loss_db(np.ones(7)) == pytest.approx(0, abs=1e-14)
     hann = 0.5 - 0.5 * np.cos(2 * np.pi * n)
-    assert noise.window_loss_db(hann) == pytest.approx(10 * np.log10(1.5), abs=1e-9)
+    assert radar_equation.window_loss_db(hann) == pytest.approx(10 * np.log10(1.5), abs=1e-9)
     hamming = 0.54 - 0.46 * np.cos(2 * np.pi * n)
     expected = (0.54**2 + 0.46**2 / 2) / 0.54**2
-    assert noise.window_loss_db(hamming) == pytest.approx(10 * np.log10(expected), abs=1e-9)
+    assert radar_equation.window_loss_db(hamming) == pytest.approx(
+        10 * np.log10(expected), abs=1e-9
+    )
 
 
 def test_complex_noise_is_reproducible_and_of_the_power_asked() -> None:
     first, second = (
-        noise.complex_noise(np.random.default_rng(7), (200_000,), 2e-12) for _ in range(2)
+        radar_equation.complex_noise(np.random.default_rng(7), (200_000,), 2e-12) for _ in range(2)
     )
     np.testing.assert_array_equal(first, second)
     assert np.mean(np.abs(first) ** 2) == pytest.approx(2e-12, rel=0.015)
@@ -110,13 +114,16 @@ def test_decibels() -> None:
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: noise.noise_power_w(0.0), "Noise bandwidth is 0 Hz"),
-        (lambda: noise.noise_power_w(1.0, -1.0), "Noise figure is -1 dB"),
-        (lambda: noise.noise_power_w(np.nan), "Noise bandwidth holds nan"),
-        (lambda: noise.predict_snr(1.0, 1e-6, 1e6, 0), "Number of pulses is 0"),
-        (lambda: noise.predict_snr(1.0, 1e-6, 1e6, 1, 0.0, 0.0), "Noise power is zero"),
-        (lambda: noise.predict_snr(1.0, 1e-6, 1e6, window_loss_db=-1.0), "Window loss is -1 dB"),
-        (lambda: noise.window_loss_db([1.0, -1.0]), "sum other than zero"),
+        (lambda: radar_equation.noise_power_w(0.0), "Noise bandwidth is 0 Hz"),
+        (lambda: radar_equation.noise_power_w(1.0, -1.0), "Noise figure is -1 dB"),
+        (lambda: radar_equation.noise_power_w(np.nan), "Noise bandwidth holds nan"),
+        (lambda: radar_equation.predict_snr(1.0, 1e-6, 1e6, 0), "Number of pulses is 0"),
+        (lambda: radar_equation.predict_snr(1.0, 1e-6, 1e6, 1, 0.0, 0.0), "Noise power is zero"),
+        (
+            lambda: radar_equation.predict_snr(1.0, 1e-6, 1e6, window_loss_db=-1.0),
+            "Window loss is -1 dB",
+        ),
+        (lambda: radar_equation.window_loss_db([1.0, -1.0]), "sum other than zero"),
         (lambda: eq.bistatic_power_w(1.0, 1.0, 0.0, 1.0, 0.05), "Transmitter range is 0 m"),
         (lambda: eq.to_db(-1.0), "Power ratio"),
     ],

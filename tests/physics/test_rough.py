@@ -6,7 +6,7 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics import fresnel, rough
-from radarsim_addon.physics.rough_transmission import RAMP_BELOW, transmission_factors
+from radarsim_addon.physics.rough import RAMP_BELOW, transmission_factors
 
 
 @pytest.mark.parametrize("index", [1.4 + 1.0j, 2.3 + 0.05j, 9 + 3j, 1e4 + 1e4j])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics import fresnel, slab
+from radarsim_addon.physics import fresnel
 
 WAVELENGTH_M = 0.0566
 LOSSLESS = np.array([1 / 1.5, 1.0 + 1e-9, 1.2, 2.3, 9.0])[:, None, None]
@@ -35,7 +35,7 @@ def characteristic_matrix(index: complex, thickness_m: float, cosine: float, pol
 @pytest.mark.parametrize("thickness_m", [1e-4, 0.003, 0.02])
 def test_coherent_matches_the_characteristic_matrix(index, degrees, thickness_m) -> None:
     cosine = np.cos(np.radians(degrees))
-    power = slab.slab_power(index, thickness_m, WAVELENGTH_M, cosine)
+    power = fresnel.slab_power(index, thickness_m, WAVELENGTH_M, cosine)
     for polarisation, transmitted, reflected in (
         ("s", power.transmitted_s, power.reflected_s),
         ("p", power.transmitted_p, power.reflected_p),
@@ -47,14 +47,14 @@ def test_coherent_matches_the_characteristic_matrix(index, degrees, thickness_m)
 
 @pytest.mark.parametrize("model", ["coherent", "incoherent"])
 def test_lossless_slab_conserves_energy(model) -> None:
-    power = slab.slab_power(LOSSLESS, THICKNESS_M, WAVELENGTH_M, COSINE, model)
+    power = fresnel.slab_power(LOSSLESS, THICKNESS_M, WAVELENGTH_M, COSINE, model)
     assert np.abs(power.absorbed_s).max() < 1e-12
     assert np.abs(power.absorbed_p).max() < 1e-12
 
 
-@pytest.mark.parametrize("model", slab.MODELS)
+@pytest.mark.parametrize("model", fresnel.MODELS)
 def test_nothing_is_gained(model) -> None:
-    power = slab.slab_power(LOSSY, THICKNESS_M, WAVELENGTH_M, COSINE, model)
+    power = fresnel.slab_power(LOSSY, THICKNESS_M, WAVELENGTH_M, COSINE, model)
     for share in power:
         assert np.all(np.isfinite(share)) and np.all(share >= 0) and np.all(share <= 1 + 1e-12)
     assert np.all(power.absorbed_s > -1e-12) and np.all(power.absorbed_p > -1e-12)
@@ -67,8 +67,8 @@ def test_incoherent_is_the_mean_over_frequency() -> None:
     # 2 delta runs through 10 whole turns: exponentially convergent, exact to rounding.
     phase = np.arange(2000) / 2000 * 10 * np.pi + 100
     wavelength = 2 * np.pi * thickness_m * q / phase
-    coherent = slab.slab_power(index, thickness_m, wavelength, cosine)
-    incoherent = slab.slab_power(index, thickness_m, WAVELENGTH_M, cosine, "incoherent")
+    coherent = fresnel.slab_power(index, thickness_m, wavelength, cosine)
+    incoherent = fresnel.slab_power(index, thickness_m, WAVELENGTH_M, cosine, "incoherent")
     assert coherent.transmitted_s.mean() == pytest.approx(
         float(incoherent.transmitted_s), rel=1e-12
     )
@@ -81,31 +81,31 @@ def test_single_pass_is_the_first_term_of_the_series() -> None:
     r_s, _ = fresnel.reflection_coefficients(index, 0.8)
     q = np.sqrt(index**2 - 1 + 0.64)
     delta = 2 * np.pi / WAVELENGTH_M * 0.02 * q
-    t_s, _, _, _ = slab.amplitude_coefficients(index, 0.02, WAVELENGTH_M, 0.8)
+    t_s, _, _, _ = fresnel.amplitude_coefficients(index, 0.02, WAVELENGTH_M, 0.8)
     first_term = t_s * (1 - r_s**2 * np.exp(2j * delta))
-    single = slab.slab_power(index, 0.02, WAVELENGTH_M, 0.8, "single-pass")
+    single = fresnel.slab_power(index, 0.02, WAVELENGTH_M, 0.8, "single-pass")
     assert float(single.transmitted_s) == pytest.approx(abs(complex(first_term)) ** 2, rel=1e-12)
 
 
 def test_thick_absorber_is_single_pass() -> None:
     arguments = (2.3 + 0.1j, 0.3, WAVELENGTH_M, COSINE)
-    coherent = slab.slab_power(*arguments)
-    single = slab.slab_power(*arguments, "single-pass")
+    coherent = fresnel.slab_power(*arguments)
+    single = fresnel.slab_power(*arguments, "single-pass")
     np.testing.assert_allclose(coherent.transmitted, single.transmitted, rtol=1e-2)
     np.testing.assert_allclose(coherent.reflected, single.reflected, rtol=1e-2)
 
 
 def test_half_wave_window_and_quarter_wave_mirror() -> None:
     index = 2.0
-    half = slab.slab_power(index, WAVELENGTH_M / 4, WAVELENGTH_M)
+    half = fresnel.slab_power(index, WAVELENGTH_M / 4, WAVELENGTH_M)
     assert float(half.transmitted) == pytest.approx(1, abs=1e-14)
-    quarter = slab.slab_power(index, WAVELENGTH_M / 8, WAVELENGTH_M)
+    quarter = fresnel.slab_power(index, WAVELENGTH_M / 8, WAVELENGTH_M)
     # ((1 - n^2)/(1 + n^2))^2 (Born and Wolf 1.6.4)
     assert float(quarter.reflected) == pytest.approx((3 / 5) ** 2, rel=1e-13)
 
 
 def test_brewster_angle_passes_all_of_p() -> None:
-    power = slab.slab_power(2.3, THICKNESS_M, WAVELENGTH_M, np.cos(np.arctan(2.3)))
+    power = fresnel.slab_power(2.3, THICKNESS_M, WAVELENGTH_M, np.cos(np.arctan(2.3)))
     np.testing.assert_allclose(power.transmitted_p, 1, atol=1e-14)
 
 
@@ -113,7 +113,7 @@ def test_frustrated_total_reflection_falls_exponentially() -> None:
     """n < 1 beyond the critical angle: -8.686 Im(delta) dB per metre once thick."""
     index, cosine = 1 / 1.5, np.cos(np.radians(60))
     thick, thicker = 0.10, 0.12
-    power = slab.slab_power(index, np.array([thick, thicker]), WAVELENGTH_M, cosine)
+    power = fresnel.slab_power(index, np.array([thick, thicker]), WAVELENGTH_M, cosine)
     decay = np.log(power.transmitted_s[0] / power.transmitted_s[1])
     evanescent = 2 * np.pi / WAVELENGTH_M * np.sqrt(0.75 - index**2)
     assert decay == pytest.approx(2 * evanescent * (thicker - thick), rel=1e-3)
@@ -122,17 +122,17 @@ def test_frustrated_total_reflection_falls_exponentially() -> None:
 def test_shader_graph_numbers() -> None:
     """Two-way losses that Cycles gave for the same graph: n = 2.3 at 0, 30 and 60 degrees."""
     cosine = np.cos(np.radians([0.0, 30.0, 60.0]))
-    loss_db = 20 * np.log10(slab.straight_through_power(2.3, 0.5, WAVELENGTH_M, cosine))
+    loss_db = 20 * np.log10(fresnel.straight_through_power(2.3, 0.5, WAVELENGTH_M, cosine))
     np.testing.assert_allclose(loss_db, [-2.92960, -2.96285, -3.83133], atol=1e-5)
 
 
 def test_absorption_and_delay_at_sixty_degrees() -> None:
     """exp(-4 pi kappa d/lambda) along the refracted path, and the delay of its phase."""
     index, thickness_m, cosine = 2.3 + 0.002j, 1.0, 0.5
-    angle = float(slab.refraction_angle_rad(2.3, cosine))
+    angle = float(fresnel.refraction_angle_rad(2.3, cosine))
     assert np.sin(angle) == pytest.approx(np.sin(np.radians(60)) / 2.3, rel=1e-14)
-    lossy = slab.straight_through_power(index, thickness_m, WAVELENGTH_M, cosine)
-    lossless = slab.straight_through_power(2.3, thickness_m, WAVELENGTH_M, cosine)
+    lossy = fresnel.straight_through_power(index, thickness_m, WAVELENGTH_M, cosine)
+    lossless = fresnel.straight_through_power(2.3, thickness_m, WAVELENGTH_M, cosine)
     path_m = thickness_m / np.cos(angle)
     expected = np.exp(-4 * np.pi * 0.002 * path_m / WAVELENGTH_M)
     assert float(lossy / lossless) == pytest.approx(expected, rel=1e-4)
@@ -142,25 +142,27 @@ def test_absorption_and_delay_at_sixty_degrees() -> None:
         - thickness_m / cosine
         + thickness_m * np.sin(np.radians(60)) * (np.tan(np.radians(60)) - np.tan(angle))
     )
-    assert float(slab.excess_path_m(2.3, thickness_m, cosine)) == pytest.approx(excess, rel=1e-12)
+    assert float(fresnel.excess_path_m(2.3, thickness_m, cosine)) == pytest.approx(
+        excess, rel=1e-12
+    )
 
 
 def test_excess_path_is_the_phase_of_one_passage() -> None:
     index, thickness_m, cosine = 1.3 + 0.02j, 0.004, 0.7
-    t_s, _, r_s, _ = slab.amplitude_coefficients(index, thickness_m, WAVELENGTH_M, cosine)
+    t_s, _, r_s, _ = fresnel.amplitude_coefficients(index, thickness_m, WAVELENGTH_M, cosine)
     face, _ = fresnel.reflection_coefficients(index, cosine)
     q = np.sqrt(index**2 - 1 + cosine**2)
     delta = 2 * np.pi / WAVELENGTH_M * thickness_m * q
     one_passage = t_s * (1 - face**2 * np.exp(2j * delta)) / (1 - face**2)
-    excess = float(slab.excess_path_m(index, thickness_m, cosine))
+    excess = float(fresnel.excess_path_m(index, thickness_m, cosine))
     phase = 2 * np.pi / WAVELENGTH_M * (excess + cosine * thickness_m)
     assert np.angle(one_passage) == pytest.approx(phase, rel=1e-12)
     assert abs(complex(r_s)) < 1
 
 
 def test_excess_path_keeps_digits_for_thin_air() -> None:
-    assert float(slab.excess_path_m(1 + 1e-12, 1.0)) == pytest.approx(1e-12, rel=1e-3)
-    assert float(slab.excess_path_m(1.0, 1.0, 0.0)) == 0
+    assert float(fresnel.excess_path_m(1 + 1e-12, 1.0)) == pytest.approx(1e-12, rel=1e-3)
+    assert float(fresnel.excess_path_m(1.0, 1.0, 0.0)) == 0
 
 
 @pytest.mark.parametrize("index", [2.3, 1.4 + 1.0j, 9 + 3j])
@@ -174,29 +176,29 @@ def test_phase_inside_a_lossy_medium_follows_born_and_wolf(index: complex) -> No
         sine = np.sin(np.radians(degrees))
         a = n**2 - k**2 - sine**2
         real_index = np.sqrt((a + 2 * sine**2 + np.hypot(a, 2 * n * k)) / 2)
-        angle = float(slab.refraction_angle_rad(index, np.cos(np.radians(degrees))))
+        angle = float(fresnel.refraction_angle_rad(index, np.cos(np.radians(degrees))))
         assert np.sin(angle) == pytest.approx(sine / real_index, rel=1e-12)
 
 
-@pytest.mark.parametrize("model", slab.MODELS)
+@pytest.mark.parametrize("model", fresnel.MODELS)
 @pytest.mark.parametrize("index", [1.5, 2 + 1j, 1e4 + 1e4j])
 def test_grazing_incidence_reflects_everything(model, index) -> None:
-    power = slab.slab_power(index, 0.1, WAVELENGTH_M, np.array([0.0, 1e-9]), model)
+    power = fresnel.slab_power(index, 0.1, WAVELENGTH_M, np.array([0.0, 1e-9]), model)
     np.testing.assert_allclose(power.transmitted_s, 0, atol=1e-6)
     np.testing.assert_allclose(power.reflected_s, 1, atol=1e-6)
     np.testing.assert_allclose(power.reflected_p[0], 1, atol=1e-6)
 
 
-@pytest.mark.parametrize("model", slab.MODELS)
+@pytest.mark.parametrize("model", fresnel.MODELS)
 def test_vacuum_slab_is_not_there(model) -> None:
-    power = slab.slab_power(1.0, THICKNESS_M, WAVELENGTH_M, np.array([1.0, 0.5, 1e-6]), model)
+    power = fresnel.slab_power(1.0, THICKNESS_M, WAVELENGTH_M, np.array([1.0, 0.5, 1e-6]), model)
     np.testing.assert_allclose(power.transmitted, 1, rtol=1e-12)
     np.testing.assert_allclose(power.reflected, 0, atol=1e-12)
 
 
 def test_huge_loss_underflows_to_zero_without_warning() -> None:
     with np.errstate(over="raise", invalid="raise", divide="raise"):
-        power = slab.slab_power(1e7 * (1 + 1j), 1.0, WAVELENGTH_M, COSINE)
+        power = fresnel.slab_power(1e7 * (1 + 1j), 1.0, WAVELENGTH_M, COSINE)
     assert np.all(power.transmitted == 0)
     # Opaque: reflects as one face does.
     face, _ = fresnel.power_transmission(1e7 * (1 + 1j), COSINE)
@@ -220,4 +222,4 @@ def test_huge_loss_underflows_to_zero_without_warning() -> None:
 )
 def test_bad_input(arguments, message) -> None:
     with pytest.raises(ConfigError, match=message):
-        slab.slab_power(*arguments)
+        fresnel.slab_power(*arguments)

@@ -12,16 +12,14 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.physics.rain_echo import (
-    rain_fall_speeds,
-    rain_reflectivity_per_m,
-    sphere_backscatter_m2,
-)
 from radarsim_addon.physics.weather import (
     fog_attenuation_db_per_km,
     gas_attenuation_db_per_km,
     rain_attenuation_db_per_km,
     rain_coefficients,
+    rain_fall_speeds,
+    rain_reflectivity_per_m,
+    sphere_backscatter_m2,
 )
 
 DATA = Path(__file__).parents[1] / "data"

@@ -49,8 +49,8 @@ def test_measured(bpy: Any, tmp_path: Path) -> None:
     """The scene, measured coarsely, against the integral: in all, and in bins of 1 m."""
     from radarsim_addon import blender as radarsim
     from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
-    from radarsim_addon.sidecar import read_record
     from radarsim_addon.signal.paths.table import open_table
+    from radarsim_addon.typed_json import read_record
     from scripts import make_canyon
     from scripts.benchmarks.canyon_accuracy import binned, errors_db, exact_w
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from radarsim_addon.blender.plan import parse_render_arguments
-from radarsim_addon.option_arguments import share_of
+from radarsim_addon.options import share_of
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts" / "cluster"
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="shell scripts")

@@ -31,9 +31,9 @@ def fading(distance_m: float) -> float:
 def test_measured(bpy: Any, tmp_path: Path) -> None:
     from radarsim_addon import blender as radarsim
     from radarsim_addon.contract import PATHS_FILE, PathsRecord, frame_dir
-    from radarsim_addon.sidecar import read_record
     from radarsim_addon.signal import expected_power
     from radarsim_addon.signal.paths.table import open_table
+    from radarsim_addon.typed_json import read_record
     from scripts import make_road
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)

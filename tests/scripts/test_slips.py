@@ -43,7 +43,7 @@ def test_a_mistake_is_caught_and_a_harmless_change_is_missed(tmp_path: Path) -> 
     slips.copy_checkout(tmp_path)
     test = ("tests/physics/test_noise.py::test_thermal_noise_in_one_hertz",)
     old = "BOLTZMANN_J_PER_K * temperature * bandwidth"
-    before = (tmp_path / "radarsim_addon/physics/noise.py").read_bytes()
+    before = (tmp_path / "radarsim_addon/physics/radar_equation.py").read_bytes()
 
     def caught(new: str) -> bool:
         slip = slips.Slip("physics", "one", "noise.py", old, new, test, "Noise is off.")
@@ -53,7 +53,7 @@ def test_a_mistake_is_caught_and_a_harmless_change_is_missed(tmp_path: Path) -> 
     assert not caught("bandwidth * temperature * BOLTZMANN_J_PER_K")
     with pytest.raises(slips.CannotRunError, match="pytest ended with"):
         caught("BOLTZMANN_J_PER_K * (")
-    assert (tmp_path / "radarsim_addon/physics/noise.py").read_bytes() == before
+    assert (tmp_path / "radarsim_addon/physics/radar_equation.py").read_bytes() == before
 
 
 def test_tests_that_fail_as_the_code_is_are_named(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths import (
     COLUMN_GROUPS,
@@ -23,6 +22,7 @@ from radarsim_addon.signal.paths import (
     write_table,
 )
 from radarsim_addon.signal.radar import Burst, Waveform
+from radarsim_addon.typed_json import file_sha256, write_record
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 BURST = Burst(1000.0, 64)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from radarsim_addon.signal.motion.path_motion import Rows
+from radarsim_addon.signal.motion.kinematics import Rows
 from radarsim_addon.signal.spectrum import FrequencyGrid
 
 LIGHT = np.longdouble(299_792_458)

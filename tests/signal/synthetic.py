@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from radarsim_addon import contract, sidecar
+from radarsim_addon import contract, typed_json
 from radarsim_addon.signal.radar import Burst, Radar, Waveform, waveform_to_dict
 from radarsim_addon.signal.runs import write_exr
 
@@ -161,16 +161,16 @@ def write_render(
     path = place / f"{contract.render_stem(ring, snapshot_index)}.exr"
     write_exr(path, channels)
     record = dataclasses.replace(
-        render_record(setup, frame, ring, snapshot_index), exr_sha256=sidecar.file_sha256(path)
+        render_record(setup, frame, ring, snapshot_index), exr_sha256=typed_json.file_sha256(path)
     )
-    sidecar.write_record(path.with_suffix(".json"), dataclasses.replace(record, **changes))
+    typed_json.write_record(path.with_suffix(".json"), dataclasses.replace(record, **changes))
     return path
 
 
 def write_run(folder: Path, setup: Setup, picture: Picture) -> Path:
     """Write a whole run; returns its folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    sidecar.write_record(folder / contract.RUN_FILE, run_record(setup))
+    typed_json.write_record(folder / contract.RUN_FILE, run_record(setup))
     for frame in setup.frames:
         for snapshot_index in range(setup.snapshots):
             for ring in range(setup.rings):

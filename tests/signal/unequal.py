@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal import Burst, FmcwWaveform, Radar
 from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal import path_runs as pr
 
 EIRP_W = 40.0

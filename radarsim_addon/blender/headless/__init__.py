@@ -3,9 +3,8 @@
 
 from .console import quiet_blender
 from .coverage import scene_coverage
-from .frame_renderer import FrameRenderer
-from .jobs import make_job
-from .session import leave_blender
+from .render import FrameRenderer
+from .session import leave_blender, make_job
 
 __all__ = [
     "FrameRenderer",

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...errors import ConfigError, RadarSimError
 from ...findings import finding, finding_lines
-from ...option_arguments import given
+from ...options import given
 from ...physics.constants import STANDARD_EARTH_RADIUS_M
 from ...signal.radar import (
     ConstantGain,
@@ -26,7 +26,7 @@ from ...signal.radar import (
     compute_coverage,
     make_system,
 )
-from ...terminal_text import error_line
+from ...terminal import error_line
 from ..materials import ground_mirror
 from ..plan import (
     COVERAGE_SETTINGS,

@@ -4,35 +4,30 @@
 In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
 """
 
-from .assignments import (
-    SURFACE_TYPES,
-    MaterialAssignment,
-    assigned_materials,
-    foreign_objects,
-    has_no_faces,
-    slot_materials,
-)
-from .averaging import average_in_a_row, averaging_objects, separate_averages
 from .clutter import (
     clutter_key,
     clutter_name,
     clutter_of,
+    fluctuation_of,
     set_clutter,
+    set_clutter_fluctuation,
     table_files,
 )
-from .clutter_fluctuation import fluctuation_of, set_clutter_fluctuation
-from .clutter_tables import set_clutter_tables
-from .convex_bodies import convex_objects
-from .inside_walls import found_inside, overlapping_shells
-from .interior_rounding import Interiors, settle_interiors_far_away
-from .interiors import settle_interiors
-from .layers import beyond_float32, delays, interior_losses_db, is_entered, set_layer_normals
-from .material_limits import media_beyond_their_band
-from .mirror_marks import (
-    mirror_choice,
-    mirror_property,
-    set_mirror,
-    set_mirrors,
+from .interiors import (
+    Interiors,
+    found_inside,
+    overlapping_shells,
+    settle_interiors,
+    settle_interiors_far_away,
+)
+from .layers import (
+    beyond_float32,
+    delays,
+    doubled_panes,
+    interior_losses_db,
+    is_entered,
+    set_layer_normals,
+    sharpen_edges,
 )
 from .mirrors import (
     LOBE_EXPONENT,
@@ -40,24 +35,40 @@ from .mirrors import (
     ground_mirror,
     is_mirror_like,
     lobe_width,
+    mirror_choice,
     mirror_of,
+    mirror_property,
     reciprocal_lobe,
+    set_mirror,
+    set_mirrors,
 )
-from .pane_sides import doubled_panes
 from .physical_materials import (
     EXACT_FACETS,
+    SURFACE_TYPES,
+    MaterialAssignment,
+    assigned_materials,
+    foreign_objects,
+    has_no_faces,
     has_rough_facets,
     is_physical,
+    is_rough,
     make_physical_material,
+    media_beyond_their_band,
     refresh_materials,
+    roughness_of,
+    slot_materials,
     surface_of,
     update_materials,
 )
-from .scattered_lobe import ScatteredLobe, scattered_lobe_of, set_scattered_lobe
-from .surface_roughness import is_rough, roughness_of
-from .total_reflection import total_reflections
-from .unrefracted import straight_interiors
-from .wall_modifier import sharpen_edges
+from .scattered_lobe import ScatteredLobe, scattered_lobe_of, set_clutter_tables, set_scattered_lobe
+from .total_reflection import (
+    average_in_a_row,
+    averaging_objects,
+    separate_averages,
+    straight_interiors,
+    total_reflections,
+)
+from .wall_faces import convex_objects
 
 __all__ = [
     "EXACT_FACETS",

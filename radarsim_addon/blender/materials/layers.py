@@ -15,20 +15,192 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Real
 from ...findings import Finding, finding, finding_about
 from ..nodes import attributes
-from ..nodes.group_search import group_input, group_node
-from ..nodes.groups import KIND_PROPERTY
+from ..nodes.groups import KIND_PROPERTY, group_input, group_node
 from ..nodes.materials import has_interior
-from ..nodes.physical_material import EXTINCTION, KIND
-from ..nodes.sheet import KIND as SHEET_KIND
-from ..state import SettingsRestorer, evaluated_mesh
-from .assignments import assigned_materials
-from .convex_bodies import convex_parts, least_depths
-from .layer_faces import LAYER_SHARE, MIN_PLATE_FRACTION, LayerFaces
-from .wall_faces import WallFaces, depths_behind, find_walls
-from .wall_modifier import store_thickness
+from ..nodes.physical_material import PHYSICAL_KIND
+from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
+from ..nodes.radar_material import EXTINCTION
+from ..state import SettingsRestorer, evaluated_mesh, read_numbers
+from .physical_materials import SHEET_THICKNESS, assigned_materials, is_sheet
+from .wall_faces import (
+    LAYER_SHARE,
+    MIN_PLATE_FRACTION,
+    LayerFaces,
+    WallFaces,
+    convex_parts,
+    depths_behind,
+    find_walls,
+    least_depths,
+)
+
+# -------------------------------------------------------------------------------------------------
+# What faces of walls have during a run, whatever modifiers make these.
+# -------------------------------------------------------------------------------------------------
+
+
+_NAME = "radarsim walls"
+
+
+def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> bool:
+    """Give the faces of an object's evaluated mesh the thickness of their walls, until restored.
+
+    Parameters
+    ----------
+    recorder
+        Records the change.
+    item : bpy.types.Object
+        Changed in memory if it is linked from another file.
+    thickness
+        In the object's own units, by polygon, (n,).
+
+    Returns
+    -------
+    bool
+        False for a linked object whose faces modifiers make: it cannot have another modifier.
+    """
+    if item.library is not None:
+        return _store_in_mesh(recorder, item.data, thickness)
+    mesh = bpy.data.meshes.new(_NAME)
+    recorder.on_restore(_NAME, lambda: bpy.data.meshes.remove(mesh))
+    mesh.vertices.add(len(thickness))
+    held = mesh.attributes.new(attributes.FACE_WALL_THICKNESS, "FLOAT", "POINT")
+    held.data.foreach_set("value", thickness.astype("f4"))
+    holder = bpy.data.objects.new(_NAME, mesh)
+    recorder.on_restore(_NAME, lambda: bpy.data.objects.remove(holder))
+    holder.hide_render = True
+    _draw_thickness(_add_modifier(recorder, item), holder)
+    return True
+
+
+def _store_in_mesh(recorder: SettingsRestorer, mesh: Any, thickness: Real) -> bool:
+    """Give the faces of a linked mesh their thickness, in memory; returns whether these are all."""
+    name = attributes.FACE_WALL_THICKNESS
+    if len(mesh.polygons) != len(thickness):
+        return False
+    if name not in mesh.attributes:  # else by another object of this mesh
+        held = mesh.attributes.new(name, "FLOAT", "FACE")
+        # foreach_set leaves linked data as it is, without a word.
+        for element, value in zip(held.data, thickness.tolist(), strict=True):
+            element.value = value
+        recorder.on_restore(name, lambda: mesh.attributes.remove(mesh.attributes[name]))
+        mesh.update_tag()
+    return True
+
+
+def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> None:
+    """Have an object's normals end at edges of more than an angle, until restored.
+
+    Normals of its own that a mesh was imported with are left out. Objects that a scale by axes
+    distorts, whose angles are others, are shaded flat.
+
+    Parameters
+    ----------
+    recorder
+        Records the change.
+    item : bpy.types.Object
+        One linked from another file keeps its normals if it has modifiers or normals of its own;
+        else its mesh is changed in memory.
+    angle_deg
+        Between the faces on both sides of an edge.
+    """
+    if item.library is not None:
+        if not item.modifiers and "custom_normal" not in item.data.attributes:
+            _sharpen_mesh(recorder, item.data, 0.0 if _is_distorted(item) else angle_deg)
+        return
+    tree = _add_modifier(recorder, item)
+    kinds = (
+        "NodeGroupInput",
+        "GeometryNodeInputMeshEdgeAngle",
+        "ShaderNodeMath",
+        "GeometryNodeRemoveAttribute",
+        "GeometryNodeSetShadeSmooth",
+        "NodeGroupOutput",
+    )
+    begin, angle, above, remove, shade, end = map(tree.nodes.new, kinds)
+    above.operation, shade.domain = "GREATER_THAN", "EDGE"
+    above.inputs[1].default_value = math.radians(angle_deg)
+    remove.inputs["Name"].default_value = "custom_normal"
+    shade.inputs["Shade Smooth"].default_value = False
+    if _is_distorted(item):
+        shade.domain = "FACE"
+        above.operation, above.inputs[1].default_value = "ADD", 1.0  # all
+    for source, target in (
+        (begin.outputs["Geometry"], remove.inputs["Geometry"]),
+        (angle.outputs["Unsigned Angle"], above.inputs[0]),
+        (above.outputs[0], shade.inputs["Selection"]),
+        (remove.outputs["Geometry"], shade.inputs[0]),
+        (shade.outputs[0], end.inputs["Geometry"]),
+    ):
+        tree.links.new(source, target)
+
+
+def _is_distorted(item: Any) -> bool:
+    """Whether a scale by axes changes the angles of an object."""
+    scale = item.matrix_world.to_scale()
+    return bool(max(scale) > 1.01 * min(scale))
+
+
+def _sharpen_mesh(recorder: SettingsRestorer, mesh: Any, angle_deg: float) -> None:
+    """Mark the edges of a linked mesh with more than this angle as sharp, in memory."""
+    name = "sharp_edge"
+    edge = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
+    sides = read_numbers(mesh.polygons, "loop_total", dtype=np.int32).ravel()
+    normal = np.repeat(read_numbers(mesh.polygons, "normal", 3), sides, axis=0)
+    order = np.argsort(edge, kind="stable")
+    one, other = order[:-1], order[1:]
+    cosine = np.einsum("nx,nx->n", normal[one], normal[other])
+    sharp = (edge[one] == edge[other]) & (cosine < math.cos(math.radians(angle_deg)))
+    before = mesh.attributes.get(name)
+    if before is None:  # else by another object of this mesh
+        mesh.attributes.new(name, "BOOLEAN", "EDGE")
+        recorder.on_restore(name, lambda: mesh.attributes.remove(mesh.attributes[name]))
+    for index in np.unique(edge[one[sharp]]).tolist():  # foreach_set leaves linked data as it is
+        recorder.set(mesh.edges[index], "use_edge_sharp", True)
+    mesh.update_tag()
+
+
+def _add_modifier(recorder: SettingsRestorer, item: Any) -> Any:
+    """Give an object a modifier until restored; returns its tree, with sockets for geometry."""
+    tree = bpy.data.node_groups.new(_NAME, "GeometryNodeTree")
+    recorder.on_restore(_NAME, lambda: bpy.data.node_groups.remove(tree))
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    modifier = item.modifiers.new(_NAME, "NODES")
+    recorder.on_restore(item.name, lambda: item.modifiers.remove(modifier))
+    modifier.node_group = tree
+    return tree
+
+
+def _draw_thickness(tree: Any, holder: Any) -> None:
+    """Copy the values of the holder's points to the faces, by their number."""
+    kinds = (
+        "NodeGroupInput",
+        "GeometryNodeObjectInfo",
+        "GeometryNodeInputNamedAttribute",
+        "GeometryNodeInputIndex",
+        "GeometryNodeSampleIndex",
+        "GeometryNodeStoreNamedAttribute",
+        "NodeGroupOutput",
+    )
+    begin, held, named, index, sample, store, end = map(tree.nodes.new, kinds)
+    held.inputs["Object"].default_value = holder
+    named.data_type = sample.data_type = store.data_type = "FLOAT"
+    sample.domain, store.domain = "POINT", "FACE"
+    named.inputs["Name"].default_value = attributes.FACE_WALL_THICKNESS
+    store.inputs["Name"].default_value = attributes.FACE_WALL_THICKNESS
+    for source, target in (
+        (begin.outputs["Geometry"], store.inputs["Geometry"]),
+        (held.outputs["Geometry"], sample.inputs["Geometry"]),
+        (named.outputs["Attribute"], sample.inputs["Value"]),
+        (index.outputs["Index"], sample.inputs["Index"]),
+        (sample.outputs["Value"], store.inputs["Value"]),
+        (store.outputs["Geometry"], end.inputs["Geometry"]),
+    ):
+        tree.links.new(source, target)
+
 
 #: Two-way absorption that Cycles can represent [dB]. For an echo of 1 W/(m^2 sr) without the wall,
 #: measured power and range are correct up to 360 dB, and the range is lost from 372 dB. Blender up
@@ -156,7 +328,11 @@ def is_entered(material: Any) -> bool:
         False for None and for materials without the physical group.
     """
     node = group_node(material)
-    return node is not None and node.node_tree.get(KIND_PROPERTY) == KIND and has_interior(material)
+    return (
+        node is not None
+        and node.node_tree.get(KIND_PROPERTY) == PHYSICAL_KIND
+        and has_interior(material)
+    )
 
 
 def passes_by_polarisation(material: Any) -> bool:
@@ -268,3 +444,48 @@ def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
     if caution:
         said.append(finding_about("absorption-below-float32", caution))
     return said
+
+
+# -------------------------------------------------------------------------------------------------
+# Thin panes that are modelled with both of their sides, so that they count twice.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Distance of two sides, in thicknesses of the pane, within which they are those of one pane.
+_NEAR = 10.0
+#: Fraction of the surface with another side from which on an object is named.
+_LEAST_FRACTION = 0.1
+
+
+def doubled_panes(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
+    """Find objects whose thin sheets have another face of the object right behind them.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    metres_per_unit
+        Length of a Blender unit [m].
+
+    Returns
+    -------
+    list of Finding
+        One ``pane-counts-twice`` with all of them, if any.
+    """
+    named, is_pane = [], cache(is_sheet)
+    for item, materials in assigned_materials(depsgraph):
+        sheets = [m for m in materials if m is not None and is_pane(m)]
+        if item.type != "MESH" or not sheets:
+            continue
+        evaluated = item.evaluated_get(depsgraph)
+        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+        with evaluated_mesh(evaluated) as mesh:
+            if mesh is None or not len(mesh.polygons):
+                continue
+            depths = depths_behind(mesh, linear)
+        thickness_m = max(float(m.get(SHEET_THICKNESS, 0.0)) for m in sheets)
+        with np.errstate(invalid="ignore"):
+            near = depths.parallel & (depths.depth * metres_per_unit <= _NEAR * thickness_m)
+        if depths.area[near].sum() > _LEAST_FRACTION * depths.area.sum():
+            named.append(item.name)
+    return [finding("pane-counts-twice", *named)] if named else []

@@ -22,8 +22,13 @@ and when a run starts.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Iterable
-from typing import Any
+import math
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import starmap
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
@@ -32,26 +37,197 @@ from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, finding
 from ...physics.checks import real_array
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ...physics.material_model import MaterialModel
 from ...physics.materials import TABLE, material_model
-from ...physics.rough import cycles_roughness, slope_from_roughness
-from ...physics.rough_transmission import transmission_factors
-from ..nodes.group_search import find_group, group_input, group_node, holds_group
-from ..nodes.groups import KIND_PROPERTY, ensure_group
-from ..nodes.materials import is_conductor, link_group
-from ..nodes.physical_material import (
-    EXTINCTION,
-    GRAZING_TRANSMISSION,
-    INDEX,
-    KIND,
-    ROUGHNESS,
-    SMOOTH_BELOW,
-    TRANSMISSION,
+from ...physics.rough import (
+    cycles_roughness,
+    kirchhoff_limits,
+    rms_slope,
+    slope_from_roughness,
+    transmission_factors,
 )
-from ..nodes.sheet import KIND as SHEET_KIND
-from ..nodes.sheet import THICKNESS
-from ..state import SettingsRestorer
-from .assignments import slot_materials
-from .medium import Medium, Surface
+from ..nodes.groups import (
+    KIND_PROPERTY,
+    ensure_group,
+    find_group,
+    group_input,
+    group_node,
+    holds_group,
+)
+from ..nodes.materials import is_conductor, link_group
+from ..nodes.physical_material import GRAZING_TRANSMISSION, PHYSICAL_KIND, SMOOTH_BELOW, THICKNESS
+from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
+from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS, TRANSMISSION
+from ..state import SettingsRestorer, Shape, Snapshot, read_numbers, take_snapshot
+
+# -------------------------------------------------------------------------------------------------
+# Materials that are assigned to the rendered objects.
+#
+# A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The object
+# may be linked, overridden, or a member of an instanced collection that is in no scene. The slots
+# of an evaluated object hold all of these.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Object types whose surface Cycles shades by material slots.
+SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
+
+
+class MaterialAssignment(NamedTuple):
+    """An object with the materials of its slots.
+
+    Attributes
+    ----------
+    item : bpy.types.Object
+        The original object.
+    materials
+        Original materials by slot, then those of instances that it makes; None for an empty slot.
+    """
+
+    item: Any
+    materials: tuple[Any, ...]
+
+
+#: Those of a snapshot, hidden ones too, once they were asked for.
+_of_snapshots: WeakKeyDictionary[Snapshot, list[MaterialAssignment]] = WeakKeyDictionary()
+
+
+def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
+    """Return the materials of each rendered object with a surface.
+
+    Members of instanced collections are included.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+
+    Returns
+    -------
+    list of MaterialAssignment
+        One per object, in the order of the depsgraph.
+    """
+    snapshot = take_snapshot(depsgraph)
+    if snapshot not in _of_snapshots:
+        # Instances that Geometry Nodes make have slots of their own. They come after the object's,
+        # whose places stay.
+        found: dict[Any, tuple[Any, ...]] = {}
+        for shape in snapshot.shapes:
+            if shape.original.type in SURFACE_TYPES:
+                known = found.setdefault(shape.original, shape.materials)
+                more = (one for one in shape.materials if one and one not in known)
+                found[shape.original] = (*known, *dict.fromkeys(more))
+        _of_snapshots[snapshot] = list(starmap(MaterialAssignment, found.items()))
+    return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
+
+
+def foreign_objects(depsgraph: Any, is_known: Callable[[Any], bool]) -> Iterator[Any]:
+    """Yield rendered objects with faces of a material that is not known, or of none (None).
+
+    Faces decide, not slots: an object that only holds instances has none, and Set Material of
+    Geometry Nodes leaves an empty slot that no face uses.
+    """
+    snapshot = take_snapshot(depsgraph)
+    for shape in snapshot.shapes:
+        original, slots = shape.original, shape.materials or (None,)
+        if original.type not in SURFACE_TYPES or original.hide_render or all(map(is_known, slots)):
+            continue
+        if not all(is_known(slots[index]) for index in _used_slots(snapshot, shape, len(slots))):
+            yield original
+
+
+def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
+    """Return the slots that faces use; all of hair curves and point clouds, which have no mesh."""
+    if shape.kind in {"CURVES", "POINTCLOUD"}:
+        return list(range(count))
+    with snapshot.mesh(shape) as mesh:
+        polygons = () if mesh is None else mesh.polygons
+        found = read_numbers(polygons, "material_index", dtype=np.int32) if polygons else ()
+    used: list[int] = np.unique(np.clip(found, 0, count - 1)).astype(int).tolist()
+    return used
+
+
+def has_no_faces(item: Any) -> bool:
+    """Return whether an object is a mesh of points or edges alone, as those that carry instances.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        Original; modifiers may add faces.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(item.type == "MESH" and not item.modifiers and not len(item.data.polygons))
+
+
+def slot_materials(item: Any) -> tuple[Any, ...]:
+    """Return the original materials in the slots of an object; None for an empty slot.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+        If evaluated, the materials that Geometry Nodes set are included.
+
+    Returns
+    -------
+    tuple of bpy.types.Material or None
+        One per slot.
+    """
+    return tuple(
+        None if slot.material is None else slot.material.original for slot in item.material_slots
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# Parts of a physical material: a medium of the library, and a rough surface.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Medium:
+    """A model of the library with its parameters; `path` is the CSV file of the model 'table'."""
+
+    name: str
+    parameters: dict[str, float] = field(default_factory=dict)
+    path: str | None = None
+
+    @property
+    def model(self) -> MaterialModel:
+        """The library's model. Raises ConfigError for an unknown name."""
+        path = None if self.path is None else bpy.path.abspath(self.path)
+        return material_model(self.name, path)
+
+    def index(self, carrier_hz: float, beyond_band: str = "hold") -> complex:
+        """Return n + jk at the carrier. Raises ConfigError for 'refuse' outside the band."""
+        return complex(self.model.index(carrier_hz, beyond_band, **self.parameters))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Rough surface: RMS height and correlation length [m], and RMS slope; 0 if unknown."""
+
+    rms_height_m: float = 0.0
+    correlation_length_m: float = 0.0
+    rms_slope: float = 0.0
+
+    @property
+    def slope(self) -> float:
+        """RMS slope: sqrt(2) h/l if both are known, else the slope of the record."""
+        if self.rms_height_m > 0 and self.correlation_length_m > 0:
+            return float(rms_slope(self.rms_height_m, self.correlation_length_m))
+        return self.rms_slope
+
+    @property
+    def correlation_length(self) -> float:
+        """Correlation length [m], if unknown from h and the slope; 0 if these are unknown too."""
+        if self.correlation_length_m > 0:
+            return self.correlation_length_m
+        if self.rms_height_m > 0 and self.rms_slope > 0:
+            return math.sqrt(2) * self.rms_height_m / self.rms_slope
+        return 0.0
+
 
 MEDIUM = "radarsim_medium"
 PARAMETER_PREFIX = "radarsim_medium_"
@@ -122,7 +298,7 @@ def is_physical(material: Any) -> bool:
     bool
         False for None.
     """
-    return _kind_of(material) in (KIND, SHEET_KIND)
+    return _kind_of(material) in (PHYSICAL_KIND, SHEET_KIND)
 
 
 def has_rough_facets(material: Any) -> bool:
@@ -137,7 +313,7 @@ def has_rough_facets(material: Any) -> bool:
     bool
         Then from order 2 on the world should encode the range.
     """
-    if not EXACT_FACETS or _kind_of(material) != KIND:
+    if not EXACT_FACETS or _kind_of(material) != PHYSICAL_KIND:
         return False
     socket, surface = group_input(material, ROUGHNESS), surface_of(material)
     return (
@@ -234,7 +410,7 @@ def make_physical(material: Any, penetrable: bool = True) -> None:
     if float(material.get(SHEET_THICKNESS, 0.0)) > 0:
         link_group(material, ensure_group(SHEET_KIND), False)
     else:
-        link_group(material, ensure_group(KIND), penetrable)
+        link_group(material, ensure_group(PHYSICAL_KIND), penetrable)
 
 
 # -- values at a carrier ---------------------------------------------------------------------------
@@ -401,3 +577,244 @@ def _in_slots(objects: Iterable[Any]) -> set[Any]:
         for material in slot_materials(item)
         if material is not None
     }
+
+
+# -------------------------------------------------------------------------------------------------
+# Materials that are ready for use: those of the Asset Browser, and more for everyday names.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A material of the library: a medium, and RMS height and correlation length [m].
+
+    The surfaces are typical, not measured.
+    """
+
+    name: str
+    catalogue: str
+    medium: str
+    rms_height_m: float = 0.0
+    correlation_length_m: float = 0.0
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def description(self) -> str:
+        """Tooltip in the Asset Browser: source, band, surface."""
+        model = Medium(self.medium).model
+        surface = "Smooth"
+        if self.rms_height_m:
+            surface = (
+                f"RMS height {self.rms_height_m * 1e3:g} mm, correlation length "
+                f"{self.correlation_length_m * 1e3:g} mm"
+            )
+        given = "".join(f"{key} {value:g}. " for key, value in self.parameters.items())
+        return f"{model.source} ({model.edition}), {model.band_text}. {given}{surface}"
+
+    def material(self, name: str, carrier_hz: float, **options: Any) -> Any:
+        """Make the material; options as for `make_physical_material`."""
+        return make_physical_material(
+            name,
+            self.medium,
+            carrier_hz=carrier_hz,
+            rms_height_m=self.rms_height_m,
+            correlation_length_m=self.correlation_length_m,
+            **options,
+            **self.parameters,
+        )
+
+
+ASSETS: tuple[Asset, ...] = (
+    Asset("Concrete, smooth", "Radar/Building", "concrete"),
+    Asset("Concrete, rough", "Radar/Building", "concrete", 2e-3, 2e-2),
+    Asset("Brick", "Radar/Building", "brick", 2e-3, 1.5e-2),
+    Asset("Plasterboard", "Radar/Building", "plasterboard"),
+    Asset("Wood", "Radar/Building", "wood", 0.5e-3, 1e-2),
+    Asset("Chipboard", "Radar/Building", "chipboard"),
+    Asset("Glass", "Radar/Building", "glass"),
+    Asset("Marble", "Radar/Building", "marble"),
+    Asset("Asphalt", "Radar/Ground", "asphalt_concrete", 1.5e-3, 8e-3),
+    Asset("Very dry ground", "Radar/Ground", "very_dry_ground", 1e-2, 8e-2),
+    Asset("Medium dry ground", "Radar/Ground", "medium_dry_ground", 1e-2, 8e-2),
+    Asset("Wet ground", "Radar/Ground", "wet_ground", 1e-2, 8e-2),
+    Asset("Soil, 20 % moisture", "Radar/Ground", "soil", 1e-2, 8e-2, {"moisture": 0.2}),
+    Asset("Ice", "Radar/Water", "ice", 2e-3, 5e-2),
+    Asset("Fresh water", "Radar/Water", "water", 5e-3, 1e-1),
+    Asset("Sea water", "Radar/Water", "sea_water", 1e-2, 1e-1),
+    Asset("Steel", "Radar/Metal", "conductor", 0, 0, {"conductivity_s_per_m": 1.45e6}),
+    Asset("Aluminium", "Radar/Metal", "conductor", 0, 0, {"conductivity_s_per_m": 3.8e7}),
+    Asset("Metal, rough", "Radar/Metal", "metal", 2e-3, 1e-2),
+)
+
+_SKIN = {
+    # Dry skin after Gabriel (1996) above 1 GHz: its first dispersion and what the second leaves.
+    "static_permittivity": 36.0,
+    "infinite_permittivity": 4.0,
+    "relaxation_frequency_hz": 22e9,
+    "conductivity_s_per_m": 1.0,
+}
+#: Materials by name: those of the Asset Browser, and others whose index is typical, not measured.
+READY: dict[str, Asset] = {
+    asset.name: asset
+    for asset in (
+        *ASSETS,
+        Asset("Skin", "", "debye", 0.3e-3, 3e-3, _SKIN),
+        Asset("Rubber", "", "permittivity", 0.5e-3, 4e-3, {"eps_real": 4.0, "eps_imag": 0.4}),
+        Asset("Plastic", "", "permittivity", 0.1e-3, 2e-3, {"eps_real": 2.6, "eps_imag": 0.02}),
+        Asset("Cloth", "", "permittivity", 0.5e-3, 4e-3, {"eps_real": 1.7, "eps_imag": 0.05}),
+        Asset("Leaves", "", "permittivity", 0.5e-3, 5e-3, {"eps_real": 15.0, "eps_imag": 6.0}),
+    )
+}
+#: Words in the names of materials, and the material they stand for; the first that fits counts.
+_WORDS: tuple[tuple[str, str], ...] = (
+    ("Rubber", "rubber tyre tire wheel"),
+    ("Asphalt", "asphalt tarmac bitumen road street"),
+    ("Glass", "glass window windshield windscreen pane"),
+    ("Metal, rough", "metal steel iron aluminium aluminum alu chrome copper brass bronze tin zinc"),
+    ("Metal, rough", "gold silver carpaint paint rim chassis rail guardrail"),
+    ("Brick", "brick masonry"),
+    ("Concrete, rough", "concrete cement beton pavement sidewalk kerb curb facade wall"),
+    ("Plasterboard", "plaster plasterboard drywall gypsum stucco"),
+    ("Wood", "wood wooden oak pine plank timber bark trunk parquet"),
+    ("Skin", "skin face hand head human flesh"),
+    ("Leaves", "leaf leaves foliage plant hedge bush"),
+    ("Cloth", "cloth fabric textile cotton leather shirt jeans trousers carpet curtain"),
+    ("Plastic", "plastic pvc polymer nylon acrylic vinyl"),
+    ("Very dry ground", "sand desert"),
+    ("Medium dry ground", "ground soil dirt earth mud grass lawn gravel terrain field"),
+    ("Sea water", "sea ocean"),
+    ("Fresh water", "water river lake puddle"),
+    ("Ice", "ice snow"),
+    ("Marble", "marble stone granite rock"),
+)  # fmt: skip
+#: Letters from which a word also counts as the beginning of a longer one: "metallic" is metal,
+#: "headlight" no skin.
+_WITHIN = 5
+
+
+def suggest_material(*names: str) -> str | None:
+    """Return the ready material that names stand for, the first name first; None: not known."""
+    for name in names:
+        words = re.findall("[a-z]+", re.sub("([a-z])([A-Z])", r"\1 \2", name).lower())
+        for ready, known in _WORDS:
+            for word in known.split():
+                if any(
+                    part in (word, f"{word}s") or (len(word) >= _WITHIN and part.startswith(word))
+                    for part in words
+                ):
+                    return ready
+    return None
+
+
+# -------------------------------------------------------------------------------------------------
+# Where the models of a material do not hold: bands of media, and Kirchhoff's surfaces.
+# -------------------------------------------------------------------------------------------------
+
+
+def _beyond_its_band(material: Any, carrier_hz: float, beyond_band: str = "hold") -> list[Finding]:
+    """Find that a physical material is used outside the band of its medium."""
+    medium = medium_of(material) if is_physical(material) else None
+    if medium is None or beyond_band == "refuse":
+        return []
+    found = medium.model.out_of_band(carrier_hz, **medium.parameters)
+    if found is None:
+        return []
+    return [
+        finding(
+            "medium-beyond-band",
+            material.name,
+            carrier_hz=carrier_hz,
+            medium=medium.name,
+            band=medium.model.band_text,
+            edge_hz=found.edge_hz,
+            beyond_band=beyond_band,
+            reflection_db=found.reflection_db,
+            absorption_ratio=found.absorption_ratio,
+            error_class=found.error_class,
+        )
+    ]
+
+
+def media_beyond_their_band(
+    carrier_hz: float, beyond_band: str = "hold", materials: Iterable[Any] | None = None
+) -> list[Finding]:
+    """Find the physical materials whose medium is not defined at a carrier.
+
+    Parameters
+    ----------
+    carrier_hz
+        Carrier [Hz].
+    beyond_band
+        What a medium does outside its band.
+    materials
+        Materials of rendered objects. None: those of the file that are used.
+
+    Returns
+    -------
+    list of Finding
+        One for each material; the panel and the run tell unknown media.
+    """
+    found = []
+    if materials is None:
+        materials = [item for item in bpy.data.materials if item.users > item.use_fake_user]
+    for material in materials:
+        if MEDIUM in material:
+            with contextlib.suppress(ConfigError):
+                found += _beyond_its_band(material, carrier_hz, beyond_band)
+    return found
+
+
+def limits_of(material: Any, carrier_hz: float) -> tuple[Finding, ...]:
+    """Find why the model of a material's rough surface does not hold at a carrier."""
+    surface = surface_of(material)
+    if surface is None or surface.rms_height_m == 0 or surface.correlation_length == 0:
+        return ()
+    found = kirchhoff_limits(
+        surface.rms_height_m, surface.correlation_length, SPEED_OF_LIGHT_MPS / carrier_hz
+    )
+    return tuple(item.about(material.name) for item in found)
+
+
+# -------------------------------------------------------------------------------------------------
+# RMS height and correlation length of surfaces, from custom properties of materials.
+# -------------------------------------------------------------------------------------------------
+
+
+def roughness_of(materials: Iterable[Any]) -> tuple[float | None, float | None]:
+    """Return the roughness of the first of some materials that has an RMS height.
+
+    Parameters
+    ----------
+    materials : iterable of bpy.types.Material or None
+        Of an object, by slot.
+
+    Returns
+    -------
+    rms_height_m, correlation_length_m : float or None
+        [m]; None if unknown.
+    """
+    for material in materials:
+        if material is None:
+            continue
+        height_m = float(material.get(RMS_HEIGHT, 0.0))
+        if height_m > 0:
+            return height_m, float(material.get(CORRELATION_LENGTH, 0.0)) or None
+    return None, None
+
+
+def is_rough(item: Any) -> bool:
+    """Return whether all materials of an object are Radar Materials with a rough surface.
+
+    Parameters
+    ----------
+    item : bpy.types.Object
+
+    Returns
+    -------
+    bool
+        False for an object without materials.
+    """
+    sockets = [group_input(material, ROUGHNESS) for material in slot_materials(item)]
+    return bool(sockets) and all(
+        socket is not None and socket.default_value > SMOOTH_BELOW for socket in sockets
+    )

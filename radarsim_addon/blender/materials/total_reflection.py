@@ -4,24 +4,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from ...array_types import Indices, Mask, Real
-from ...findings import Finding, finding_about
-from ...vectors import crosses, dots, norms
+from ...arrays import Indices, Mask, Real, crosses, dots, norms
+from ...findings import Finding, finding, finding_about
+from ...physics.fresnel import excess_path_m, slab_power
 from ..nodes import attributes
-from ..nodes.group_search import group_input
+from ..nodes.groups import group_input
 from ..nodes.materials import has_interior
-from ..nodes.physical_material import EXTINCTION, INDEX
-from ..state import evaluated_mesh, read_triangles
-from .assignments import assigned_materials
-from .convex_bodies import ConvexBodies, convex_parts
-from .layers import is_entered, thinnest
+from ..nodes.radar_material import EXTINCTION, INDEX
+from ..state import evaluated_mesh, read_triangles, take_snapshot
+from .layers import is_entered, passes_by_polarisation, thinnest
+from .physical_materials import assigned_materials
+from .wall_faces import ConvexBodies, convex_parts
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
@@ -322,3 +322,147 @@ def _spread(triangles: int) -> Real:
     steps = (np.arange(count)[:, None] + 0.5) * (0.7548776662466927, 0.5698402909980532) % 1
     steps = np.where(steps.sum(axis=1, keepdims=True) > 1, 1 - steps, steps)
     return np.stack([1 - steps.sum(axis=1), *steps.T], axis=1)
+
+
+# -------------------------------------------------------------------------------------------------
+# Objects of simple Radar Materials, in which waves are not refracted, and what that costs.
+# -------------------------------------------------------------------------------------------------
+
+
+def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
+    """Find objects that waves cross at the delay of the straight line, whatever its angle.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date, materials at the carrier.
+    metres_per_unit
+        Length of a Blender unit [m].
+
+    Returns
+    -------
+    list of Finding
+        One ``interior-not-refracted`` with all of them, if any, and what the one with the largest
+        error adds to an echo behind it at two angles.
+    """
+    simple = cache(lambda material: has_interior(material) and not is_entered(material))
+    worst: dict[str, tuple[float, float]] = {}
+    for item, materials in assigned_materials(depsgraph):
+        sockets = [group_input(material, INDEX) for material in materials if simple(material)]
+        index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
+        if item.type != "MESH" or index <= 1:
+            continue
+        depth_m = thinnest(item, depsgraph) * metres_per_unit
+        if depth_m > 0:
+            worst[item.name_full] = (
+                _too_long_m(index, depth_m, 60.0),
+                _too_long_m(index, depth_m, 30.0),
+            )
+    if not worst:
+        return []
+    far_60_m, far_30_m = max(worst.values())
+    return [
+        finding("interior-not-refracted", *worst, too_long_30_m=far_30_m, too_long_60_m=far_60_m)
+    ]
+
+
+def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
+    """What a straight line through a layer and back is longer than the refracted wave [m]."""
+    cosine = math.cos(math.radians(angle_deg))
+    return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
+
+
+# -------------------------------------------------------------------------------------------------
+# Objects that let waves through in the mean of both polarisations, and what it costs to take the
+# mean at each of them and not at the end of the way.
+# -------------------------------------------------------------------------------------------------
+
+
+def averaging_objects(depsgraph: Any) -> dict[str, complex]:
+    """Return the objects that take the mean of both polarisations, with their largest index.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date, materials at the carrier.
+
+    Returns
+    -------
+    dict of str to complex
+        By object's name.
+    """
+    found = {}
+    averages, index = cache(passes_by_polarisation), cache(_index)  # many objects share materials
+    for item, materials in assigned_materials(depsgraph):
+        indices = [index(material) for material in materials if averages(material)]
+        if indices:
+            found[item.name_full] = max(indices, key=abs)
+    return found
+
+
+def average_in_a_row(depsgraph: Any, objects: Collection[str]) -> bool:
+    """Return whether waves may pass several walls of these objects one after the other.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date; layer normals are set.
+    objects
+        Names, from `averaging_objects`.
+
+    Returns
+    -------
+    bool
+        Also for one object that consists of several walls, or has several instances.
+    """
+    snapshot = take_snapshot(depsgraph)
+    shapes = [shape.original for shape in snapshot.shapes]
+    ours = snapshot.of_shapes([item.name_full in objects for item in shapes])
+    several = (
+        attributes.OBJECT_SHELL_THICKNESS in item
+        or (
+            attributes.OBJECT_LAYER_NORMAL in item and attributes.OBJECT_LAYER_THICKNESS not in item
+        )
+        for item in shapes
+        if item.name_full in objects
+    )
+    return int((ours & snapshot.layout.visible).sum()) > 1 or any(several)
+
+
+def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
+    """Return the finding that these objects take the mean each by itself.
+
+    Parameters
+    ----------
+    objects
+        From `averaging_objects`, at least one.
+    paths
+        The paths that it concerns, in words.
+
+    Returns
+    -------
+    Finding
+        With the error of two walls of the largest index.
+    """
+    index = max(objects.values(), key=abs)
+    return finding(
+        "walls-averaged-separately",
+        *objects,
+        paths=paths,
+        loss_30_db=_loss_db(index, 30.0),
+        loss_60_db=_loss_db(index, 60.0),
+    )
+
+
+def _loss_db(index: complex, angle_deg: float) -> float:
+    """What two walls pass on both ways over what they pass with a mean at each [dB]."""
+    wall = slab_power(index, 1e-12, 1.0, math.cos(math.radians(angle_deg)), "single-pass")
+    s, p = float(wall.transmitted_s), float(wall.transmitted_p)
+    return 20 * math.log10((s**2 + p**2) / 2 / ((s + p) / 2) ** 2)
+
+
+def _index(material: Any) -> complex:
+    n, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
+    return complex(
+        1.0 if n is None else n.default_value, 0.0 if kappa is None else kappa.default_value
+    )

@@ -11,20 +11,146 @@ surfaces do.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import contextlib
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from mathutils.bvhtree import BVHTree
+from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...arrays import Indices, Mask, Real, are_finite, norms, turned
+from ...contract import BodyRecord
+from ...signal.motion import BodyMotions, StillBodies, body_record, write_still_bodies
 from ...signal.paths import PathRows
-from ...vectors import are_finite, norms, turned
-from ..scene import InstancePose, Poses, distance_from_box
+from ...typed_json import file_sha256
+from ..scene import InstancePose, Poses, distance_from_box, instance_name
 from ..state import Key, Layout
-from .near_bodies import pairs_near
+
+# -------------------------------------------------------------------------------------------------
+# Pairs of points and bodies that may touch: by spheres around the boxes of the bodies.
+#
+# Few of many instances move from frame to frame, so the search trees of the others are kept.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Boxes up to which each is compared with each point.
+_FEW = 32
+#: Part of the bodies that may have changed before the trees are made again.
+_MOST_CHANGED = 0.1
+
+Pairs = tuple[Indices, Indices]
+
+
+@dataclass(frozen=True)
+class _Spheres:
+    """Spheres around n boxes: `centre` (n, 3), `radius` (n,) [m] of `pose` and `box`.
+
+    `groups` are indices of boxes of similar size, each with a search tree of their centres if there
+    is one.
+    """
+
+    pose: Real
+    box: Real
+    centre: Real
+    radius: Real
+    groups: list[tuple[Indices, Any]]
+
+    def changed(self, pose: Real, box: Real) -> Mask:
+        """Return which of the n bodies have another pose or box now, (n,)."""
+        differs = pose != self.pose
+        # any() over 16 values each takes several times as long
+        found = differs.reshape(-1, 16).view(np.uint64).any(axis=1)
+        return np.asarray(found | (box != self.box).any(axis=(1, 2)))
+
+
+_kept: WeakKeyDictionary[Layout, dict[tuple[int, int], _Spheres]] = WeakKeyDictionary()
+
+
+def pairs_near(
+    layout: Layout, bodies: slice, pose: Real, box: Real, points: Real, margin_m: float
+) -> Pairs:
+    """Return pairs of points and of bodies around whose boxes are spheres with the point.
+
+    Parameters
+    ----------
+    layout
+        Of the scene.
+    bodies
+        Which of its bodies: what is kept is of these.
+    pose, box
+        Their poses (n, 4, 4) and boxes (n, 2, 3) [m].
+    points
+        (k, 3) [m].
+    margin_m
+        Added to each radius [m].
+
+    Returns
+    -------
+    tuple of ndarray
+        Indices of points and, from 0, of bodies. Some pairs may be farther apart.
+    """
+    kept = _kept.setdefault(layout, {})
+    spheres = kept.get((bodies.start, bodies.stop))
+    changed = np.ones(len(pose), dtype=bool)
+    if spheres is not None:
+        changed = spheres.changed(pose, box)
+    if spheres is None or changed.sum() > max(_FEW, _MOST_CHANGED * len(pose)):
+        spheres, changed = _spheres(pose, box), np.zeros(len(pose), dtype=bool)
+        if len(pose) >= _FEW:
+            kept[bodies.start, bodies.stop] = spheres
+    found = list(_pairs_in_groups(spheres, points, margin_m))
+    if changed.any():
+        found = [(row[~changed[part]], part[~changed[part]]) for row, part in found]
+        loose = np.flatnonzero(changed)
+        now = _spheres(pose[loose], box[loose])
+        found += [(row, loose[part]) for row, part in _pairs_in_groups(now, points, margin_m)]
+    rows, parts = zip(*found, strict=True)
+    return np.concatenate(rows), np.concatenate(parts)
+
+
+def _spheres(pose: Real, box: Real) -> _Spheres:
+    centre = np.einsum("nij,nj->ni", pose[:, :3, :3], box.mean(axis=1)) + pose[:, :3, 3]
+    half = (box[:, 1] - box[:, 0]) / 2
+    reach = np.einsum("nij,nj->ni", np.abs(pose[:, :3, :3]), half)
+    radius = np.linalg.norm(reach, axis=1)
+    # One tree for each power of two of the radius: boxes of similar size have few neighbours.
+    size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
+    groups = [np.flatnonzero(size == one) for one in np.unique(size)]
+    trees = [_tree(centre[here]) if here.size >= _FEW else None for here in groups]
+    # copies: whoever changes theirs would not be noticed
+    return _Spheres(pose.copy(), box.copy(), centre, radius, list(zip(groups, trees, strict=True)))
+
+
+def _tree(places: Real) -> Any:
+    """Return a search tree of places; None without scipy, as some Blender programs are."""
+    with contextlib.suppress(ImportError):
+        from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
+
+        return cKDTree(places, balanced_tree=False)
+    return None
+
+
+def _pairs_in_groups(spheres: _Spheres, points: Real, margin_m: float) -> Iterator[Pairs]:
+    """Yield the pairs of each group, at most about the radius of the largest one apart."""
+    of_points = None
+    for here, tree in spheres.groups:
+        radius = spheres.radius[here] + margin_m
+        if tree is not None:
+            of_points = _tree(points) if of_points is None else of_points
+            reach_m = float(radius.max())
+            pairs = of_points.sparse_distance_matrix(tree, reach_m, output_type="ndarray")
+            yield pairs["i"], here[pairs["j"]]
+            continue
+        for start in range(0, here.size, _FEW):
+            some = slice(start, start + _FEW)
+            apart = np.linalg.norm(points - spheres.centre[here[some], None], axis=2)
+            part, row = np.nonzero(apart <= radius[some, None])
+            yield row, here[part + start]
+
 
 #: Largest distance of a scatterer from its surface, relative to the path length. Positions from the
 #: transmitter's colours are known to 1e-6 of the scene's size.
@@ -278,3 +404,73 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
     order = kept[np.lexsort((text.astype(str), number[kept]))]
     _orders[layout] = number, order
     return order
+
+
+# -------------------------------------------------------------------------------------------------
+# Records of the bodies of a frame in its motion file, and of the many that are stationary.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Stationary bodies from which on they are in a file of their own: a record of each takes longer.
+MANY = 256
+
+
+def write_bodies(
+    folder: Path, parts: Parts, motions: BodyMotions, deforming: Container[str]
+) -> tuple[list[BodyRecord], str, str]:
+    """Return the records of bodies of these motions, and name and digest of the file of the others.
+
+    It has the stationary ones where these are many; else the name is empty. `deforming` are the
+    names of the objects whose surfaces deform.
+    """
+    names, bodies = parts.names, parts.bodies
+    rows, boxes = bodies.row[parts.index], bodies.box[parts.index]
+    instances = _instance_names(bodies.snapshot.layout, rows)
+    still = np.array([name not in deforming for name in names], dtype=bool)
+    for at, motion in motions.others.items():
+        if motion.moving or motion.noise_m or motion.displacement_error_bound_m:
+            still[at] = False
+    chosen = np.flatnonzero(still)
+    file = digest = ""
+    if len(chosen) < MANY:
+        still[:] = False
+    else:
+        path = write_still_bodies(
+            folder,
+            StillBodies(
+                1 + chosen,
+                _poses_of(motions, chosen),
+                [names[at] for at in chosen.tolist()],
+                instances[chosen].tolist(),
+            ),
+        )
+        file, digest = path.name, file_sha256(path)
+    records = [
+        body_record(names[at], instances[at], motions[at], names[at] in deforming, boxes[at])
+        for at in np.flatnonzero(~still).tolist()
+    ]
+    return records, file, digest
+
+
+def _poses_of(motions: BodyMotions, chosen: Indices) -> Real:
+    """Return the poses of some bodies, (n, 4, 4), translation in metres."""
+    poses = motions.poses[chosen]
+    for at, motion in motions.others.items():
+        poses[chosen == at] = motion.pose
+    return poses
+
+
+#: Names of the instances of a layout, (rows,), None where not asked for; and of its instancers.
+_names: WeakKeyDictionary[Layout, tuple[list[str], NDArray[np.object_]]] = WeakKeyDictionary()
+
+
+def _instance_names(layout: Layout, rows: Indices) -> NDArray[np.object_]:
+    """Return the names of the instances in some rows, (n,): many are the same in each frame."""
+    owners = [item.name_full for item in layout.instancers]
+    known = _names.get(layout)
+    if known is None or known[0] != owners:  # someone has renamed them
+        known = _names[layout] = owners, np.full(layout.shape.size, None, dtype=object)
+    names = known[1]
+    new = rows[names[rows] == None]  # noqa: E711
+    names[new] = [instance_name(key) for key in layout.keys(new)]
+    return np.asarray(names[rows])

@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 
 from ... import contract
-from ...array_types import Indices
+from ...arrays import Indices, Mask, Real
+from ...contract import MotionRecord
 from ...findings import Finding, finding, merge
-from ...motion_record import MotionRecord
-from ...sidecar import file_sha256, write_record
 from ...signal.motion import (
     BodyMotions,
     FrameMotion,
@@ -31,6 +30,7 @@ from ...signal.motion import (
     write_tracks,
 )
 from ...signal.paths import PathRows, motion_of_rows
+from ...typed_json import file_sha256, write_record
 from ..plan import Instant
 from ..scene import (
     Rig,
@@ -47,8 +47,7 @@ from .animation import (
     is_linear_between_frames,
     moves_in_steps,
 )
-from .bodies import Bodies, Parts
-from .body_records import write_bodies
+from .bodies import Bodies, Parts, write_bodies
 from .deforming import (
     Deformations,
     DeformingSurface,
@@ -63,7 +62,52 @@ from .deforming import (
 )
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
-from .whole_frames import stepped_at_frames
+
+# -------------------------------------------------------------------------------------------------
+# What scripts and drivers move at whole frames only, by the whole number of the frame.
+# -------------------------------------------------------------------------------------------------
+
+
+def stepped_at_frames(
+    sampler: Sampler, moving_items: Callable[[int], Sequence[Any]]
+) -> tuple[set[int], set[str], list[Finding]]:
+    """Return rows of poses and names of surfaces that hold for each frame and then jump, as said.
+
+    Not those with Constant keys, which are meant to. `moving_items` returns the objects that move a
+    row. Samples whole frames, and the middles between them.
+    """
+    whole = sampler.plan.whole_frames()
+    middles = [sampler.plan.between(*pair) for pair in itertools.pairwise(whole)]
+    for moment in (*whole, *middles):
+        sampler.take(*moment)
+    whole_s, middles_s = ([at_s for at_s, _ in moments] for moments in (whole, middles))
+    burst = sampler.plan.burst
+
+    def jumps(values: dict[float, Real]) -> Mask:
+        at_whole = np.stack([values[at_s] for at_s in whole_s])
+        amid = np.stack([values[at_s] for at_s in middles_s])
+        moved = (at_whole[1:] != at_whole[:-1]).any(axis=(0, 2, 3))
+        return np.asarray(moved & (at_whole[:-1] == amid).all(axis=(0, 2, 3)))
+
+    changing = sampler.changing
+    poses = {at_s: sampler.poses(at_s, changing) for at_s in (*whole_s, *middles_s)}
+    rows = {
+        row
+        for row in changing[jumps(poses)].tolist()
+        if not any(moves_in_steps(item, *burst) for item in moving_items(row))
+    }
+    names = set()
+    for name, surface in sampler.surfaces.items():
+        vertices = {at_s: sampler.vertices[name][at_s] for at_s in (*whole_s, *middles_s)}
+        if any(one is None for one in vertices.values()):
+            continue
+        jumping = jumps({at_s: one[None] for at_s, one in vertices.items()}).item()
+        if jumping and not moves_in_steps(surface.item, *burst):
+            names.add(name)
+    moved = ["antennas" if row < 2 else sampler.parts[row - 2].name for row in sorted(rows)]
+    subjects = dict.fromkeys([*moved, *sorted(names)])
+    return rows, names, [finding("moves-at-whole-frames", *subjects)] if subjects else []
+
 
 _FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.

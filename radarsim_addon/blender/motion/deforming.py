@@ -12,7 +12,7 @@ from mathutils.bvhtree import BVHTree
 from mathutils.kdtree import KDTree
 from numpy.typing import NDArray
 
-from ...array_types import Real, Single
+from ...arrays import Real, Single
 from ...signal.paths import PathRows
 from ..materials import SURFACE_TYPES
 from ..scene import distance_from_box

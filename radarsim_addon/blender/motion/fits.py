@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...array_types import Real, Single
+from ...arrays import Real, Single
 from ...findings import Finding, finding
 from ...signal.motion import (
     BodyMotion,

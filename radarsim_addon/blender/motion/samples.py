@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...array_types import Indices, Real
+from ...arrays import Indices, Real
 from ..plan import Instant, instant_at
 from ..scene import Rig, check_poses, check_vertices
 from ..state import Layout, Shape, Snapshot, take_snapshot

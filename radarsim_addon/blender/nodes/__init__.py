@@ -18,8 +18,8 @@ from .materials import (
     is_radar_material,
     make_material,
     preset_material,
+    setup_emitter,
 )
-from .transmitter_light import setup_emitter
 
 __all__ = [
     "DEFINITIONS",

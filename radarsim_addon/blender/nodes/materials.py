@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -12,11 +13,18 @@ import bpy
 
 from ...errors import ConfigError, SceneError
 from ...physics.checks import real_array
-from .fresnel import OPAQUE_BELOW_TRANSMITTANCE
-from .group_search import group_input, group_node
-from .groups import ensure_group
+from .groups import ensure_group, group_input, group_node
+from .interface import OPAQUE_BELOW_TRANSMITTANCE
 from .physical_material import GRAZING_TRANSMISSION
-from .radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY, TRANSMISSION
+from .radar_material import (
+    EXTINCTION,
+    INDEX,
+    KIND,
+    RING_EMITTER_KIND,
+    ROUGHNESS,
+    SPECULARITY,
+    TRANSMISSION,
+)
 
 _INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
@@ -344,3 +352,78 @@ def _holds(material: Any, values: MaterialPreset) -> bool:
         and math.isclose(socket.default_value, value, rel_tol=1e-6, abs_tol=1e-9)
         for socket, value in sockets
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# The Ring Emitter on a Point light: the transmitter.
+# -------------------------------------------------------------------------------------------------
+
+
+def setup_emitter(light: Any) -> Any:
+    """Make a Point light the radar's transmitter.
+
+    The light becomes a true point, because a radius would blur ranges, and gets the Ring Emitter
+    in its node tree. Power, colour and position do not change. A second call changes nothing.
+
+    Parameters
+    ----------
+    light : bpy.types.Light
+        A light of type POINT.
+
+    Returns
+    -------
+    bpy.types.ShaderNodeGroup
+        The group node in the light's tree.
+
+    Raises
+    ------
+    SceneError
+        The light is of another type, or linked from a library.
+    """
+    if light.type != "POINT":
+        raise SceneError(
+            f"Light {light.name!r} is of type {light.type}. Only a Point light can be the "
+            "transmitter. Choose a Point light, or press Radar > Set Up Radar."
+        )
+    if light.library is not None:
+        raise SceneError(
+            f"Light {light.name!r} is linked from {light.library.filepath!r}, so radarsim cannot "
+            "change it. Make it local, or press Radar > Set Up Radar."
+        )
+    group = ensure_group(RING_EMITTER_KIND)
+    _make_point(light)
+    return _link_emission(light.node_tree, group)
+
+
+def _make_point(light: Any) -> None:
+    """Set what makes the light an isotropic point with a node tree."""
+    light.shadow_soft_size = 0.0
+    light.use_shadow = True
+    if hasattr(light, "use_soft_falloff"):
+        light.use_soft_falloff = False  # it changes the power near the light
+    if hasattr(light, "normalize"):
+        light.normalize = True  # else the power is not divided by the light's area
+    light.cycles.max_bounces = 1024
+    light.cycles.use_multiple_importance_sampling = False
+    with warnings.catch_warnings():  # needed up to 5.0, deprecated afterwards
+        warnings.simplefilter("ignore", DeprecationWarning)
+        light.use_nodes = True
+
+
+def _link_emission(tree: Any, group: Any) -> Any:
+    """Connect the group to the light's output; return its node."""
+    output = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputLight"), None)
+    if output is None:
+        output = tree.nodes.new("ShaderNodeOutputLight")
+        output.location = (300, 0)
+    node = next(
+        (n for n in tree.nodes if n.bl_idname == "ShaderNodeGroup" and n.node_tree == group), None
+    )
+    if node is None:
+        node = tree.nodes.new("ShaderNodeGroup")
+        node.node_tree = group
+        node.label = group.name
+        node.location = (output.location.x - 220, output.location.y)
+    if not any(link.from_node == node for link in output.inputs["Surface"].links):
+        tree.links.new(node.outputs["Emission"], output.inputs["Surface"])
+    return node

@@ -20,10 +20,89 @@ import math as _math
 from typing import Any
 
 from . import attributes
-from .build import GroupDefinition, TreeBuilder, factor_input, float_input
-from .fresnel import cos_incidence, reflectance, transmittance
-from .outputs import SURFACE, VOLUME, any_inverse_code_length, interior
-from .range_encoding import inverse_code_length, range_code, ray_length
+from .build import GroupDefinition, SocketSpec, TreeBuilder, factor_input, float_input
+from .interface import cos_incidence, reflectance, transmittance
+
+# -------------------------------------------------------------------------------------------------
+# Range encoding of a path segment, for materials and transmitter (Eq. 2-3 of Costa et al.).
+# -------------------------------------------------------------------------------------------------
+
+
+def ray_length(build: TreeBuilder) -> Any:
+    """Add nodes for the length of the ray, Blender units, across transparent surfaces."""
+    return build.node("ShaderNodeLightPath", "Light Path").outputs["Ray Length"]
+
+
+def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any:
+    """Add nodes for the colour (exp(-r/k), exp(-2r/k), 1) of a segment of length r.
+
+    G is the square of R and not a second exponential, so that G B / R^2 = 1 holds to rounding for
+    a single path. Outside a measurement 1/k is 0 and the colour is white.
+    """
+    ratio = build.math("MULTIPLY", "r / k", length, inverse_code_length)
+    exponent = build.math("MULTIPLY", "-r / k", ratio, -1.0)
+    code = build.math("EXPONENT", "exp(-r / k)", exponent)
+    check = build.math("MULTIPLY", "exp(-2 r / k)", code, code)
+    colour = build.node("ShaderNodeCombineXYZ", "Range code", {0: code, 1: check, 2: 1.0})
+    return colour.outputs[0]
+
+
+def inverse_code_length(build: TreeBuilder) -> Any:
+    """Add nodes for 1/k of the running measurement, per Blender unit; 0 outside one."""
+    return build.scene_attribute(attributes.ATTR_INVERSE_CODE_LENGTH)
+
+
+# -------------------------------------------------------------------------------------------------
+# Outputs of the material groups: their sockets, and the interior with its encoded delay.
+# -------------------------------------------------------------------------------------------------
+
+
+SURFACE = SocketSpec(
+    "Surface",
+    "OUTPUT",
+    "NodeSocketShader",
+    "Reflected and transmitted power. Connect to Surface of the Material Output",
+)
+VOLUME = SocketSpec(
+    "Volume",
+    "OUTPUT",
+    "NodeSocketShader",
+    "Absorption and optical delay along the depth inside. Connect to Volume of the "
+    "Material Output where the object is a closed mesh that radar waves enter",
+)
+
+
+def any_inverse_code_length(build: TreeBuilder, inverse_k: Any) -> Any:
+    """Add nodes for 1/k, whether materials or the world volume encode the range."""
+    world_inverse_k = build.scene_attribute(attributes.ATTR_WORLD_CODE)
+    return build.math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
+
+
+def wavelength(build: TreeBuilder) -> Any:
+    """Add nodes for the wavelength in vacuum, Blender units; 1 outside a measurement."""
+    given = build.scene_attribute(attributes.ATTR_WAVELENGTH)
+    is_given = build.math("GREATER_THAN", "wavelength given", given, 0.0)
+    return build.select("wavelength", is_given, 1.0, given)
+
+
+def interior(build: TreeBuilder, alpha: Any, delay: Any, label: str) -> None:
+    """Add the volume output: absorption in blue, plus the delay in red, and twice that in green.
+
+    `alpha` and `delay` are per Blender unit; `label` is the formula of the delay.
+    """
+    math = build.math
+    double_delay = math("MULTIPLY", f"2 {label}", delay, 2.0)
+    # Absorption is Density x (1 - Color). Cycles counts 32 closures for each volume node and warns
+    # above 64 in a material, so this uses one node. Rounding costs 1e-7 of the delay.
+    density = math("ADD", f"alpha + 2 {label}", alpha, double_delay)
+    red = math("DIVIDE", "Spared in red", delay, density)
+    blue = math("DIVIDE", "Spared in blue", double_delay, density)
+    colour = build.node("ShaderNodeCombineXYZ", "Spared", {0: red, 1: 0.0, 2: blue})
+    absorption = build.node(
+        "ShaderNodeVolumeAbsorption", "Interior", {"Color": colour.outputs[0], "Density": density}
+    )
+    build.group_output("Volume", absorption.outputs[0])
+
 
 KIND = "radar_material"
 
@@ -164,4 +243,99 @@ RADAR_MATERIAL = GroupDefinition(
         ),
     ),
     draw=_draw,
+)
+
+
+# -------------------------------------------------------------------------------------------------
+# Ring Emitter: emission of the transmitter, limited to one ring of ranges (Eq. 5 of Costa et al.).
+#
+# The same Point light serves the sampling mode "paths". Limits on the number of reflections and of
+# transparent surfaces leave one path per pixel, and the colour can encode the last scatterer of
+# that path.
+# -------------------------------------------------------------------------------------------------
+
+
+RING_EMITTER_KIND = "ring_emitter"
+
+
+def _draw_ring_emitter(build: TreeBuilder) -> None:
+    math = build.math
+    length = ray_length(build)
+    ring_min = build.scene_attribute(attributes.ATTR_RING_MIN)
+    ring_max = build.scene_attribute(attributes.ATTR_RING_MAX)
+    # Adjacent rings compare with the same edges, so each length is in exactly one ring and the
+    # rings add up to the render without limits.
+    below_max = math("LESS_THAN", "r < ring max", length, ring_max)
+    below_min = math("LESS_THAN", "r < ring min", length, ring_min)
+    inside = math("SUBTRACT", "ring min <= r < ring max", below_max, below_min)
+    gated = math("GREATER_THAN", "gated", ring_max, 0.0)
+    ring = build.select("Ring gate", gated, 1.0, inside)
+    gate = math("MULTIPLY", "Gate", ring, _path_gate(build))
+
+    code = range_code(build, length, inverse_code_length(build))
+    coded = build.scale("Gate x code", code, gate)
+    colour = build.vector_math("MULTIPLY", "x vertex", {0: coded, 1: _vertex_colour(build, length)})
+    emission = build.node("ShaderNodeEmission", "Emission", {"Color": colour, "Strength": 1.0})
+    build.group_output("Emission", emission.outputs[0])
+
+
+def _path_gate(build: TreeBuilder) -> Any:
+    """Add nodes for 1 for paths within the limits of order and transparent depth, else 0.
+
+    During next-event estimation Ray Depth is the number of reflections of the path so far, and
+    Transparent Depth the number of transparent surfaces on the camera's side.
+    """
+    math = build.math
+    light_path = build.node("ShaderNodeLightPath", "Path so far")
+    order = light_path.outputs["Ray Depth"]
+    depth = math("ADD", "depth + 1", light_path.outputs["Transparent Depth"], 1.0)
+    gate: Any = None
+    for label, value, low, high in (
+        ("order", order, attributes.ATTR_ORDER_MIN, attributes.ATTR_ORDER_MAX),
+        ("depth", depth, attributes.ATTR_DEPTH_MIN, attributes.ATTR_DEPTH_MAX),
+    ):
+        minimum = build.scene_attribute(low)
+        maximum = build.scene_attribute(high)
+        above = math("GREATER_THAN", f"{label} > min", value, minimum)
+        limited = math("GREATER_THAN", f"{label} limited", maximum, 0.0)
+        below = math("LESS_THAN", f"{label} < max", value, maximum)
+        inside = build.select(f"{label} below max", limited, 1.0, below)
+        both = math("MULTIPLY", f"{label} gate", above, inside)
+        gate = both if gate is None else math("MULTIPLY", "Path gate", gate, both)
+    return gate
+
+
+def _vertex_colour(build: TreeBuilder, length: Any) -> Any:
+    """Add nodes for 1 + scale (X - origin) per channel, X the illuminated point; 1 if scale is 0.
+
+    A render with it, divided by a render without it, gives the last vertex of each path.
+    """
+    geometry = build.node("ShaderNodeNewGeometry", "Geometry")
+    offset = build.scale("To the lit point", geometry.outputs["Incoming"], length)
+    point = build.vector_math("ADD", "Lit point", {0: geometry.outputs["Position"], 1: offset})
+    origin = build.scene_vector_attribute(attributes.ATTR_VERTEX_ORIGIN)
+    offset = build.vector_math("SUBTRACT", "From origin", {0: point, 1: origin})
+    scale = build.scene_attribute(attributes.ATTR_VERTEX_SCALE)
+    mapped = build.scale("Mapped", offset, scale)
+    return build.vector_math("ADD", "1 + mapped", {0: mapped, 1: (1.0, 1.0, 1.0)})
+
+
+RING_EMITTER = GroupDefinition(
+    kind=RING_EMITTER_KIND,
+    name="Ring Emitter",
+    version=2,
+    description=(
+        "Transmitter of the radar, for a Point light: the light's power is the EIRP in watts. "
+        "While a ring is rendered, it emits only where ring min <= ray length < ring max"
+    ),
+    sockets=(
+        SocketSpec(
+            "Emission",
+            "OUTPUT",
+            "NodeSocketShader",
+            "Blue: power; red: times exp(-r/k); green: times exp(-2r/k), r the length of the last "
+            "segment and k the range encoding length. Connect to the Light Output",
+        ),
+    ),
+    draw=_draw_ring_emitter,
 )

@@ -7,16 +7,17 @@ import dataclasses
 import hashlib
 import math
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ... import contract
-from ...array_types import Mask, Real
+from ...arrays import Mask, Real
 from ...findings import Finding, finding, finding_about, merge
-from ...sidecar import file_sha256, write_record
 from ...signal.paths import (
     MOST_UNCERTAIN,
     PATH_DTYPE,
@@ -26,32 +27,199 @@ from ...signal.paths import (
     replicate_offset_px,
     write_table,
 )
+from ...typed_json import file_sha256, write_record
+from ..materials import (
+    SURFACE_TYPES,
+    assigned_materials,
+    foreign_objects,
+    has_no_faces,
+    has_rough_facets,
+    is_rough,
+)
 from ..motion import BurstMotion
+from ..nodes import is_radar_material
 from ..plan import FINEST_PITCH, PathOptions
-from ..views import ViewWindow
+from ..scene import is_hidden_at_times
+from ..state import evaluated_depsgraph
+from ..views import TracedReplicate, ViewWindow
 from .clutter_weights import ClutterWeights
-from .error_budget import CellGrid, ErrorBudget, uncertain_objects
-from .glints import find_glints
-from .hit_points import HitPoints
-from .inset_tiles import add_inset_tiles, lay_in_steps
-from .materials_in_use import by_surface
-from .measured_tiles import MeasuredTiles, NewTile
-from .mirror_paths import MirrorPaths
-from .mirror_views import MirrorViews
-from .quality import QualitySums
-from .row_finisher import RowFinisher, views_together
-from .screen_boxes import ViewBoxes, projected_bounds
-from .small_object_ranking import (
+from .error_budget import (
     MOST_TILED,
+    CellGrid,
+    ErrorBudget,
     in_sight,
     missed_objects_findings,
     rank_by_error,
     small_boxes,
+    uncertain_objects,
 )
-from .smooth_faces import SmoothFaces
-from .tile_checkpoints import TileCheckpoints
-from .tiles import Tile
+from .glints import SmoothFaces, find_glints
+from .hit_points import HitPoints
+from .measured_tiles import MeasuredTiles, NewTile, QualitySums, TileCheckpoints
+from .mirror_paths import MirrorPaths
+from .tiles import Tile, ViewBoxes, add_inset_tiles, lay_in_steps, projected_bounds
 from .view_tracer import PathTask, Progress, ViewTracer
+
+# -------------------------------------------------------------------------------------------------
+# What the materials of a scene decide: how paths are encoded, which objects may be silent.
+# -------------------------------------------------------------------------------------------------
+
+
+def _assigned(view_layer: Any) -> set[Any]:
+    """Materials of evaluated objects: what geometry nodes set shows in these alone."""
+    assigned = assigned_materials(evaluated_depsgraph(view_layer))
+    return {m for one in assigned for m in one.materials if m is not None}
+
+
+def holds_foreign_materials(view_layer: Any) -> bool:
+    """Whether something that can echo has another material than the Radar Material."""
+    depsgraph = evaluated_depsgraph(view_layer)
+    if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
+        return True
+    evaluated = {one.item for one in assigned_materials(depsgraph) if _renders_alike(one.item)}
+    shown = [
+        one
+        for one in bpy.data.objects
+        if one.type in SURFACE_TYPES
+        and one not in evaluated
+        and not has_no_faces(one)
+        and (not one.hide_render or is_hidden_at_times(one))
+    ]
+    slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
+    return not all(is_radar_material(material) for of_one in slots for material in of_one)
+
+
+def _renders_alike(item: Any) -> bool:
+    """Whether the viewport has the same modifiers as renders, so that its mesh decides."""
+    return all(one.show_viewport == one.show_render for one in item.modifiers)
+
+
+def holds_rough_facets(view_layer: Any) -> bool:
+    """Whether something that can echo has facets that round by channel if materials encode."""
+    return any(has_rough_facets(material) for material in _assigned(view_layer))
+
+
+def by_surface(item: Finding, images: Collection[str] = ()) -> list[Finding]:
+    """Tell silent objects that are rough from mirrors, but for mirrors that have `images`."""
+    if item.code != "object-without-echo":
+        return [item]
+    named = (one for one in bpy.data.objects if one.name_full in item.subjects)
+    rough = {one.name_full for one in named if is_rough(one)}
+    others = [name for name in item.subjects if name not in rough and name not in images]
+    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
+    return found + ([finding("object-without-echo", *others)] if others else [])
+
+
+# -------------------------------------------------------------------------------------------------
+# Rows that come out of renders, with what Cycles does not tell: bodies, exact vertices, powers.
+#
+# Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Pixels of views whose rows are treated together.
+_PIXELS_TOGETHER = 1 << 15
+
+
+def views_together(window: ViewWindow) -> int:
+    """Return of how many views of a window the rows are treated together: of few rows numpy is all
+    overhead, and many do not stay in the processor's cache.
+
+    Parameters
+    ----------
+    window
+        Of a tile.
+
+    Returns
+    -------
+    int
+        1 at least.
+    """
+    return max(_PIXELS_TOGETHER // (window.width_px * window.height_px), 1)
+
+
+@dataclass(frozen=True)
+class RowFinisher:
+    """Labels and corrects rows of one radar frame."""
+
+    motion: BurstMotion
+    hits: HitPoints
+    clutter: ClutterWeights
+
+    def finish(self, views: Sequence[tuple[PathRows, Real]], transmitter_m: Real) -> list[PathRows]:
+        """Return the rows of views with bodies, vertices, lengths and powers.
+
+        Parameters
+        ----------
+        views
+            Rows of each, (n,), which may be changed, and where their rays start, (3,) or (n, 3)
+            [m]. Where rays of one view start at one place, those of all do.
+        transmitter_m
+            Place of the transmitter or of its image, (3,) [m].
+
+        Returns
+        -------
+        list of ndarray
+            Rows of each view, (n,).
+        """
+        rows_of, origins_m = zip(*views, strict=True)
+        if len(views) == 1:
+            rows, origin_m = views[0]
+        else:
+            rows = np.concatenate(rows_of)
+            one_place = origins_m[0].ndim == 1
+            origin_m = origins_m[0] if one_place else np.concatenate(origins_m)
+        self.motion.label(rows)
+        normals = self.hits.refine(rows, origin_m, transmitter_m)
+        self.clutter.apply(rows, normals, origin_m, transmitter_m)
+        return np.split(rows, np.cumsum([one.size for one in rows_of[:-1]], dtype=np.intp))
+
+
+# -------------------------------------------------------------------------------------------------
+# Renders with the transmitter in the places of its images, and the rows that come out of them.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class MirrorViews:
+    """Measures tile replicates over the mirrors of a frame."""
+
+    tracer: ViewTracer
+    finisher: RowFinisher
+    mirrors: MirrorPaths
+
+    def measure(
+        self,
+        number: int,
+        tile: Tile,
+        replicate: int,
+        own: PathRows,
+        traced: TracedReplicate,
+        quality: QualitySums,
+    ) -> Generator[PathTask, None, tuple[PathRows, int]]:
+        """Make the renders of all images; return the rows of the tile replicate, and renders made.
+
+        `own` are the rows without images, and `traced` is what they came from. What the mirrors
+        change is added to `quality`.
+        """
+        rows, renders = [self.mirrors.number(own, traced, 0)], 0
+        for image, place_m in enumerate(self.mirrors.lamps_m, start=1):
+            found, origin_m, traced = yield from self.tracer.replicate_tasks(
+                number, tile, replicate, image, self.mirrors.reflections(image)
+            )
+            renders += traced.renders
+            (found,) = self.finisher.finish([(found, origin_m)], place_m)
+            found = self.mirrors.number(found, traced, image)
+            found, through_w = self.mirrors.choose(image, found)
+            quality.through_mirrored_w += through_w
+            quality.total_w += through_w
+            rows.append(found)
+        every, through_w = self.mirrors.with_both_ways(np.concatenate(rows))
+        quality.through_mirrored_w += through_w
+        quality.total_w += through_w
+        quality.total_w += float(every["power_w"].sum() - own["power_w"].sum())
+        return every, renders
+
 
 #: Share of the squared error that one round of refinement goes for.
 _ROUND_SHARE = 0.8

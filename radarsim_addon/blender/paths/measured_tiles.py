@@ -8,16 +8,545 @@ renders.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+import dataclasses
+import hashlib
+import shutil
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import contract
+from ...arrays import are_finite
+from ...atomic_files import cannot_write, refuse_links, replaced
 from ...contract import ReceiverRecord
-from ...signal.paths import PathRows
-from .background import Background
+from ...errors import RadarSimError
+from ...findings import Finding, finding
+from ...signal.paths import PATH_DTYPE, PathFlag, PathRows, has_images, iter_rows
+from ...typed_json import file_sha256, read_record, write_record
+from ..views import PowerBeyond, TracedReplicate
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
-from .quality import QualitySums
-from .tile_checkpoints import TileCheckpoints, TileRecord, TileWriter
+from .mirrors import in_view
 from .tiles import Tile
+
+# -------------------------------------------------------------------------------------------------
+# Calls that are made in a thread of their own, while Cycles renders. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Calls that wait besides the one that is made: what they hold is in memory.
+_WAITING = 1
+
+
+class Background:
+    """Makes calls one after the other; they must not use Blender.
+
+    The error of a call is raised by a later `do` or `wait`. Calls after it are not made. Without
+    `threaded`, `do` makes each call itself.
+    """
+
+    def __init__(self, threaded: bool) -> None:
+        self._threaded = threaded
+        self._pool: ThreadPoolExecutor | None = None
+        self._calls: deque[Future[None]] = deque()
+        self._failed = False
+
+    def do(self, call: Callable[..., None], *arguments: Any) -> None:
+        """Make a call soon."""
+        if not self._threaded:
+            call(*arguments)
+            return
+        while len(self._calls) > _WAITING:
+            self._calls.popleft().result()
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(1, "radarsim rows")
+        self._calls.append(self._pool.submit(self._make, call, arguments))
+
+    def _make(self, call: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+        if self._failed:
+            return
+        try:
+            call(*arguments)
+        except BaseException:
+            self._failed = True
+            raise
+
+    def wait(self) -> None:
+        """Return when all calls have been made."""
+        while self._calls:
+            self._calls.popleft().result()
+
+    def end(self) -> None:
+        """Make the calls that wait, and end the thread; errors are not raised."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+        self._calls.clear()
+
+
+# -------------------------------------------------------------------------------------------------
+# How good a table of paths is: what was left out, what is mixed, how exact lengths are.
+#
+# Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Fraction of the power that may be in flawed rows before the run says so, and the relative error
+#: that nobody minds if none was asked for: 0.2 dB.
+_WARN_SHARE, _USUAL_ERROR = 1e-3, 0.05
+#: Fraction of the power in further reflections up to which nothing is said: it changes a level by
+#: 0.04 dB. The orders just above the limit are rendered for this, so that their own power decides;
+#: that of the last order followed bounds nothing, as in a corner the next one may be the brightest.
+_NEGLIGIBLE = 0.01
+#: Standard deviations of a normal distribution, and expectation of a Poisson distribution without a
+#: single event, at a one-sided confidence of 95 %.
+_SIGMAS_95, _UNSEEN_95 = 1.645, 2.996
+#: A length error above this fraction of a wavelength spoils coherent sums: 2 pi / 20 of phase.
+_WARN_WAVELENGTHS = 0.05
+#: Below this fraction of the strongest return in a view, a surface seen directly has no echo.
+_FAINTEST = 1e-12
+
+
+class QualitySums:
+    """Sums over views and rows; sums of tiles add up to those of the frame.
+
+    `add_rows` runs in a thread besides the other methods, and so changes sums of its own alone.
+    """
+
+    def __init__(self) -> None:
+        self.total_w = self.truncated_reflections_w = self.truncated_transparency_w = 0.0
+        self.truncated_reflections_variance_w2 = self.strongest_ray_w = 0.0
+        self.mixed_w = self.unranged_w = self._row_w = 0.0
+        #: Power of the strongest path [W per square Blender unit].
+        self.strongest_path = 0.0
+        #: Power of paths over mirrors that go through something open on the way: left out.
+        self.through_mirrored_w = 0.0
+        #: Power of paths whose reverse begins outside of the field of view.
+        self.one_way_w = 0.0
+        self._bias_wm = self._sigma2_wm2 = 0.0
+        self.coloured = False
+        self.seen: set[int] = set()
+        self.echoing: set[int] = set()
+        self.bodies: set[int] = set()
+
+    def add_view(self, traced: TracedReplicate, watts_per_unit: float) -> None:
+        """Add what a view found; `watts_per_unit` turns its powers into watts."""
+        self.total_w += traced.total * watts_per_unit
+        self.truncated_reflections_w += traced.truncated_reflections * watts_per_unit
+        self.truncated_transparency_w += traced.truncated_transparency * watts_per_unit
+        self.strongest_path = max(self.strongest_path, traced.strongest)
+        self.coloured |= traced.coloured
+        if traced.open_view is not None and traced.open_view.object_index is not None:
+            self.seen.update(_numbers(traced.open_view.object_index))
+
+    def add_beyond(
+        self, beyond: PowerBeyond, watts_per_unit: float, strongest_path: float = 0.0
+    ) -> None:
+        """Add the power beyond the last order; `strongest_path` is that of a followed one."""
+        beyond_w = beyond.power * watts_per_unit
+        self.total_w += beyond_w
+        self.truncated_reflections_w += beyond_w
+        self.truncated_reflections_variance_w2 += beyond.variance * watts_per_unit**2
+        # paths that no ray met may be as strong as those that were followed
+        strongest = max(beyond.strongest_ray, beyond.pixels_per_ray * strongest_path)
+        self.strongest_ray_w = max(self.strongest_ray_w, strongest * watts_per_unit)
+
+    def add_rows(self, rows: PathRows, receiver: ReceiverRecord) -> None:
+        """Add the rows of a view, which is a part of the receiver's field of view."""
+        power = rows["power_w"]
+        echoes = ~_next_to_nothing(rows)
+        for name in ("last_object", "first_object"):
+            self.echoing.update(_numbers(rows[name][echoes]))
+        for name in ("last_body", "first_body"):
+            self.bodies.update(_numbers(rows[name]))
+        flags = rows["flags"]
+        mixed = np.flatnonzero(flags & PathFlag.MIXED)
+        self._row_w += float(power.sum())
+        self.mixed_w += float(power[mixed].sum())
+        self.unranged_w += float(power[flags & PathFlag.NO_RANGE != 0].sum())
+        reversible = flags & PathFlag.HAS_REVERSE != 0
+        if has_images(rows):
+            reversible &= rows["transmitter_image"] == 0
+        both = np.flatnonzero(reversible & (receiver.kind != "orthographic"))
+        last_m = rows["last_scatterer_m"][both]
+        outside = are_finite(last_m) & ~in_view(last_m, receiver)
+        self.one_way_w += float(power[both[outside]].sum())
+        # A mixture's range lies between those mixed: it is off by less than the path's own length.
+        self._bias_wm += float(np.sum(power[mixed] * rows["length_m"][mixed] / 2))
+        sigma = rows["length_sigma_m"].astype(np.float64)
+        self._sigma2_wm2 += float(np.sum(power * sigma**2))
+
+    def numbers(self) -> dict[str, float]:
+        """The sums by name; sets left out."""
+        return {k: float(v) for k, v in vars(self).items() if not isinstance(v, set)}
+
+    @classmethod
+    def from_numbers(cls, numbers: Mapping[str, float], **sets: Iterable[int]) -> QualitySums:
+        """What `numbers` gave, and the sets by name."""
+        found = cls()
+        for name, value in numbers.items():
+            setattr(found, name, value)
+        found.coloured = bool(found.coloured)
+        for name, members in sets.items():
+            getattr(found, name).update(members)
+        return found
+
+    @classmethod
+    def joined(cls, parts: Iterable[QualitySums]) -> QualitySums:
+        """Sums of several tiles."""
+        total = cls()
+        for part in parts:
+            for name, value in vars(part).items():
+                if isinstance(value, set):
+                    getattr(total, name).update(value)
+                elif name.startswith("strongest"):
+                    setattr(total, name, max(getattr(total, name), value))
+                else:
+                    setattr(total, name, getattr(total, name) + value)
+        total.coloured = bool(total.coloured)
+        return total
+
+    def share(self, watts: float) -> float:
+        """Part of the total power, 0 where there is none."""
+        return watts / self.total_w if self.total_w > 0 else 0.0
+
+    @property
+    def truncated_reflections_stderr(self) -> float:
+        """Standard error of the fraction of the power in reflections that were not followed."""
+        return self.share(float(np.sqrt(self.truncated_reflections_variance_w2)))
+
+    @property
+    def truncated_reflections_upper(self) -> float:
+        """Upper bound of the same fraction at 95 % confidence.
+
+        What the rays found has a normal error. Paths so rare that no ray met them have the bound of
+        the rule of three: their expected number is below 3, each at most as strong as the
+        strongest that was found (Hanley and Lippman-Hand 1983).
+        """
+        stderr_w = float(np.sqrt(self.truncated_reflections_variance_w2))
+        more_w = _SIGMAS_95 * stderr_w + _UNSEEN_95 * self.strongest_ray_w
+        upper_w = self.truncated_reflections_w + more_w
+        return upper_w / (self.total_w + more_w) if upper_w > 0 else 0.0
+
+    @property
+    def length_sigma_m(self) -> float:
+        """Power-weighted rms of the standard deviation of a path's length [m]."""
+        return float(np.sqrt(self._sigma2_wm2 / self._row_w)) if self._row_w > 0 else 0.0
+
+    @property
+    def mixed_bias_bound_m(self) -> float:
+        """Upper bound of the power-weighted mean range error from mixed pixels [m]."""
+        return self._bias_wm / self._row_w if self._row_w > 0 else 0.0
+
+    def record_fields(self, wavelength_m: float) -> dict[str, Any]:
+        """Return the fields of `contract.PathsRecord` that say how good a frame is."""
+        return {
+            "coloured": self.coloured,
+            "total_power_w": self.total_w,
+            "truncated_reflections_fraction": self.share(self.truncated_reflections_w),
+            "truncated_reflections_stderr": self.truncated_reflections_stderr,
+            "truncated_reflections_upper": self.truncated_reflections_upper,
+            "truncated_transparency_fraction": self.share(self.truncated_transparency_w),
+            "mixed_power_fraction": self.share(self.mixed_w),
+            "unranged_power_fraction": self.share(self.unranged_w),
+            "mixed_bias_bound_m": self.mixed_bias_bound_m,
+            "length_sigma_m": self.length_sigma_m,
+            "length_sigma_wavelengths": self.length_sigma_m / wavelength_m,
+        }
+
+    def findings(
+        self, wavelength_m: float, objects: Sequence[str] = (), tolerated: float = 0.0
+    ) -> list[Finding]:
+        """Find what to know of this frame; `objects` names the numbers from 1.
+
+        What is missing or mixed is no danger up to the error that was asked for, `tolerated`; where
+        none was, up to `_USUAL_ERROR`.
+        """
+        found = []
+
+        def told(item: Finding, fraction: float) -> Finding:
+            return item if fraction > (tolerated or _USUAL_ERROR) else item.as_information()
+
+        left, stderr = self.share(self.truncated_reflections_w), self.truncated_reflections_stderr
+        upper = self.truncated_reflections_upper
+        negligible = min(tolerated or _NEGLIGIBLE, _NEGLIGIBLE)
+        # Rays that miss rare paths are a danger to all orders: only an error asked for counts them.
+        if left + _SIGMAS_95 * stderr > negligible or upper > (tolerated or 1.0):
+            lost = finding(
+                "reflections-truncated",
+                fraction=left,
+                fraction_stderr=stderr,
+                fraction_upper=upper,
+            )
+            # a fraction within its own standard error is no news
+            found.append(told(lost, left - stderr))
+        behind = self.share(self.truncated_transparency_w)
+        if behind > _WARN_SHARE:
+            found.append(told(finding("transparency-truncated", fraction=behind), behind))
+        through = self.share(self.through_mirrored_w)
+        if through > _WARN_SHARE:
+            found.append(told(finding("mirror-way-through", fraction=through), through))
+        one_way = self.share(self.one_way_w)
+        if one_way > _WARN_SHARE:
+            found.append(told(finding("reverse-outside-view", fraction=one_way), one_way))
+        mixed, unranged = self.share(self.mixed_w), self.share(self.unranged_w)
+        if mixed > _WARN_SHARE:
+            found.append(told(finding("mixed-paths", fraction=mixed), mixed))
+        if unranged > _WARN_SHARE:
+            found.append(finding("unranged-power", fraction=unranged))
+        if self.length_sigma_m > _WARN_WAVELENGTHS * wavelength_m:
+            found.append(
+                finding(
+                    "phase-unreliable",
+                    length_sigma_m=self.length_sigma_m,
+                    length_sigma_wavelengths=self.length_sigma_m / wavelength_m,
+                )
+            )
+        silent = [objects[n - 1] for n in sorted(self.seen - self.echoing) if 0 < n <= len(objects)]
+        if silent and self.total_w > 0:
+            found.append(finding("object-without-echo", *silent))
+        return found
+
+
+def _next_to_nothing(rows: PathRows) -> NDArray[np.bool_]:
+    """Which rows seen directly are far below the strongest of their view, range taken out, (n,).
+
+    Lobes of rough surfaces fall faster than any power: at grazing incidence they leave 1e-22.
+    """
+    direct = (rows["order"] == 1) & (rows["transparent_depth"] == 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        returned = rows["power_w"] * rows["length_m"] ** 2 / rows["solid_angle_sr"]
+        strongest = np.max(returned, initial=0.0, where=direct & np.isfinite(returned))
+        return np.asarray(direct & (returned < _FAINTEST * strongest))
+
+
+def _numbers(column: NDArray[np.integer[Any]]) -> list[int]:
+    """Different numbers from 0 in a column."""
+    there = np.zeros(int(column.max(initial=-1)) + 1, dtype=bool)
+    there[column] = True
+    found: list[int] = np.flatnonzero(there).tolist()
+    return found
+
+
+# -------------------------------------------------------------------------------------------------
+# Measured tiles of an unfinished frame, the last ones in memory, the others on disk.
+#
+# Files bound the memory that a frame takes, and a run that was stopped resumes from them. A tile is
+# its rows, as they are in memory, and a record next to them, written last: a tile with a record is
+# whole. Tiles are written when they take too much memory, after some seconds, or when the run is
+# stopped: a frame that takes no longer than that leaves no files of them. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Rows read at a time.
+_CHUNK = 1 << 17
+#: Most memory that tiles take [bytes], and the longest time that they are in memory alone [s]: what
+#: a process that is killed loses. Writing and reading them again takes longer than their sums.
+_MOST_HELD, _LONGEST_HELD_S = 192 << 20, 20.0
+
+
+@dataclass(frozen=True)
+class TileRecord:
+    """What is known of a measured tile besides its rows.
+
+    rows counts them replicate by replicate; quality are the sums of `QualitySums`; renders and
+    seconds are what it cost; sha256 is that of the file of its rows.
+    """
+
+    rows: list[int]
+    quality: dict[str, float]
+    seen: list[int] = field(default_factory=list)
+    echoing: list[int] = field(default_factory=list)
+    bodies: list[int] = field(default_factory=list)
+    renders: int = 0
+    seconds: float = 0.0
+    sha256: str = ""
+    schema: str = "radarsim/tile"
+    schema_version: int = contract.SCHEMA_VERSION
+
+    def sums(self) -> QualitySums:
+        """Quality of the rows."""
+        return QualitySums.from_numbers(
+            self.quality, seen=self.seen, echoing=self.echoing, bodies=self.bodies
+        )
+
+
+@dataclass
+class _Held:
+    """A tile in memory: its rows by replicate, when they were there, its record once it is whole.
+
+    Of a tile too large for that, whose rows are on disk: their digest.
+    """
+
+    rows: list[PathRows]
+    since_s: float
+    sha256: str = ""
+    record: TileRecord | None = None
+
+
+class TileCheckpoints:
+    """Tiles of one frame, in a folder in the frame's.
+
+    `stamp` is all that rows depend on besides the scene (see the run's fingerprint) and the tile,
+    `dtype` their type.
+    """
+
+    def __init__(
+        self, frame_folder: Path, stamp: str, dtype: np.dtype[np.void] = PATH_DTYPE
+    ) -> None:
+        self._folder = frame_folder / contract.TILES_DIR
+        fields = [one.name for one in dataclasses.fields(TileRecord)]
+        self._dtype = dtype
+        self._held: dict[str, _Held] = {}
+        self._stamp = f"{stamp} {dtype.descr} {fields}"
+
+    def key(self, *numbers: Any) -> str:
+        """Name of a tile by what determines its rows."""
+        text = f"{self._stamp} {numbers!r}".encode()
+        return hashlib.blake2b(text, digest_size=12).hexdigest()
+
+    def find(self, key: str) -> TileRecord | None:
+        """Record of a tile that is there and whole, byte for byte."""
+        try:
+            record = read_record(self._folder / f"{key}.json", TileRecord)
+            whole = file_sha256(self.rows_file(key)) == record.sha256
+        except (RadarSimError, OSError):
+            return None
+        return record if whole else None
+
+    def rows_file(self, key: str) -> Path:
+        """Where a tile's rows are."""
+        return self._folder / f"{key}.rows"
+
+    @contextlib.contextmanager
+    def writer(self, key: str) -> Iterator[TileWriter]:
+        """To add a tile's rows with, replicate by replicate; an error leaves nothing."""
+        with contextlib.ExitStack() as stack:
+
+            def open_file() -> BinaryIO:
+                refuse_links(self._folder, within=self._folder.parent)
+                try:
+                    self._folder.mkdir(exist_ok=True)
+                except OSError as error:
+                    raise cannot_write(self._folder, error) from error
+                # no sync: who finds a tile compares its digest
+                temporary = stack.enter_context(replaced(self.rows_file(key), sync=False))
+                return stack.enter_context(open(temporary, "wb"))
+
+            writer = TileWriter(open_file, lambda size: self._write_oldest(_MOST_HELD - size))
+            yield writer
+        self._held[key] = _Held(writer.rows, time.monotonic(), writer.sha256)
+
+    def keep(self, key: str, record: TileRecord) -> None:
+        """Say that a tile is whole; write those that are not to be in memory any longer."""
+        self._held[key].record = record
+        now_s = time.monotonic()
+        for name, held in list(self._held.items()):
+            since_s = min(held.since_s, now_s - record.seconds) if name == key else held.since_s
+            if held.sha256 or now_s - since_s > _LONGEST_HELD_S:
+                self._write(name)
+        self._write_oldest(_MOST_HELD)
+
+    def _write_oldest(self, most: int) -> None:
+        """Write tiles until those that are whole take at most so many bytes of memory."""
+        sizes = {key: sum(rows.nbytes for rows in held.rows) for key, held in self._held.items()}
+        size = sum(sizes.values())
+        for key, own in sizes.items():
+            if size <= most:
+                return
+            size -= own
+            self._write(key)
+
+    def write(self) -> None:
+        """Write all whole tiles that are in memory; what cannot be written is measured again."""
+        with contextlib.suppress(OSError, RadarSimError):
+            for key in [key for key, held in self._held.items() if held.record is not None]:
+                self._write(key)
+
+    def _write(self, key: str) -> None:
+        held = self._held.pop(key)
+        assert held.record is not None
+        digest = held.sha256
+        if not digest:
+            with self.writer(key) as part:
+                part.rows = held.rows
+                part.spill()
+            digest = self._held.pop(key).sha256
+        record = dataclasses.replace(held.record, sha256=digest)
+        write_record(self._folder / f"{key}.json", record, sync=False)
+
+    def replicates(self, key: str, record: TileRecord) -> Iterator[PathRows]:
+        """Rows of a tile, one replicate after the other."""
+        with open(self.rows_file(key), "rb") as stream:
+            for count in record.rows:
+                yield np.fromfile(stream, dtype=self._dtype, count=count)
+
+    def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
+        """Rows of a tile in pieces, with the number that it has in this run.
+
+        They may be changed: afterwards nothing is written of tiles in memory.
+        """
+        if key in self._held:
+            held = self._held[key].rows
+            if len(held) > 1 and sum(rows.size for rows in held) <= _CHUNK:
+                held = [np.concatenate(held)]
+            for rows in held:
+                rows["tile"] = tile
+                yield from iter_rows(rows, _CHUNK)
+            return
+        with open(self.rows_file(key), "rb") as stream:
+            while (rows := np.fromfile(stream, dtype=self._dtype, count=_CHUNK)).size:
+                rows["tile"] = tile
+                yield rows
+
+    def remove(self) -> None:
+        """Remove all tiles: the frame is whole, or not wanted any more."""
+        self._held.clear()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+class TileWriter:
+    """Collects the rows of a tile, in a file where they are too many for memory.
+
+    `open_file` opens it, `make_room` is told how many bytes the rows take; `rows` are those in
+    memory, by replicate.
+    """
+
+    def __init__(self, open_file: Callable[[], BinaryIO], make_room: Callable[[int], None]) -> None:
+        self._open_file, self._make_room = open_file, make_room
+        self._stream: BinaryIO | None = None
+        self._digest = hashlib.sha256()
+        self.rows: list[PathRows] = []
+
+    def add(self, rows: PathRows) -> None:
+        """Append the rows of a replicate."""
+        self.rows.append(rows)
+        size = sum(part.nbytes for part in self.rows)
+        if self._stream is not None or size > _MOST_HELD:
+            self.spill()
+        else:
+            self._make_room(size)
+
+    def spill(self) -> None:
+        """Write the rows in memory to the file."""
+        if self._stream is None:
+            self._stream = self._open_file()
+        for rows in self.rows:
+            data = np.ascontiguousarray(rows).view(np.uint8)
+            self._digest.update(data)
+            self._stream.write(data.data)
+        self.rows = []
+
+    @property
+    def sha256(self) -> str:
+        """Of what is in the file; empty without one."""
+        return "" if self._stream is None else self._digest.hexdigest()
 
 
 @dataclass(frozen=True)

@@ -5,18 +5,248 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
 
-from ...array_types import Indices, Integers, Real
+from ... import contract
+from ...arrays import Indices, Integers, Mask, Real, crosses, distances, dots, norms, take_rows
+from ...contract import ReceiverRecord
 from ...findings import Finding, finding
-from ...physics.mirrors import MirrorMaterial, Reflected, mirror_matrix
-from ...vectors import dots, norms
-from ..materials import mirror_choice
-from .mirror_meshes import mirroring_meshes
-from .obstacles import Obstacles
+from ...physics.mirrors import (
+    MirrorMaterial,
+    Reflected,
+    co_polar,
+    mirror_matrix,
+    reflected_ways,
+    sent_fields,
+)
+from ...signal.motion import PathImages
+from ...signal.paths import PathRows, has_curved_images, planes_of, read_columns
+from ..materials import is_mirror_like, mirror_choice, mirror_of
+from .obstacles import BodyMesh, Obstacles
+
+# -------------------------------------------------------------------------------------------------
+# Both ways of a point that one pixel sees, over mirrors or not. Does not import bpy.
+#
+# A radar that sees a point also receives it over every mirror that lights it, and both ways add up
+# in phase. Renders give the way there: direct, d, and over mirror k, m_k (powers). Of a radar with
+# both antennas in one place the reverse path has the same power, and over mirrors on both ways it
+# is m_k m_l / d: exact where the surface scatters alike in all directions (Lambert), and nearly so
+# where its lobe is much wider than the angle between the two directions. All these paths are of one
+# point then, so their phases are those of their lengths and mirrors. The point that another pixel
+# sees in the mirror is left out: it would be the same path a second time.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Distance of the antennas over that of a scatterer up to which both ways are one.
+ONE_PLACE = 0.01
+#: Error of the power over mirrors on both ways that is accepted, as a fraction: 0.2 dB.
+_LOBE_ERROR = 0.05
+
+
+def add_reverse_paths(
+    rows: PathRows,
+    images: PathImages,
+    receiver_m: Real,
+    transmitter_m: Real,
+    reflections: int,
+) -> PathRows:
+    """Return rows of a tile replicate with the paths that come back over mirrors.
+
+    Those with a `point` are of one scattering at it: the direct one, and those with an image of the
+    transmitter. Points without a direct path become 0. Paths of more than `reflections` are left
+    out.
+    """
+    read = read_columns(rows, ("point", "transmitter_image", "last_body"))
+    point, body, to_image = read["point"], read["last_body"], read["transmitter_image"]
+    direct = np.flatnonzero((point > 0) & (to_image == 0))
+    over = np.flatnonzero((point > 0) & (to_image != 0))
+    direct = direct[np.argsort(point[direct], kind="stable")]
+    points = point[direct]
+    place = np.minimum(np.searchsorted(points, point[over]), max(points.size - 1, 0))
+    paired = np.zeros(over.size, dtype=bool)
+    if points.size:
+        paired = points[place] == point[over]
+        paired &= body[direct[place]] == body[over]
+    rows["point"][over[~paired]] = 0
+    over, base = over[paired], direct[place[paired]]
+    both = [rows]
+    if reflections >= 2:
+        back = rows[over]
+        _come_back(back, back)
+        back["transmitter_image"] = 0
+        both.append(measured(back, images, receiver_m, transmitter_m))
+    to_image = to_image[over]
+    # numpy's own `unique` takes long for many numbers
+    numbers = np.arange(to_image.min(initial=0), to_image.max(initial=0) + 1)
+    for image in numbers.tolist() if reflections >= 3 else []:
+        # All paths to this image, with every mirror on the way back.
+        first = np.flatnonzero(to_image == image)
+        if not first.size:
+            continue
+        own = np.full(int(rows["point"].max()) + 1, -1)
+        own[rows["point"][over[first]]] = over[first]
+        to = own[rows["point"][over]]
+        known = np.flatnonzero(to >= 0)
+        back, there = rows[over[known]], rows[to[known]]
+        there["power_w"] *= back["power_w"] / rows["power_w"][base[known]]
+        _come_back(there, back)
+        for name in ("mirror_phase_rad", "mirrors"):
+            there[name] += back[name]
+        there["order"] += back["mirrors"]
+        kept = there["order"] <= reflections
+        both.append(measured(there[kept], images, receiver_m, transmitter_m))
+    alone = np.zeros(rows.size, dtype=bool)
+    alone[direct] = True
+    alone[base] = False
+    rows["point"][alone] = 0
+    return np.concatenate(both)
+
+
+def _come_back(rows: PathRows, over: PathRows) -> None:
+    """Let paths come back to the receiver over the mirrors that others take to the transmitter."""
+    rows["receiver_image"] = over["transmitter_image"]
+    if has_curved_images(rows):
+        rows["receiver_plane"] = over["transmitter_plane"]
+
+
+def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real) -> PathRows:
+    """Put lengths and directions of paths with one scattering into rows that are images' own."""
+    numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
+    over = images.of_paths(numbers, planes_of(rows))
+    point_m = read_columns(rows, ("last_scatterer_m",))["last_scatterer_m"]
+    length_m = distances(point_m, over.places(0, receiver_m))
+    length_m += distances(point_m, over.places(1, transmitter_m))
+    rows["length_m"] = length_m
+    direction = over.unfolded(0, point_m) - receiver_m
+    rows["direction"] = direction / norms(direction)[:, None]
+    return rows
+
+
+def alike_in_both(points_m: Real, antenna_m: Real, image_m: Real, lobe: Real) -> Mask:
+    """Return whether points scatter nearly alike towards an antenna and its image, (n,).
+
+    `lobe` is the width alpha of the narrowest lobe of each point's surface: infinite for Lambert,
+    0 where unknown. A Gaussian lobe of facets has the error exp(angle^2 / (2 alpha^2)) at most.
+    """
+    to_antenna, to_image = antenna_m - points_m, image_m - points_m
+    cosine = dots(to_antenna, to_image) / (norms(to_antenna) * norms(to_image))
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    with np.errstate(divide="ignore"):
+        return np.asarray(angle**2 / (2 * lobe**2) <= _LOBE_ERROR)
+
+
+def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
+    """Return whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    x, y, z = ((points_m - pose[:3, 3]) @ pose[:3, :3]).T
+    if receiver.kind == "equirectangular":
+        u, v = np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
+        middle = (receiver.left + receiver.right) / 2
+        u = middle + (u - middle + math.pi) % (2 * math.pi) - math.pi
+    else:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = np.where(z < 0, x / -z, np.nan), y / -z
+    across = (u >= receiver.left) & (u <= receiver.right)
+    return np.asarray(across & (v >= receiver.bottom) & (v <= receiver.top))
+
+
+# -------------------------------------------------------------------------------------------------
+# Meshes with materials that mirror, planar or curved.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class MirroringMesh:
+    """Mesh of a body with materials that mirror, in the world: k triangles.
+
+    `body` is its number, from 1. `across_m2` (k, 3) are twice the triangles' areas along their
+    normals. `smooth` (k,) tells which have a mirror-like material, `mirrored` (k,) which of them
+    one whose reflection is known. `choice` is what the user marked the object as.
+    """
+
+    body: int
+    name: str
+    mesh: BodyMesh
+    pose: Real
+    corners_m: Real
+    across_m2: Real
+    smooth: Mask
+    mirrored: Mask
+    slot: Integers
+    slots: list[MirrorMaterial | None]
+    choice: str
+
+    def materials_of(self, triangles: Indices) -> list[MirrorMaterial]:
+        """Return the materials of mirroring triangles."""
+        found = (self.slots[own] for own in self.slot[triangles].tolist())
+        return [one for one in found if one is not None]
+
+
+def mirroring_objects(obstacles: Obstacles) -> list[str]:
+    """Return the names of the objects whose meshes `mirroring_meshes` has, each once.
+
+    Meshes are read only where some of an object's materials mirror and others do not.
+    """
+    bodies = obstacles.bodies
+    mirrors = cache(lambda one: mirror_of(one) is not None or is_mirror_like(one))
+    named: dict[int, bool] = {}
+    for index in np.sort(np.unique(bodies.shape, return_index=True)[1]).tolist():
+        number = int(bodies.shape[index])
+        shape = bodies.snapshot.shapes[number]
+        smooth = np.array([mirrors(one) for one in shape.materials], dtype=bool)
+        named[number] = bool(smooth.any()) and mirror_choice(shape.original) != "never"
+        if named[number] and not smooth.all():
+            mesh = obstacles.mesh(index)
+            slots = () if mesh is None else np.minimum(mesh.slots, smooth.size - 1)
+            named[number] = mesh is not None and bool(smooth[slots].any())
+        elif named[number]:
+            named[number] = bodies.snapshot.face_count(shape) > 0
+    shapes = bodies.snapshot.shapes
+    return list(dict.fromkeys(shapes[n].original.name_full for n, yes in named.items() if yes))
+
+
+def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
+    """Yield the meshes of all bodies with materials that mirror, and no mark against it."""
+    bodies = obstacles.bodies
+    shapes = bodies.snapshot.shapes
+    every = {one for shape in shapes for one in shape.materials}
+    mirrors = {one: mirror_of(one) for one in every}
+    like = {one: mirrors[one] is not None or is_mirror_like(one) for one in every}
+    smooth_slots = [np.array([like[one] for one in shape.materials], bool) for shape in shapes]
+    mirroring = np.array([slots.any() for slots in smooth_slots], dtype=bool)
+    for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
+        number = int(bodies.shape[index])
+        original = bodies.originals[int(bodies.number[index])]
+        choice = mirror_choice(original)
+        if choice == "never":
+            continue
+        mesh = obstacles.mesh(index)
+        if mesh is None:
+            continue
+        slots = [mirrors[one] for one in shapes[number].materials]
+        slot = np.minimum(mesh.slots, len(slots) - 1)
+        pose = bodies.pose[index]
+        corners = mesh.vertices_m[mesh.triangles] @ pose[:3, :3].T + pose[:3, 3]
+        across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        across *= np.sign(np.linalg.det(pose[:3, :3]))
+        yield MirroringMesh(
+            index + 1,
+            original.name_full,
+            mesh,
+            pose,
+            corners,
+            across,
+            smooth_slots[number][slot],
+            np.array([one is not None for one in slots])[slot],
+            slot,
+            slots,
+            choice,
+        )
+
 
 #: A patch is planar where it leaves its plane by less than this part of the wavelength.
 FLAT = 1 / 50
@@ -265,3 +495,157 @@ def _brightness(material: MirrorMaterial) -> float:
 def _area(a: Real, b: Real) -> Real:
     """Twice the signed area between vectors in a plane, (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+# -------------------------------------------------------------------------------------------------
+# Images of the transmitter over one mirror, or over two in a row, and the ways to them.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Height over a mirror, over the way to it, below which a point is on its plane.
+_LEAST_HEIGHT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ImageChain:
+    """Mirrors in the order from the transmitter, and its images in the first, the first two...
+
+    `places_m` (mirrors + 1, 3) begins with the transmitter itself.
+    """
+
+    mirrors: tuple[Mirror, ...]
+    places_m: Real
+
+    @property
+    def image_m(self) -> Real:
+        """Place of the last image, (3,) [m]."""
+        return np.asarray(self.places_m[-1])
+
+    @property
+    def objects(self) -> tuple[str, ...]:
+        """Names of the objects with the mirrors."""
+        return tuple(dict.fromkeys(name for mirror in self.mirrors for name in mirror.objects))
+
+    @property
+    def record(self) -> contract.ImageRecord:
+        """As the table's sidecar has it."""
+        return contract.ImageRecord(
+            [mirror.normal.tolist() for mirror in self.mirrors],
+            [mirror.offset_m for mirror in self.mirrors],
+            list(self.objects),
+            [mirror.own_body for mirror in self.mirrors],
+        )
+
+    def over(self, mirror: Mirror) -> ImageChain | None:
+        """Return the chain with another mirror behind; None where its image is not in front."""
+        last_m = self.image_m
+        if mirror is self.mirrors[-1] or mirror.heights_m(last_m[None])[0] <= 0:
+            return None
+        places_m = np.vstack([self.places_m, mirror.image_m(last_m)])
+        return replace(self, mirrors=(*self.mirrors, mirror), places_m=places_m)
+
+
+@dataclass(frozen=True)
+class WaysOver:
+    """The ways of some rows to the transmitter over a chain of mirrors.
+
+    `rows` are those that meet all mirrors, (n,); `met_m` where, from the scatterer on, (mirrors, n,
+    3), and `triangle` of each mirror, likewise.
+    """
+
+    rows: Indices
+    met_m: Real
+    triangle: Indices
+
+    def of(self, kept: Mask) -> WaysOver:
+        """Return some of the ways."""
+        return WaysOver(self.rows[kept], self.met_m[:, kept], self.triangle[:, kept])
+
+
+def first_images(mirrors: Sequence[Mirror], transmitter_m: Real) -> list[ImageChain]:
+    """Return the chains of one mirror each."""
+    return [
+        ImageChain((one,), np.stack([transmitter_m, one.image_m(transmitter_m)])) for one in mirrors
+    ]
+
+
+def second_images(chains: Sequence[ImageChain]) -> list[ImageChain]:
+    """Return the chains of two of these mirrors, those in which most is seen first."""
+    pairs = [
+        (one.mirrors[0].sight_sr * other.mirrors[0].sight_sr, one.over(other.mirrors[0]))
+        for one in chains
+        for other in chains
+    ]
+    ranked = sorted(pairs, key=lambda pair: -pair[0])
+    return [chain for _, chain in ranked if chain is not None]
+
+
+def ways_over(chain: ImageChain, points_m: Real) -> WaysOver:
+    """Find where ways from points (n, 3) to the transmitter meet the mirrors of a chain."""
+    rows, at_m = np.arange(len(points_m)), points_m
+    met: list[Real] = []
+    triangles: list[Indices] = []
+    for number in range(len(chain.mirrors) - 1, -1, -1):
+        mirror, image_m = chain.mirrors[number], chain.places_m[number + 1]
+        way_m = image_m - at_m
+        over_m, under_m = mirror.heights_m(at_m), mirror.heights_m(chain.places_m[number][None])
+        above = np.flatnonzero(over_m > _LEAST_HEIGHT * norms(way_m))
+        share = over_m[above] / (over_m[above] + under_m)
+        place_m = take_rows(at_m, above) + share[:, None] * take_rows(way_m, above)
+        triangle = mirror.triangle_at(place_m)
+        there = np.flatnonzero(triangle >= 0)
+        kept = above[there]
+        met, triangles = [one[kept] for one in met], [one[kept] for one in triangles]
+        at_m = take_rows(place_m, there)
+        rows = rows[kept]
+        met.append(at_m)
+        triangles.append(triangle[there])
+    return WaysOver(rows, np.stack(met), np.stack(triangles))
+
+
+def find_blocked(
+    chain: ImageChain, ways: WaysOver, points_m: Real, bodies: Indices, obstacles: Obstacles
+) -> tuple[Mask, Mask]:
+    """Return whether something opaque, or only something open, lies on ways from points on bodies,
+    (n, 3) and (n,), which belong to the ways.
+    """
+    blocked = np.zeros(len(points_m), dtype=bool)
+    through = blocked.copy()
+    at_m, own = points_m, bodies
+    stations = [*ways.met_m, np.broadcast_to(chain.places_m[0], points_m.shape)]
+    for number, next_m in enumerate(stations):
+        left = np.flatnonzero(~blocked)
+        blocked[left], on_through = obstacles.block(at_m[left], next_m[left], own[left])
+        through[left] |= on_through
+        if number < len(chain.mirrors):
+            own = chain.mirrors[-1 - number].body[ways.triangle[number]]
+        at_m = next_m
+    return blocked, through & ~blocked
+
+
+def reflection(
+    chain: ImageChain, ways: WaysOver, polarisation: str, wavelength_m: float
+) -> Reflected:
+    """Return the waves of a polarisation behind the mirrors, where they meet the scatterers.
+
+    The field goes from mirror to mirror as a vector. A scatterer takes the part of it with the
+    polarisation of the run.
+    """
+    from_m = np.broadcast_to(chain.places_m[0], (ways.rows.size, 3))
+    fields, onward = np.zeros((0, ways.rows.size, 3), dtype=np.complex128), from_m
+    for number, mirror in enumerate(chain.mirrors):
+        met_m, triangle = ways.met_m[-1 - number], ways.triangle[-1 - number]
+        incoming = met_m - from_m
+        incoming = incoming / norms(incoming)[:, None]
+        if number == 0:
+            fields = sent_fields(incoming, polarisation)
+        groups: dict[MirrorMaterial, list[int]] = {}
+        for index, material in enumerate(mirror.material):
+            groups.setdefault(material, []).append(index)
+        for material, numbers in groups.items():
+            mine = np.flatnonzero(np.isin(triangle, numbers))
+            fields[:, mine] = material.reflect(
+                fields[:, mine], incoming[mine], mirror.normal, wavelength_m
+            )
+        onward, from_m = reflected_ways(incoming, mirror.normal), met_m
+    return co_polar(fields, onward, polarisation)

@@ -8,35 +8,185 @@ Driven like :class:`.run.MeasurementJob`: ``pending`` yields renders, each goes 
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import time
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import bpy
+
 from ... import contract
+from ...contract import MotionRecord
 from ...errors import RadarSimError
 from ...findings import Finding, finding
+from ...signal.motion import read_motion
+from ...typed_json import file_sha256, read_record, write_record
 from ..materials import Interiors, found_inside
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
-from ..run import MeasurementJob, MeasurementSettings, output_folder
+from ..run import MeasurementJob, MeasurementSettings, shared_folder
 from ..scene import ground_truth as ground_truth
-from ..scene import no_echo_findings
-from ..state import Shape
+from ..scene import may_move_at_whole_frames, no_echo_findings
+from ..state import Shape, watch_evaluations
 from ..views import PathScene
-from .body_meshes import Meshes
 from .clutter_weights import ClutterWeights
-from .delayed_ways import ways_to_transmitter
-from .frame import FrameWork
-from .hit_points import HitPoints
-from .materials_in_use import holds_foreign_materials, holds_rough_facets
+from .frame import FrameWork, holds_foreign_materials, holds_rough_facets
+from .hit_points import HitPoints, Meshes
+from .measured_tiles import TileCheckpoints
 from .mirror_paths import MirrorPaths
-from .obstacles import BodyMesh
-from .still_frames import StillFrames
-from .tile_checkpoints import TileCheckpoints
+from .obstacles import BodyMesh, ways_to_transmitter
 from .view_tracer import PathRun, PathTask, ViewTracer
-from .whole_renders import render_is_whole
+
+# -------------------------------------------------------------------------------------------------
+# Which renders of a run need not be made again. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+def render_is_whole(run: Path, frame: int, render: int, span_s: float, fingerprint: str) -> bool:
+    """Return whether all files of a render of a burst are as this run wrote them.
+
+    Parameters
+    ----------
+    run
+        Folder of the run.
+    frame, render
+        Number of the radar frame, and of the render in its burst, from 0.
+    span_s
+        Length of the burst: motion of a shorter one is sampled again [s].
+    fingerprint
+        That of the run.
+
+    Returns
+    -------
+    bool
+        False also where the frame has no ground truth, which is written before the renders.
+    """
+    folder = run / contract.burst_dir(frame, render)
+    try:
+        record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
+        labels = read_record(
+            run / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE, contract.GroundTruthRecord
+        )
+        if {record.run_fingerprint, labels.run_fingerprint} != {fingerprint}:
+            return False
+        motion = read_motion(folder, frame, record.motion_sha256)
+        whole = motion.span_s >= span_s * (1 - 1e-9)
+        return whole and file_sha256(folder / record.table_file) == record.table_sha256
+    except (RadarSimError, OSError):
+        return False
+
+
+# -------------------------------------------------------------------------------------------------
+# Frames that are as the one before: their files are written again, without a render.
+#
+# Blender reports every data-block that it evaluates, also where its values stay the same. If it has
+# evaluated nothing since the last frame was begun, nothing depends on time, and nobody has changed
+# anything: renders with the same seeds would give the same rows, and nothing moves in the burst.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Sources of images that change with the frame, which Blender does not report.
+_PLAYED = {"SEQUENCE", "MOVIE"}
+
+
+class StillFrames:
+    """What Blender has evaluated since a frame, and the records of that frame.
+
+    `folder` is the run's; `own` are the names of data-blocks that the run itself changes from
+    render to render.
+    """
+
+    def __init__(self, folder: Path, own: frozenset[str]) -> None:
+        self._folder, self._own = folder, own
+        self._changed, self._alike = True, False
+        self._records: dict[int, tuple[contract.PathsRecord, MotionRecord]] = {}
+        self._stop = watch_evaluations(self._note)
+
+    def restore(self) -> list[str]:
+        """Stop noting evaluations; may be called again."""
+        self._stop()
+        return []
+
+    def _note(self, depsgraph: Any) -> None:
+        """Note an evaluation; None: some may have been missed."""
+        items = [None] if depsgraph is None else [one.id.original for one in depsgraph.updates]
+        # settings of the scene itself are the run's
+        self._changed |= any(
+            not isinstance(item, bpy.types.Scene) and getattr(item, "name", "") not in self._own
+            for item in items
+        )
+
+    def begin(self) -> None:
+        """Begin a frame; the scene shows it already."""
+        self._alike = not self._changed and _is_steady()
+        if not self._alike:
+            self._records.clear()
+        self._changed = False
+
+    def holds(self, render: int, offset_s: float) -> bool:
+        """Whether a render of this frame's burst would give what was kept; `offset_s` as there."""
+        kept = self._records.get(render)
+        if not self._alike or kept is None or kept[1].epoch_offset_s != offset_s:
+            return False
+        return (self._folder / contract.burst_dir(kept[0].frame, render)).is_dir()
+
+    def keep(self, render: int, record: contract.PathsRecord, motion: MotionRecord) -> None:
+        """Keep the records of a render."""
+        self._records[render] = record, motion
+
+    def write(self, render: int, frame: int, time_s: float) -> contract.PathsRecord:
+        """Write the files of a render from those that were kept."""
+        record, motion = self._records[render]
+        source, target = (
+            self._folder / contract.burst_dir(one, render) for one in (record.frame, frame)
+        )
+        for name in filter(None, (record.table_file, motion.still_bodies_file)):
+            shutil.copyfile(source / name, target / name)
+        motion_file = target / record.motion_file
+        write_record(motion_file, dataclasses.replace(motion, frame=frame, time_s=time_s))
+        record = dataclasses.replace(
+            record,
+            frame=frame,
+            time_s=time_s,
+            renders=0,
+            render_time_s=0.0,
+            motion_sha256=file_sha256(motion_file),
+            findings=[item.in_frame(frame) for item in record.findings],
+        )
+        write_record(target / contract.PATHS_FILE, record)
+        return record
+
+
+def _is_steady() -> bool:
+    """Whether nothing can change from frame to frame without an evaluation that Blender reports."""
+    return not (
+        may_move_at_whole_frames()
+        or bpy.app.handlers.render_pre
+        or any(image.source in _PLAYED for image in bpy.data.images)
+        or any(map(_reads_settings, _shader_trees()))
+    )
+
+
+def _shader_trees() -> list[Any]:
+    """Node trees of all materials, worlds and lamps, and the groups."""
+    owners = (*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights)
+    return [*bpy.data.node_groups, *(one.node_tree for one in owners if one.node_tree)]
+
+
+def _reads_settings(tree: Any) -> bool:
+    """Whether a shader reads settings of the scene, such as the frame, that are not radarsim's."""
+    return any(
+        node.bl_idname == "ShaderNodeScript"
+        or (
+            node.bl_idname == "ShaderNodeAttribute"
+            and node.attribute_type == "VIEW_LAYER"
+            and not node.attribute_name.startswith("radarsim_")
+        )
+        for node in tree.nodes
+    )
+
 
 #: Ranges may exceed the scene's geometric extent by optical delays.
 _RANGE_MARGIN = 1.25
@@ -225,7 +375,7 @@ class PathJob(MeasurementJob):
                 yield from self._frame_tasks(frame)
             except (OSError, RadarSimError):
                 # What cannot be written or found is no error of its own where all is gone.
-                output_folder.check_there(self.folder, frame)
+                shared_folder.check_there(self.folder, frame)
                 raise
         self.total = self.done
 
@@ -271,7 +421,7 @@ class PathJob(MeasurementJob):
     # -- one radar frame ---------------------------------------------------------------------------
 
     def _frame_tasks(self, frame: int) -> Generator[PathTask, None, None]:
-        output_folder.make_frame_folder(self.folder, frame)
+        shared_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
         if not self._time.shows(begins := self.plan.instants(frame)[0]):
             self._show(begins)
@@ -279,7 +429,7 @@ class PathJob(MeasurementJob):
         self._still.begin()
         for render in range(self.options.visibility_updates):
             if not self._render_is_done(frame, render):
-                output_folder.make_frame_folder(self.folder, frame, render)
+                shared_folder.make_frame_folder(self.folder, frame, render)
                 yield from self._render_tasks(frame, render)
 
     def _render_tasks(self, frame: int, render: int) -> Generator[PathTask, None, None]:

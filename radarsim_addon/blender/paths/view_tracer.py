@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ... import contract
-from ...array_types import Real
+from ...arrays import Real
 from ...physics.radar_equation import effective_area_m2
 from ...signal.decoding import TileReplicate, pixel_rays
 from ...signal.paths import PATH_FLAGS, PathRows, replicate_offset_px
@@ -39,7 +39,7 @@ from ..views import (
     rows_of_replicate,
     trace_replicate,
 )
-from .delayed_ways import DelayedWays
+from .obstacles import DelayedWays
 from .tiles import Tile
 
 #: Distance of the antennas, relative to the scene's reach, up to which both ways are one.

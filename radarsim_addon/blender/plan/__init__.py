@@ -1,20 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
 
-from .config_warnings import config_findings
-from .coverage_arguments import (
+from .config_warnings import config_findings, find_coarse_pixels
+from .measurement import (
+    FINEST_PITCH,
+    POLARISATIONS,
+    Measurement,
+    PathOptions,
+    RunSettings,
+    parse_frames,
+)
+from .presets import DEFAULT_PRESET, PRESETS, RadarPreset, radar_preset
+from .render_arguments import (
     COVERAGE_SETTINGS,
     CoverageRequest,
     coverage_request,
+    given_settings,
+    merged,
     parse_axis,
     parse_coverage_arguments,
+    parse_render_arguments,
+    render_settings,
+    shortest_decimal,
 )
-from .measurement import POLARISATIONS, Measurement, parse_frames
-from .path_options import FINEST_PITCH, PathOptions
-from .pixel_findings import find_coarse_pixels
-from .presets import DEFAULT_PRESET, PRESETS, RadarPreset, radar_preset
-from .records import fingerprint, run_record
-from .render_arguments import given_settings, parse_render_arguments, render_settings
 from .run_plan import (
     Extent,
     Instant,
@@ -23,11 +31,11 @@ from .run_plan import (
     automatic_rings,
     check_frame_rate,
     check_unit_scale,
+    fingerprint,
     instant_at,
     make_plan,
+    run_record,
 )
-from .run_settings import RunSettings
-from .window_settings import merged, shortest_decimal
 
 __all__ = [
     "COVERAGE_SETTINGS",

@@ -5,23 +5,22 @@ In: the settings that dataclasses declare. Out: property groups on the radar rig
 :func:`settings`, which reads and sets them in SI and float64; checked records of the plan.
 """
 
-from .groups import PLACES, Settings
 from .material import MATERIAL_PROPERTY, choose_medium
 from .presets import apply_preset, load_preset, read_preset, save_preset, set_values
 from .radar import (
+    PLACES,
     RADAR_PROPERTY,
     RADAR_SETTINGS,
     WAVEFORMS,
+    Settings,
     beyond_band,
     carrier_hz,
-    settings,
-)
-from .records import (
     output_folder,
     own_link_budget,
     read_link_budget,
     read_measurement,
     read_path_options,
+    settings,
 )
 from .registration import MIRROR_PROPERTY, PROGRESS_PROPERTY, register, unregister
 

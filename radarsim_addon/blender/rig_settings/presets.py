@@ -17,9 +17,17 @@ from ...options import Declared
 from ...signal.radar import Burst, make_system
 from ..plan import RadarPreset, merged
 from ..scene import antennas_of, find_rig
-from .groups import Settings, read
-from .radar import ANTENNA_SETTINGS, RADAR_PROPERTY, RADAR_SETTINGS, WAVEFORMS, settings
-from .records import read_link_budget, read_measurement
+from .radar import (
+    ANTENNA_SETTINGS,
+    RADAR_PROPERTY,
+    RADAR_SETTINGS,
+    WAVEFORMS,
+    Settings,
+    read,
+    read_link_budget,
+    read_measurement,
+    settings,
+)
 
 _ANTENNAS = ("transmitter", "receiver")
 #: What makes a radar; the other settings say how a run is made.

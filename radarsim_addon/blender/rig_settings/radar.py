@@ -8,27 +8,229 @@ copies, other scenes, other files.
 from __future__ import annotations
 
 import contextlib
+import difflib
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import bpy
 
 from ...contract import AntennaRecord, LinkBudget
-from ...errors import ConfigError, SceneError
-from ...options import Declared
+from ...errors import ConfigError, OutputError, SceneError, SettingNameError
+from ...options import Declared, declared
 from ...signal.radar import (
     PATTERNS,
     WAVEFORM_KINDS,
+    AnyWaveform,
     Burst,
     Weather,
     load_radar,
+    make_system,
+    read_system,
+    self_contained,
 )
 from ..materials import refresh_materials
 from ..plan import Measurement, PathOptions, RunSettings, merged, shortest_decimal
 from ..scene import active_radar, is_transmitter
-from .groups import Settings, property_group, write
+
+# -------------------------------------------------------------------------------------------------
+# Blender property groups made from the settings that dataclasses declare.
+#
+# Numbers come in as the window shows them (GHz, us), go into the file as float64 in SI, and are
+# read by :class:`Settings`. Blender's own float properties are float32: here they only show the
+# number and take what was typed.
+# -------------------------------------------------------------------------------------------------
+
+
+Record = TypeVar("Record")
+Change = Callable[[Any], None]
+
+#: From 4.5 on Blender warns of // paths in properties that do not declare them.
+_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else {"ANIMATABLE"}
+#: Where names belong that are no settings of a radar; the interface for scripts fills it.
+PLACES: dict[str, str] = {}
+#: Least number that a field of the window takes, where a value must be above 0.
+_LEAST_SHOWN = 1e-6
+
+
+def property_group(
+    name: str,
+    settings: Mapping[str, Declared],
+    others: Mapping[str, Any] | None = None,
+    changes: Mapping[str, Change] | None = None,
+) -> type[Any]:
+    """Return a class of bpy.types.PropertyGroup, not yet registered.
+
+    `others` are further properties (pointers); `changes` are called, by the name of a setting,
+    with the group after the setting was changed.
+    """
+    annotations: dict[str, Any] = {}
+    for item in settings.values():
+        if item.optional:
+            annotations[f"use_{item.name}"] = bpy.props.BoolProperty(
+                name=f"Set {item.of.label.lower()}",
+                description=item.of.help,
+                default=item.of.on or item.default is not None,
+            )
+        annotations[item.shown_name] = _property(item, (changes or {}).get(item.name))
+    annotations.update(others or {})
+    members = {
+        "__annotations__": annotations,
+        "__doc__": "Settings, see the declarations of their dataclasses.",
+        "changes": dict(changes or {}),
+    }
+    return type(name, (bpy.types.PropertyGroup,), members)
+
+
+def _property(item: Declared, change: Change | None) -> Any:
+    """A field of the window."""
+    of = item.of
+    common: dict[str, Any] = {"name": item.shown_label, "description": of.help}
+    if change is not None:  # not called by keyframes, which may change nothing else
+        common["update"] = lambda group, _: change(group)
+    if item.kind is bool:
+        return bpy.props.BoolProperty(default=bool(item.initial), **common)
+    if of.choices:
+        return bpy.props.EnumProperty(items=of.choices, default=str(item.initial), **common)
+    if item.kind is str:
+        if of.path:
+            common |= {"subtype": f"{of.path}_PATH", "options": _RELATIVE}
+        return bpy.props.StringProperty(default=item.initial or "", **common)
+    bounds = {"min": of.minimum, "max": of.maximum, "soft_max": of.soft_maximum}
+    if item.kind is int:
+        common |= {key: int(value) for key, value in bounds.items() if value is not None}
+        return bpy.props.IntProperty(default=item.initial, **common)
+    common |= {key: item.to_shown(value) for key, value in bounds.items() if value is not None}
+    if of.above == 0:
+        common["min"] = _LEAST_SHOWN
+
+    def get(group: Any) -> float:
+        return item.to_shown(group.get(item.name, item.initial))
+
+    def put(group: Any, value: float) -> None:
+        group[item.name] = shortest_decimal(value, item.exponent)
+
+    return bpy.props.FloatProperty(get=get, set=put, precision=of.digits, **common)
+
+
+def read(group: Any, item: Declared) -> Any:
+    """Return the value of a setting, numbers in SI and float64."""
+    if item.optional and not getattr(group, f"use_{item.name}"):
+        return None
+    if item.kind is float:
+        return float(group.get(item.name, item.initial))
+    value = getattr(group, item.name)
+    return item.kind(value) if item.of.choices else value
+
+
+def write(group: Any, item: Declared, value: Any) -> None:
+    """Set the value of a setting, which was checked; others are told as if the window had."""
+    if item.optional:
+        setattr(group, f"use_{item.name}", value is not None)
+    if item.kind is float and value is not None:
+        group[item.name] = float(value)
+        if item.name in group.changes:
+            group.changes[item.name](group)
+    elif value is not None:
+        setattr(group, item.name, str(value) if item.of.choices else value)
+
+
+class Settings:
+    """The settings of a property group by their names, in SI and float64, checked when set.
+
+    ``view.carrier_hz = 77e9`` reads back as 77e9. A group within it takes a mapping,
+    ``view.transmitter = {"kind": "gaussian"}``, and keeps its other settings. Setting raises a
+    `ConfigError` where the value has the wrong type or is out of bounds; an unknown name raises a
+    `SettingNameError`.
+
+    Parameters
+    ----------
+    group : bpy.types.PropertyGroup
+    declarations
+        Its settings by name; of groups within it (antennas), theirs by the group's name.
+    """
+
+    __slots__ = ("_declarations", "_group")
+
+    def __init__(
+        self, group: Any, declarations: Mapping[str, Declared | Mapping[str, Declared]]
+    ) -> None:
+        object.__setattr__(self, "_group", group)
+        object.__setattr__(self, "_declarations", declarations)
+
+    def __getattr__(self, name: str) -> Any:
+        item = self._declaration(name)
+        if isinstance(item, Declared):
+            return read(self._group, item)
+        return Settings(getattr(self._group, name), item)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        item = self._declaration(name)
+        if not isinstance(item, Declared):
+            if not isinstance(value, Mapping):
+                raise ConfigError(
+                    f"{name} is {value!r:.60}; expected a mapping of its settings, which are "
+                    f"{', '.join(item)}."
+                )
+            view = getattr(self, name)
+            for key, part in value.items():
+                setattr(view, key, part)
+            return
+        item.check(value)
+        if self._group.id_data.library is not None:
+            raise ConfigError(
+                f"{self._group.id_data.name!r} is linked from another file; its settings cannot be "
+                "changed here. Change them there, or make the object local."
+            )
+        write(self._group, item, value)
+
+    def __dir__(self) -> Iterable[str]:
+        return list(self._declarations)
+
+    def record(self, kind: type[Record], **given: Any) -> Record:
+        """Return an instance of one of the dataclasses that the group was made from.
+
+        Parameters
+        ----------
+        kind
+            Dataclass.
+        **given
+            Values in place of the group's own, and those of fields that are no settings.
+
+        Raises
+        ------
+        ConfigError
+            Values that do not fit together.
+        """
+        own = {name: getattr(self, name) for name in declared(kind) if name in self._declarations}
+        return kind(**{**own, **given})
+
+    def values(self) -> dict[str, Any]:
+        """Return all settings by name; those of a group within it as a mapping."""
+        found = {name: getattr(self, name) for name in self._declarations}
+        return {k: v.values() if isinstance(v, Settings) else v for k, v in found.items()}
+
+    def _declaration(self, name: str) -> Declared | Mapping[str, Declared]:
+        found: Declared | Mapping[str, Declared] | None = self._declarations.get(name)
+        if found is None:
+            raise SettingNameError(f"There is no setting {name!r}; {self._hint(name)}")
+        return found
+
+    def _hint(self, name: str) -> str:
+        """Where a name belongs, or which it resembles."""
+        groups = [key for key, item in self._declarations.items() if not isinstance(item, Declared)]
+        for group in groups:
+            inner = self._declarations[group]
+            assert not isinstance(inner, Declared)
+            if name in inner:
+                owners = " and ".join(f"settings(rig).{key}" for key in groups)
+                return f"it is one of {owners}, such as settings(rig).{group}.{name}."
+        if name in PLACES:
+            return f"it is an argument: {PLACES[name]}."
+        near = difflib.get_close_matches(name, self._declarations, 3, 0.6)
+        return f"did you mean {' or '.join(near)}?" if near else "docs/settings.md lists them."
+
 
 RADAR_PROPERTY = "radarsim"
 #: Kinds of waveforms with settings; samples of an arbitrary one come from a file.
@@ -221,3 +423,205 @@ def active_radar_property() -> Any:
         update=_refresh_for_carrier,
         description="Choose the radar that measures. Empty: the only one",
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# What a radar's settings ask for, as checked records: measurement, paths, link budget, folder.
+# -------------------------------------------------------------------------------------------------
+
+
+def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement:
+    """Return the measurement that a radar's settings ask for, without its link budget.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    radar : bpy.types.Object
+        The rig; None: the scene's active one.
+    **given
+        Values in place of the radar's own, by the names of the settings, in SI; ``frames`` is a
+        tuple of frames.
+
+    Returns
+    -------
+    Measurement
+        Checked.
+
+    Raises
+    ------
+    ConfigError
+        Values that do not fit together.
+    SceneError
+        No radar, or several of which none is chosen.
+    """
+    view = settings(active_radar(scene) if radar is None else radar)
+    burst = view.record(Burst, **_of(Burst, given))
+    waveform, burst = _radar(view, given, burst)
+    numbers: dict[str, Any] = (
+        {"extinction_length_m": waveform.wavelength_m}
+        if given.get("extinction", view.extinction) == "wavelength"
+        else {}
+    )
+    numbers |= _of(Measurement, given)
+    numbers["frames"] = given.get("frames") or _frames(scene, view)
+    numbers["weather"] = view.record(Weather, **_of(Weather, given))
+    return view.record(Measurement, waveform=waveform, burst=burst, **numbers)
+
+
+def _of(kind: type[Any], given: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in given.items() if name in declared(kind)}
+
+
+def _radar(view: Settings, given: dict[str, Any], burst: Burst) -> tuple[AnyWaveform, Burst]:
+    kind = "file" if "waveform_file" in given else given.get("waveform_kind", view.waveform_kind)
+    numbers = {
+        name: value
+        for name, value in given.items()
+        if any(name in declared(other) for other in WAVEFORMS.values())
+    }
+    strange = [name for name in numbers if kind == "file" or name not in declared(WAVEFORMS[kind])]
+    if strange:
+        flags = ", ".join(RADAR_SETTINGS[name].flag for name in strange)
+        raise ConfigError(
+            f"{flags} given, which a waveform of kind {kind!r} does not have. Leave it out, or "
+            "choose another waveform."
+        )
+    if kind != "file":
+        return view.record(WAVEFORMS[kind], **numbers), burst
+    file = str(given.get("waveform_file") or view.waveform_file)
+    if not file.strip():
+        raise ConfigError("No waveform file is chosen. Choose one in Radar > Waveform.")
+    found = load_radar(Path(bpy.path.abspath(file)), burst)
+    return found.waveform, found.burst
+
+
+def _frames(scene: Any, view: Settings) -> tuple[int, ...]:
+    if view.frame_mode == "current":
+        return (scene.frame_current,)
+    if view.frame_mode == "scene":
+        return tuple(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+    frames = range(view.frame_start, view.frame_end + 1, view.frame_step)
+    if not frames:
+        raise ConfigError(
+            f"Frames {view.frame_start} to {view.frame_end} are none; expected the last one not "
+            "before the first one."
+        )
+    return tuple(frames)
+
+
+def read_path_options(radar: Any, **given: Any) -> PathOptions:
+    """Return how paths are followed.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+    **given
+        Values in place of the radar's own, by the names of the settings, in SI.
+
+    Returns
+    -------
+    PathOptions
+        Checked.
+
+    Raises
+    ------
+    ConfigError
+        Values that do not fit together.
+    """
+    return settings(radar).record(PathOptions, **_of(PathOptions, given))
+
+
+def _antenna_record(view: Settings) -> AntennaRecord:
+    """One antenna's settings as a record, tables read in."""
+    parameters = {
+        name: bpy.path.abspath(value) if name == "file" else value
+        for name in declared(PATTERNS[view.kind])
+        if (value := getattr(view, name)) is not None or name == "element_exponent"
+    }
+    return self_contained(AntennaRecord(view.kind, parameters))
+
+
+def read_link_budget(
+    radar: Any, wavelength_m: float, file: str | Path | None = None
+) -> LinkBudget | None:
+    """Return a radar's link budget.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+    wavelength_m
+        Wavelength of the carrier [m].
+    file
+        Link budget (JSON); None: the radar's own.
+
+    Returns
+    -------
+    LinkBudget or None
+        Checked; None where the radar uses none.
+
+    Raises
+    ------
+    ConfigError
+        Values out of bounds, or a table or file that cannot be read.
+    """
+    record = own_link_budget(radar) if file is None else read_system(file)
+    if record is not None:
+        make_system(record, wavelength_m)  # checks it
+    return record
+
+
+def own_link_budget(radar: Any) -> LinkBudget | None:
+    """Return the link budget of a radar's settings, whose antennas are not checked.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+
+    Returns
+    -------
+    LinkBudget or None
+        None where the radar uses none.
+
+    Raises
+    ------
+    ConfigError
+        Values out of bounds, or a table that cannot be read.
+    """
+    view = settings(radar)
+    if not view.use_link_budget:
+        return None
+    names = ("transmitter", "receiver")
+    antennas = {name: _antenna_record(getattr(view, name)) for name in names}
+    return view.record(LinkBudget, **antennas)
+
+
+def output_folder(radar: Any) -> Path:
+    """Return the output folder as an absolute path.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+
+    Returns
+    -------
+    Path
+        Absolute; it may not exist.
+
+    Raises
+    ------
+    OutputError
+        None is set, or it is relative to a file that was never saved.
+    """
+    text = settings(radar).output_folder
+    if not text.strip():
+        raise OutputError("No output folder is set. Choose one in Radar > Measure > Output.")
+    if text.startswith("//") and not bpy.data.filepath:
+        raise OutputError(
+            f"The output folder {text!r} is relative to the .blend file, which was never saved. "
+            "Save the file, or choose an absolute folder in Radar > Measure > Output."
+        )
+    return Path(bpy.path.abspath(text))

@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 
 from ..materials import mirror_property
-from ..materials.library import READY
+from ..materials.physical_materials import READY
 from ..nodes import PRESETS
 from ..scene import ACTIVE_RADAR_PROPERTY
 from .material import MATERIAL_PROPERTY, MaterialSettings

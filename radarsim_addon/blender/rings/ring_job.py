@@ -8,25 +8,364 @@ moment a run is killed at, a file with a sidecar is whole, and the next run resu
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
-from ...atomic_files import AtomicFile
-from ...errors import RadarSimError, RenderError
+from ... import contract
+from ...arrays import Indices, Mask, Real, Single
+from ...atomic_files import AtomicFile, disk_of
+from ...contract import CHANNELS
+from ...errors import FrameFileError, OutputError, RadarSimError, RenderError
 from ...findings import Finding, finding, merge
-from ...sidecar import write_record
+from ...signal.runs import CHUNK_LINES, ZIP, ExrHeader, read_header
+from ...typed_json import write_record
 from ..materials import found_inside
-from ..plan import Task, instant_at
-from ..run import MeasurementJob, output_folder, run_files
-from ..scene import check_particles_are_baked, moved_by_scripts
-from ..scene import ground_truth as ground_truth
-from ..state import take_snapshot
-from ..views import Region, set_border
-from .exr_check import verify_exr
-from .render_result import save_render
-from .ring_regions import regions_by_ring
+from ..plan import Plan, Task, instant_at
+from ..run import MeasurementJob, run_job, shared_folder
+from ..scene import check_particles_are_baked, ground_truth, moved_by_scripts
+from ..state import Snapshot, read_triangles, take_snapshot
+from ..views import Region, ViewWindow, set_border
+
+# -------------------------------------------------------------------------------------------------
+# Check that Blender has written an EXR file completely. Uses the standard library and numpy.
+#
+# A full disk leaves a truncated file, and Blender does not report it when it renders in the
+# background. A Blender program has no EXR library that is safe to import, so the pixels are
+# decompressed here; only a plain float32 ZIP image, as Blender writes it, is accepted.
+# -------------------------------------------------------------------------------------------------
+
+
+def verify_exr(path: Path, width_px: int, height_px: int) -> None:
+    """Check that a file is complete: right channels, type and size, every pixel finite.
+
+    OutputError: it is missing or incomplete. RenderError: it holds NaN or infinite pixels.
+    """
+    if not path.exists():
+        raise OutputError(
+            f"Blender has not written {path}. {disk_of(path).capitalize()} is full, or the folder "
+            "was removed. Make room and render again."
+        )
+    try:
+        header = read_header(path)
+        _check_layout(header, width_px, height_px)
+        finite = all(np.isfinite(values).all() for values in _pixels(path, header))
+    except (OSError, ValueError, zlib.error, FrameFileError) as error:
+        raise OutputError(
+            f"Blender has written {path} incompletely ({error}). The disk is probably full: "
+            f"{disk_of(path)}. Make room and render again."
+        ) from error
+    if not finite:
+        raise RenderError(
+            f"Cycles has rendered NaN or infinite pixels into {path}, which have no power. Look "
+            "for a material or a transmitter power near 1e38, or an object at the antenna."
+        )
+
+
+def _check_layout(header: ExrHeader, width_px: int, height_px: int) -> None:
+    if header.channels != dict.fromkeys(CHANNELS, "float"):
+        raise ValueError(f"channels {header.channels}, expected float {sorted(CHANNELS)}")
+    if header.compression != ZIP:
+        raise ValueError("not ZIP compressed")
+    size = header.width_px, header.height_px
+    if size != (width_px, height_px):
+        raise ValueError(f"{size[0]} x {size[1]} pixels, expected {width_px} x {height_px}")
+
+
+def _pixels(path: Path, header: ExrHeader) -> Iterator[Single]:
+    """Yield the values of each chunk: inflate, undo the predictor, re-interleave."""
+    data = path.read_bytes()
+    for row, (start, length) in header.chunks.items():
+        rows = min(CHUNK_LINES[ZIP], header.height_px - row)
+        size = 4 * rows * header.width_px * len(CHANNELS)
+        packed = data[start : start + length]
+        if length == size:  # stored as it is where ZIP gains nothing
+            yield np.frombuffer(packed, dtype="<f4")
+            continue
+        raw = np.frombuffer(zlib.decompress(packed), dtype=np.uint8)
+        if raw.size != size:
+            raise ValueError("a chunk has a wrong length")
+        # Predictor: each byte is the difference from the one before, plus 128.
+        steps = raw.astype(np.int64)
+        steps[1:] -= 128
+        values = np.cumsum(steps).astype(np.uint8)
+        half = (size + 1) // 2
+        merged = np.empty_like(values)
+        merged[0::2], merged[1::2] = values[:half], values[half:]
+        yield merged.view("<f4")
+
+
+# -------------------------------------------------------------------------------------------------
+# Write Blender's render result to a file of any name.
+# -------------------------------------------------------------------------------------------------
+
+
+def save_render(scene: Any, path: Path) -> None:
+    """Write the last render in the scene's format; an existing file is replaced."""
+    result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
+    if result is None:
+        raise RenderError(
+            "Blender has no render result, so the frame is incomplete. Start the run again."
+        )
+    try:
+        # write_still would expand # and {} in folder names.
+        result.save_render(str(path), scene=scene)
+    except RuntimeError as error:
+        raise OutputError(
+            f"Blender cannot write {path}: {str(error).strip()} Choose an output folder that is "
+            f"writable, or make room on {disk_of(path)}."
+        ) from error
+
+
+# -------------------------------------------------------------------------------------------------
+# Parts of a perspective view in which surfaces at given ranges can be seen. Does not import bpy.
+#
+# All points are in the receiver's axes, so that u = x / -z and v = y / -z.
+# -------------------------------------------------------------------------------------------------
+
+
+#: A surface in several rings is cut until its parts are this fraction of the view.
+_VIEW_PART = 1 / 128
+#: Cuts in halves after which a part stands for the whole view: it touches the receiver.
+_MOST_CUTS = 20
+#: Parts above which the whole view is rendered.
+_MOST_PARTS = 1 << 21
+#: Rounding of ranges in Cycles, relative to the largest coordinate, with a wide margin.
+_ROUNDING = 1e-5
+#: Pixels around a surface that are rendered too.
+_MARGIN_PX = 2
+#: Where each of four parts of a triangle has its corners: weights of the triangle's corners.
+_QUARTERS = np.array(
+    [
+        [[2, 0, 0], [1, 1, 0], [1, 0, 1]],
+        [[0, 2, 0], [0, 1, 1], [1, 1, 0]],
+        [[0, 0, 2], [1, 0, 1], [0, 1, 1]],
+        [[1, 1, 0], [0, 1, 1], [1, 0, 1]],
+    ]
+) / 2  # fmt: skip
+
+
+class Shells:
+    """Bounds of what a view shows in rings of ranges from the transmitter.
+
+    Parameters
+    ----------
+    view
+        Edges of the view, tangents, and its pixels.
+    transmitter_m
+        Its place, (3,) [m].
+    edges_m
+        Edges of the n rings, (n + 1,) [m].
+    reach_m
+        Largest coordinate in the scene, for rounding [m].
+    """
+
+    def __init__(
+        self, view: ViewWindow, transmitter_m: Real, edges_m: Sequence[float], reach_m: float
+    ) -> None:
+        self._view, self._source = view, transmitter_m
+        self._edges = np.asarray(edges_m, dtype=np.float64)
+        self._slack = _ROUNDING * reach_m
+        rings = len(self._edges) - 1
+        #: Left, right, bottom, top of each ring; empty where left is above right.
+        self._bounds = np.tile([np.inf, -np.inf, np.inf, -np.inf], (rings, 1))
+
+    def take(self, parts: Real) -> Mask:
+        """Take the convex hulls of some points, (m, p, 3) [m], where they need no cut.
+
+        Returns which were not taken: they may be seen in a ring, and are large. (m,)
+        """
+        first, last = self._rings(parts)
+        open_parts = (first <= last) & self._in_view(parts)
+        depth = -parts[..., 2]
+        front = open_parts & (depth.min(axis=1) > 0)
+        u, v = (parts[front][..., axis] / depth[front] for axis in (0, 1))
+        box = np.stack([u.min(axis=1), u.max(axis=1), v.min(axis=1), v.max(axis=1)], axis=1)
+        view = self._view
+        small = (box[:, 1] - box[:, 0] <= (view.right - view.left) * _VIEW_PART) & (
+            box[:, 3] - box[:, 2] <= (view.top - view.bottom) * _VIEW_PART
+        )
+        first, last = first[front], last[front]
+        fine = small | (first == last)
+        self._add(first[fine], last[fine], box[fine])
+        open_parts[np.flatnonzero(front)[fine]] = False
+        return open_parts
+
+    def take_triangles(self, triangles: Real) -> bool:
+        """Take triangles, (m, 3, 3) [m], cut as often as they need it.
+
+        Returns whether they could be; else the view holds too many.
+        """
+        for _ in range(_MOST_CUTS):
+            triangles = triangles[self.take(triangles)]
+            if not len(triangles):
+                return True
+            if len(triangles) > _MOST_PARTS:
+                return False
+            triangles = np.einsum("qij,mjk->mqik", _QUARTERS, triangles).reshape(-1, 3, 3)
+        first, last = self._rings(triangles)
+        view = self._view
+        whole = (view.left, view.right, view.bottom, view.top)
+        self._add(first, last, np.broadcast_to(whole, (len(first), 4)))
+        return True
+
+    def regions(self) -> list[Region]:
+        """Return the pixels of each ring; one pixel where nothing can be seen."""
+        return [self._region(bounds) for bounds in self._bounds.tolist()]
+
+    def _region(self, bounds: list[float]) -> Region:
+        view = self._view
+        left, right, bottom, top = bounds
+        left, right = ((u - view.left) / view.step_u for u in (left, right))
+        top, bottom = ((view.top - v) / view.step_v for v in (top, bottom))
+        ends = []
+        for low, high, count in ((left, right, view.width_px), (top, bottom, view.height_px)):
+            low, high = max(low - _MARGIN_PX, 0.0), min(high + _MARGIN_PX, float(count))
+            if not low < high:
+                return Region(0, 1, 0, 1)
+            ends += [int(low), int(np.ceil(high))]
+        return Region(*ends)
+
+    def _rings(self, parts: Real) -> tuple[Indices, Indices]:
+        """First and last ring that each part may reach into."""
+        points = parts - self._source
+        centre = points.mean(axis=1)
+        radius = np.linalg.norm(points - centre[:, None], axis=2).max(axis=1)
+        height = _heights(points)
+        # a disc around the centre, or a ball where the points lie in no plane
+        across = np.sqrt(np.maximum(np.einsum("ij,ij->i", centre, centre) - height**2, 0.0))
+        nearest = np.hypot(height, np.maximum(across - radius, 0.0)) - self._slack
+        farthest = np.linalg.norm(points, axis=2).max(axis=1) + self._slack
+        rings = len(self._edges) - 1
+        first = np.searchsorted(self._edges, nearest, side="right") - 1
+        last = np.searchsorted(self._edges, farthest, side="right") - 1
+        # wholly nearer or farther than all rings: none
+        return np.maximum(first, 0), np.minimum(last, rings - 1)
+
+    def _in_view(self, parts: Real) -> Mask:
+        """Whether no side of the view, widened by the margin, has all of a part outside."""
+        view, (x, y, z) = self._view, np.moveaxis(parts, 2, 0)
+        du, dv = _MARGIN_PX * view.step_u, _MARGIN_PX * view.step_v
+        sides = (
+            -z,
+            x + z * (view.left - du),
+            -(x + z * (view.right + du)),
+            y + z * (view.bottom - dv),
+            -(y + z * (view.top + dv)),
+        )
+        seen = np.ones(len(parts), dtype=bool)
+        for inside in sides:
+            seen &= inside.max(axis=1) > 0
+        return seen
+
+    def _add(self, first: Indices, last: Indices, box: Real) -> None:
+        """Widen the bounds of rings first to last by a box of each part, (m, 4)."""
+        for step in range(int((last - first).max(initial=-1)) + 1):
+            reached = first + step <= last
+            ring = (first + step)[reached]
+            for column, widen in enumerate((np.minimum, np.maximum) * 2):
+                widen.at(self._bounds[:, column], ring, box[reached, column])
+
+
+def _heights(points: Real) -> Real:
+    """Distance of the planes of triangles from the origin, (m,); 0 for other parts, (m, p, 3)."""
+    if points.shape[1] != 3:
+        return np.zeros(len(points))
+    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    height = np.abs(np.einsum("ij,ij->i", normal, points[:, 0]))
+    return np.asarray(np.divide(height, size, out=np.zeros(len(points)), where=size > 0))
+
+
+def axes_of(receiver: contract.ReceiverRecord) -> tuple[Real, Real]:
+    """Return the place of a receiver, (3,) [m], and its axes as columns, (3, 3)."""
+    pose = np.array(receiver.matrix_world, dtype=np.float64)
+    return pose[:3, 3], pose[:3, :3]
+
+
+# -------------------------------------------------------------------------------------------------
+# Pixels that a ring can fill: nothing else of its render is worth its time.
+#
+# With one reflection a pixel shows a ring only where its ray meets a surface there, however many
+# surfaces it passes before. So it suffices to know which parts of the view surfaces at these ranges
+# cover. All other pixels are exactly 0.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Types of objects without faces, which Cycles renders as hair and spheres.
+_OF_POINTS = {"CURVES", "POINTCLOUD"}
+
+
+def regions_by_ring(
+    depsgraph: Any,
+    plan: Plan,
+    receiver: contract.ReceiverRecord,
+    transmitter: contract.TransmitterRecord,
+) -> list[Region] | None:
+    """Return the pixels that each ring can fill at the depsgraph's time; None: perhaps all.
+
+    They are known where paths have one reflection and Cycles renders the faces that Blender
+    evaluates.
+    """
+    asked = plan.measurement
+    if asked.max_reflections > 1 or receiver.kind != "perspective":
+        return None
+    found = ground_truth.rendered_surfaces(depsgraph)
+    snapshot, units = found.snapshot, plan.metres_per_unit
+    shapes = [snapshot.shapes[i] for i in np.unique(snapshot.layout.shape[found.rows])]
+    if any(shape.kind in _OF_POINTS or not _as_evaluated(shape) for shape in shapes):
+        return None
+    place, axes = axes_of(receiver)
+    corners = found.corners * units
+    size_px = asked.width_px, asked.height_px
+    view = ViewWindow(receiver.left, receiver.right, receiver.bottom, receiver.top, *size_px)
+    source = (np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3] - place) @ axes
+    edges = [ring * asked.ring_step_m for ring in range(plan.rings + 1)]
+    reach = max(float(np.abs(part).max(initial=0.0)) for part in (corners, place, corners - place))
+    shells = Shells(view, source, edges, reach)
+    large = found.rows[shells.take((corners - place) @ axes)]
+    for shape in np.unique(snapshot.layout.shape[large]):
+        triangles = _triangles(snapshot, int(shape))
+        if triangles is None:
+            return None
+        for row in large[snapshot.layout.shape[large] == shape]:
+            matrix = snapshot.matrix(row)
+            world = (triangles @ matrix[:3, :3].T + matrix[:3, 3]) * units
+            if not shells.take_triangles((world - place) @ axes):
+                return None
+    return shells.regions()
+
+
+def _triangles(snapshot: Snapshot, shape: int) -> Real | None:
+    """Triangles of a shape, own axes, (m, 3, 3) [Blender units]; None where it has no mesh."""
+    with snapshot.mesh(snapshot.shapes[shape]) as mesh:
+        if mesh is None:
+            return None
+        vertices, triangles = read_triangles(mesh)
+        return vertices.astype(np.float64)[triangles]
+
+
+def _as_evaluated(shape: Any) -> bool:
+    """Whether Cycles renders the faces that Blender evaluates, and rays pass them straight."""
+    item = shape.original
+    return (
+        not len(item.particle_systems)
+        and not any(modifier.type == "SUBSURF" for modifier in item.modifiers)
+        and not any(map(_moves_faces, shape.materials))
+    )
+
+
+def _moves_faces(material: Any) -> bool:
+    """Whether a material displaces faces, or sends rays elsewhere."""
+    tree = material and material.node_tree
+    return bool(tree) and (
+        any(link.to_socket.name == "Displacement" for link in tree.links)
+        or any(node.bl_idname == "ShaderNodeBsdfRayPortal" for node in tree.nodes)
+    )
 
 
 class RingJob(MeasurementJob):
@@ -86,7 +425,7 @@ class RingJob(MeasurementJob):
         self.done = self.total - len(self._pending)
 
     def _is_done(self, task: Task) -> bool:
-        return output_folder.is_done(self.folder, task, self.fingerprint)
+        return shared_folder.is_done(self.folder, task, self.fingerprint)
 
     def pending(self) -> Iterator[Task]:
         """Renders that are still to be made, in order."""
@@ -104,7 +443,7 @@ class RingJob(MeasurementJob):
         """Set time and ring for a render, and note where the antennas are."""
         assert self._settings is not None
         if self._scene_written != task.frame:
-            output_folder.make_frame_folder(self.folder, task.frame)
+            shared_folder.make_frame_folder(self.folder, task.frame)
             self._write_scene(task.frame)
             self._scene_written = task.frame
             self._records = None  # of another moment
@@ -136,7 +475,7 @@ class RingJob(MeasurementJob):
         assert self._records is not None
         final = self.folder / task.exr_path
         # Blender would make the folder again, without the rest of the run.
-        output_folder.check_there(self.folder, task.frame)
+        shared_folder.check_there(self.folder, task.frame)
         try:
             file = AtomicFile(final)
             try:
@@ -147,12 +486,12 @@ class RingJob(MeasurementJob):
                 file.commit()
             finally:
                 file.discard()
-            record = run_files.render_record(
+            record = run_job.render_record(
                 self.plan, task, *self._records, final, self.versions, self.fingerprint
             )
             write_record(self.folder / task.sidecar_path, record)
         except RadarSimError:
-            output_folder.check_there(self.folder, task.frame)
+            shared_folder.check_there(self.folder, task.frame)
             raise
         self._rendered += 1
         self.done += 1

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run: job, output folder, lock, the scene's settings for a measurement."""
 
-from .output_folder import scene_text
 from .run_job import MeasurementJob
 from .scene_state import MeasurementSettings
-from .shared_folder import FramesHeldError
+from .shared_folder import FramesHeldError, scene_text
 
 __all__ = [
     "FramesHeldError",

@@ -13,10 +13,13 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import itertools
+import math
 import os
+import secrets
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,7 +29,9 @@ import bpy
 from ... import __version__, contract
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
+from ...signal.radar import Burst
 from ...signal.runs import shared_plan
+from ...typed_json import file_sha256, read_record, write_record
 from ..materials import is_physical, separate_averages
 from ..nodes import refresh_groups
 from ..plan import (
@@ -34,30 +39,256 @@ from ..plan import (
     Instant,
     Measurement,
     Plan,
+    Task,
     check_frame_rate,
     check_unit_scale,
     config_findings,
     instant_at,
     make_plan,
+    run_record,
     shortest_decimal,
 )
 from ..scene import (
+    VELOCITY_FRAMES,
+    ClosingSpeeds,
     Rig,
     disabled_drivers,
     driven_by_whole_frames,
     find_rig,
+    hiding_is_animated,
     receiver_record,
     renders_whole_frames_only,
+    show_as_rendered,
+    show_what_renders,
+    simulation_frames,
     transmitter_record,
     unreadable_files,
 )
 from ..scene import ground_truth as ground_truth
-from ..state import SettingsRestorer, follow_evaluations, ignore_evaluations, read_all_again
-from . import output_folder, run_files
+from ..state import (
+    SettingsRestorer,
+    evaluated_depsgraph,
+    follow_evaluations,
+    ignore_evaluations,
+    read_all_again,
+)
+from . import shared_folder
 from .scene_state import MeasurementSettings
-from .scene_time import SceneTime
 from .shared_folder import SharedFolder
-from .survey import Survey
+
+# -------------------------------------------------------------------------------------------------
+# Brings a scene to a moment, as it renders there: hidden objects, simulations, instances.
+# -------------------------------------------------------------------------------------------------
+
+
+class SceneTime:
+    """The moment that a scene shows.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+    view_layer : bpy.types.ViewLayer
+    restorer
+        Takes back what is shown for the run.
+    last_needed
+        Last Blender frame that the run needs, if it needs a given one.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        view_layer: Any,
+        restorer: SettingsRestorer,
+        last_needed: Callable[[int], float],
+    ) -> None:
+        self._scene, self._view_layer = scene, view_layer
+        self._restorer, self._last_needed = restorer, last_needed
+        self._simulated_to = -math.inf
+        self._shown: Instant | None = None
+        self._hiding_moves = True
+
+    def show(self, instant: Instant) -> Any:
+        """Bring the scene to a moment; returns the depsgraph at it."""
+        # Before the time is set: what appears later would keep the place of another time.
+        if self._shown is None:
+            show_as_rendered(self._restorer, self._scene)
+            self._hiding_moves = hiding_is_animated()
+        if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
+            show_what_renders(self._restorer, self._view_layer)
+        if instant.frame + 1 > self._simulated_to:
+            # All at once: a cache that is played further later on is no longer exact, and loses
+            # frames when a time between two of them is read.
+            self._simulated_to = math.ceil(self._last_needed(instant.frame))
+            for frame in simulation_frames(self._scene, int(self._simulated_to)):
+                self._scene.frame_set(frame)
+        self._scene.frame_set(instant.frame, subframe=instant.subframe)
+        self._shown = instant
+        return evaluated_depsgraph(self._view_layer)
+
+    def shows(self, instant: Instant) -> bool:
+        """Whether the scene is at a moment; the user may have scrubbed the timeline since."""
+        now = self._scene.frame_current + self._scene.frame_subframe
+        return self._shown == instant and bool(now == instant.evaluated_frame)
+
+    def forget(self) -> None:
+        """Take what is shown as unknown: it was taken back."""
+        self._shown = None
+
+    def simulate_again(self) -> None:
+        """Play simulations before the next moment that is shown."""
+        self._simulated_to = -math.inf
+
+
+# -------------------------------------------------------------------------------------------------
+# A look at all frames of a run before the first render: extent and closing speeds.
+# -------------------------------------------------------------------------------------------------
+
+
+class Survey:
+    """What is known of the frames looked at so far.
+
+    Parameters
+    ----------
+    show
+        Brings the scene to a moment and returns the depsgraph at it.
+    rig
+        Both antennas.
+    metres_per_unit
+        Length of a Blender unit [m].
+    fps
+        Frames per second.
+    burst
+        Pulses of a frame.
+    """
+
+    def __init__(
+        self,
+        show: Callable[[Instant], Any],
+        rig: Rig,
+        metres_per_unit: float,
+        fps: float,
+        burst: Burst,
+    ) -> None:
+        self._show, self._rig, self._units, self._fps = show, rig, metres_per_unit, fps
+        self._seen: tuple[Any, ...] = ()
+        self.extent = Extent()
+        self.speeds = ClosingSpeeds(metres_per_unit, burst.pulses / burst.prf_hz)
+
+    def look_at(
+        self, moments: Sequence[Instant], any_material: bool, check: Callable[[Any], None]
+    ) -> None:
+        """Look at the moments of a radar frame; `check` is called with each depsgraph."""
+        looks = []
+        for instant in moments:
+            depsgraph = self._show(instant)
+            check(depsgraph)
+            boxes, antennas = look = self._look(depsgraph, any_material)
+            looks.append(look)
+            # Where Blender has evaluated nothing since, all is as before.
+            now = boxes.snapshot, *(place.tobytes() for place in antennas)
+            if now != self._seen:
+                found = ground_truth.extent_of_boxes(boxes, antennas, self._units)
+                self.extent = self.extent.union(found)
+            self._seen = now
+        first = moments[0]
+        soon = instant_at(first.evaluated_frame + VELOCITY_FRAMES, self._fps)
+        later = self._look(self._show(soon), any_material)
+        self.speeds.add(looks[0], later, soon.time_s - first.time_s)
+
+    def _look(self, depsgraph: Any, any_material: bool) -> tuple[Any, Any]:
+        """Boxes of what echoes, and places of the antennas."""
+        boxes = ground_truth.echoing_boxes(depsgraph, any_material)
+        return boxes, ground_truth.antenna_positions(depsgraph, self._rig)
+
+
+# -------------------------------------------------------------------------------------------------
+# The JSON files that a run writes next to its renders: plan, labels of a frame, sidecars.
+# -------------------------------------------------------------------------------------------------
+
+
+def plan_record(
+    plan: Plan, scene: str, identity: str, findings: list[Finding], versions: dict[str, str]
+) -> contract.RunRecord:
+    """Return what ``run.json`` holds.
+
+    `scene` is the scene's name and `identity` that of its files; empty: the run is like no other.
+    `findings` are known before the first render; `versions` are of programs.
+    """
+    file_name = Path(bpy.data.filepath).name
+    digest = identity or secrets.token_hex(16)
+    record = run_record(plan, digest, file_name, scene, findings, versions)
+    record.extra["extent"] = dataclasses.astuple(plan.extent)
+    record.extra["resumable"] = bool(identity)
+    record.extra["polarisation"] = plan.measurement.polarisation
+    return record
+
+
+def write_scene(
+    folder: Path,
+    frame: int,
+    plan: Plan,
+    rig: Rig,
+    show: Callable[[Instant], Any],
+    fingerprint: str,
+) -> None:
+    """Write the labels of a radar frame, unless those of this run are there.
+
+    `show` brings the scene to a moment and returns the depsgraph at it. `fingerprint` is the run's.
+    """
+    path = folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
+    try:
+        if read_record(path, contract.GroundTruthRecord).run_fingerprint == fingerprint:
+            return
+    except RadarSimError:
+        pass
+    instants = plan.instants(frame)
+    units = plan.metres_per_unit
+    later, interval_s = None, 0.0
+    if len(instants) > 1:
+        depsgraph = show(instants[1])
+        receiver, _ = ground_truth.antenna_positions(depsgraph, rig)
+        later = ground_truth.rendered_surfaces(depsgraph), receiver
+        interval_s = instants[1].time_s - instants[0].time_s
+    objects = ground_truth.object_records(show(instants[0]), rig, units, later, interval_s)
+    record = contract.GroundTruthRecord(frame, instants[0].time_s, objects, fingerprint)
+    write_record(path, record)
+
+
+def render_record(
+    plan: Plan,
+    task: Task,
+    camera: contract.ReceiverRecord,
+    emitter: contract.TransmitterRecord,
+    exr: Path,
+    versions: dict[str, str],
+    fingerprint: str,
+) -> contract.RenderRecord:
+    """The sidecar of a finished render of a ring, in the file `exr` of a run's `fingerprint`."""
+    measurement = plan.measurement
+    return contract.RenderRecord(
+        sampling_mode="rings",
+        frame=task.frame,
+        snapshot_index=task.snapshot_index,
+        time_s=task.instant.time_s,
+        ring=task.ring,
+        ring_min_m=task.ring_min_m,
+        ring_max_m=task.ring_max_m,
+        width_px=measurement.width_px,
+        height_px=measurement.height_px,
+        metres_per_unit=plan.metres_per_unit,
+        range_encoding_length_m=plan.range_encoding_length_m,
+        extinction_length_m=plan.extinction_length_m,
+        receiver=camera,
+        transmitter=emitter,
+        samples=measurement.samples,
+        seed=measurement.seed,
+        max_reflections=measurement.max_reflections,
+        exr_file=exr.name,
+        exr_sha256=file_sha256(exr),
+        run_fingerprint=fingerprint,
+        versions=versions,
+    )
+
 
 #: Frames beyond the burst at which motion is sampled, and one more.
 _FURTHER_FRAMES = 3
@@ -160,7 +391,7 @@ class MeasurementJob:
         """Check everything, plan, and put the scene into its measuring state."""
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         fresh = not os.path.exists(self.folder)  # Path.exists raises for names it cannot look at
-        output_folder.prepare_folder(self.folder)
+        shared_folder.prepare_folder(self.folder)
         try:
             self._prepare()
         except BaseException:
@@ -224,12 +455,12 @@ class MeasurementJob:
             # The carrier changes what a physical material reflects; others render alike at any.
             if any(is_physical(material) for material in bpy.data.materials):
                 identity += f" {self._measurement.waveform.carrier_hz!r} Hz"
-        return run_files.plan_record(self.plan, self.scene_name, identity, findings, self.versions)
+        return plan_record(self.plan, self.scene_name, identity, findings, self.versions)
 
     def _plan_of_folder(self) -> contract.RunRecord | None:
         """Record and `plan` with the extent of the folder's run, where that is this one."""
         try:
-            record = output_folder.earlier_run(self.folder)
+            record = shared_folder.earlier_run(self.folder)
             if record is None or not self.identity or record.frames != list(self.frames):
                 return None
             extent = Extent(*map(float, record.extra["extent"]))
@@ -357,7 +588,7 @@ class MeasurementJob:
         )
 
     def _write_scene(self, frame: int) -> None:
-        run_files.write_scene(self.folder, frame, self.plan, self.rig, self._show, self.fingerprint)
+        write_scene(self.folder, frame, self.plan, self.rig, self._show, self.fingerprint)
 
     # -- afterwards --------------------------------------------------------------------------------
 

@@ -8,18 +8,450 @@ it if they measure the same. Frames are claimed by leases, one at a time; nothin
 from __future__ import annotations
 
 import contextlib
+import json
+import os
+import secrets
+import tempfile
+import threading
 import time
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ... import contract
-from ...atomic_files import make_folder
-from ...errors import OutputError
-from ...sidecar import read_record, write_record
+from ...atomic_files import (
+    TEMPORARY_PATTERN,
+    cannot_make,
+    cannot_write,
+    make_folder,
+    remove_abandoned,
+    remove_file,
+    remove_temporaries,
+)
+from ...errors import OutputError, RadarSimError
+from ...processes import identity, is_gone
 from ...signal.runs import shared_plan
-from . import output_folder
-from .leases import STALE_S, Lease, Leases
+from ...typed_json import file_sha256, read_record, write_record
+from ..plan import Task
+
+# -------------------------------------------------------------------------------------------------
+# The run's folder: made, checked, compared with what an earlier run left, tidied up. No bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+def prepare_folder(folder: Path) -> None:
+    """Make the output folder if its parent exists, and try whether it can be written to."""
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise cannot_make(folder, error) from error
+    try:
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"\0" * 4096)
+    except OSError as error:
+        raise cannot_write(folder, error) from error
+
+
+def check_there(folder: Path, frame: int | None = None) -> None:
+    """See that the folder of a run that is going on, and that of a frame, are still there.
+
+    A new folder would contain a run without its plan.
+    """
+    if not (folder / contract.RUN_FILE).is_file():
+        what = f"was emptied ({contract.RUN_FILE} is gone)" if folder.is_dir() else "has vanished"
+        raise OutputError(
+            f"The output folder {folder} {what} while the run was going on: it was removed or "
+            "renamed, or its drive is gone. Put it back to resume the run, or start a "
+            "new one."
+        )
+    if frame is not None and not (folder / contract.frame_dir(frame)).is_dir():
+        raise OutputError(
+            f"The folder {folder / contract.frame_dir(frame)} has vanished while the run was going "
+            "on: it was removed or renamed. Start again; the other frames are kept."
+        )
+
+
+def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
+    """Make the folder of a radar frame, or of one of the renders of its burst."""
+    check_there(folder)
+    make_folder(folder / contract.burst_dir(frame, render), within=folder)
+
+
+def earlier_run(folder: Path) -> contract.RunRecord | None:
+    """The run whose files are in the folder; None for a folder without frames.
+
+    OutputError: there are frames, but no readable ``run.json`` that says of which run.
+    """
+    run_file = folder / contract.RUN_FILE
+    try:
+        return read_record(run_file, contract.RunRecord)
+    except RadarSimError as error:
+        if not run_file.exists() and not any(_own_files(folder)):
+            return None
+        raise OutputError(
+            f"The output folder {folder} holds frames of an unknown run ({error}) "
+            "Choose another folder, or overwrite (Radar > Measure, or --overwrite)."
+        ) from error
+
+
+def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> None:
+    """Prepare the folder for a run: keep frames of this run, remove or refuse those of another.
+
+    Frames of an earlier run are removed with `overwrite`, and without it where `record` is of a
+    scene in memory and the earlier run is of the same file and scene.
+    """
+    earlier = None
+    try:
+        earlier = earlier_run(folder)
+    except OutputError:
+        if not overwrite:
+            raise
+        clear_run(folder)
+    if earlier is not None and (overwrite or earlier.fingerprint != record.fingerprint):
+        if not overwrite:
+            _check_replaceable(folder, earlier, record)
+        clear_run(folder)
+    clear_partial(folder)
+
+
+def _check_replaceable(
+    folder: Path, earlier: contract.RunRecord, record: contract.RunRecord
+) -> None:
+    """See that a run may replace an earlier one without being told to; OutputError if not."""
+    remedy = "Choose another folder, or overwrite (Radar > Measure, overwrite=True, --overwrite)."
+    if (earlier.blend_file, earlier.scene) != (record.blend_file, record.scene):
+        raise OutputError(
+            f"The output folder {folder} holds the run of another scene: {scene_text(earlier)}; "
+            f"this is {scene_text(record)}. {remedy}"
+        )
+    if record.extra["resumable"]:
+        raise OutputError(
+            f"The output folder {folder} holds frames of another run (the scene's files, sampling "
+            "mode, ring step, snapshots, resolution, samples, seed, carrier of physical materials "
+            f"or software differ, or a script or the window measured it). {remedy}"
+        )
+
+
+def scene_text(record: contract.RunRecord) -> str:
+    """Return the file and the scene of a run for messages.
+
+    Parameters
+    ----------
+    record
+        Plan of the run.
+
+    Returns
+    -------
+    str
+    """
+    file = f"{record.blend_file!r}" if record.blend_file else "a file that was never saved"
+    return f"{file}, scene {record.scene!r}" if record.scene else file
+
+
+def clear_run(folder: Path) -> None:
+    """Remove the files of an earlier run and its products; nothing that is not ours."""
+    # The plan goes last: a clearing that is interrupted leaves frames of the earlier run, which
+    # nobody mistakes for frames of the next one.
+    products = folder / contract.PRODUCTS_DIR
+    # A frame's summary goes first: products without it are not taken for whole ones.
+    patterns = "frame_*_summary.json", "frame_[0-9]*_*", "range_doppler.*", "antennas.png"
+    made = [path for pattern in patterns for path in products.glob(pattern)]
+    for path in dict.fromkeys([*made, *_own_files(folder), folder / contract.RUN_FILE]):
+        remove_file(path)
+
+
+def clear_partial(folder: Path) -> None:
+    """Remove what a killed run left half written."""
+    remove_temporaries(folder)
+    for place in (folder / contract.FRAMES_DIR).glob("frame_*"):
+        _clear_partial(place, remove_temporaries)
+
+
+def clear_partial_frame(folder: Path, frame: int) -> None:
+    """Remove what processes that were killed on this machine left half written in a frame."""
+    _clear_partial(folder / contract.frame_dir(frame), remove_abandoned)
+
+
+def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
+    for place in (frame_folder, *frame_folder.glob("burst_*")):
+        remove(place)
+        remove(place / contract.TILES_DIR)
+
+
+def is_done(folder: Path, task: Task, fingerprint: str) -> bool:
+    """Whether a render of a run is there: sidecar of it, EXR as the sidecar says, byte for byte."""
+    try:
+        record = read_record(folder / task.sidecar_path, contract.RenderRecord)
+        exr = folder / task.exr_path
+        own = record.run_fingerprint == fingerprint and record.exr_file == exr.name
+        return own and file_sha256(exr) == record.exr_sha256
+    except (RadarSimError, OSError):
+        return False
+
+
+def _own_files(folder: Path) -> list[Path]:
+    patterns = (
+        "ring_*_t[01].exr",
+        "ring_*_t[01].json",
+        contract.PATHS_TABLE,
+        contract.PATHS_FILE,
+        contract.MOTION_FILE,
+        contract.DEFORMING_SURFACES_FILE,
+        contract.STILL_BODIES_FILE,
+        "burst_*/*",
+        f"burst_*/{contract.TILES_DIR}/*",
+        contract.GROUND_TRUTH_FILE,
+        f"{contract.TILES_DIR}/*",
+        TEMPORARY_PATTERN,
+    )
+    frames = folder / contract.FRAMES_DIR
+    found = (path for pattern in patterns for path in frames.glob(f"frame_*/{pattern}"))
+    return [path for path in found if not path.is_dir()]  # a burst holds a folder of tiles
+
+
+# -------------------------------------------------------------------------------------------------
+# Leases: which process works on which part of a run's folder. Does not import bpy.
+#
+# A lease is a file that exactly one process can create. Its owner renews it every 10 s; one that
+# was not renewed for 60 s, by the clock of the file server, is stale. It may be followed by a lease
+# of the next generation, which makes it void. So processes on several machines share a folder
+# without a lock, and what a killed process left behind is taken over. On the owner's own machine, a
+# lease whose process is gone is stale at once.
+# -------------------------------------------------------------------------------------------------
+
+
+BEAT_S, STALE_S = 10.0, 60.0
+"""Time between two renewals of a lease, and the age from which it is stale [s]."""
+
+_SUFFIX = ".lease"
+#: Leases are some hundred bytes; what is larger is none.
+_MAX_BYTES = 4096
+#: Tries to create a lease, while others try, too; and the time between them [s].
+_TRIES, _PAUSE_S = 40, 0.02
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """A lease file as it was found: generation, content, and the server's time of its renewal."""
+
+    generation: int
+    path: Path
+    content: bytes
+    renewed_s: float
+
+
+class Lease:
+    """A lease that this process owns; see :meth:`Leases.claim`."""
+
+    def __init__(self, leases: Leases, name: str, path: Path, content: bytes) -> None:
+        self.name = name
+        self._leases, self._path, self._content = leases, path, content
+
+    def renew(self) -> bool:
+        """Renew the lease; False where another process has taken over."""
+        try:
+            # Of one open file: where another replaces it meanwhile, this one is nobody's.
+            with open(self._path, "rb+") as stream:
+                if stream.read(_MAX_BYTES) != self._content:
+                    return False
+                stream.seek(0)
+                stream.write(self._content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            return self._leases.newest(self.name) == self._path
+        except FileNotFoundError:
+            return False
+        except OSError as error:
+            raise _unusable(self._path, error) from error
+
+    def release(self) -> None:
+        """Give the lease back. May be called again."""
+        self._leases.forget(self)
+        with contextlib.suppress(OSError, OutputError):  # else it becomes stale
+            if self.renew():
+                self._path.unlink()
+
+    def __enter__(self) -> Lease:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+
+class Leases:
+    """Leases in a folder; `stale_s` is the age from which one that nobody renews is stale [s]."""
+
+    def __init__(self, folder: Path, beat_s: float = BEAT_S, stale_s: float = STALE_S) -> None:
+        self._folder, self._beat_s, self._stale_s = folder, beat_s, stale_s
+        self._held: list[Lease] = []
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def claim(self, name: str) -> Lease | None:
+        """Take the lease of a name, such as "frame_0001"; None where another process holds it.
+
+        It is renewed until it is released.
+        """
+        content = json.dumps(identity() | {"token": secrets.token_hex(16)}).encode()
+        for _ in range(_TRIES):
+            seen = self._seen(name)
+            if seen is not None and not self._is_stale(seen):
+                return None
+            generation = 1 if seen is None else seen.generation + 1
+            path = self._folder / f"{name}.{generation:06d}{_SUFFIX}"
+            try:
+                handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+            except FileExistsError:
+                time.sleep(_PAUSE_S)
+                continue
+            except OSError as error:
+                raise _unusable(path, error) from error
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            # What was stale must still be there: else its successor has come and gone meanwhile,
+            # and the generations have begun again.
+            if self.newest(name) != path or not _still_there(seen):
+                path.unlink(missing_ok=True)
+                time.sleep(_PAUSE_S)
+                continue
+            for _, older in self._files(name)[:-1]:
+                with contextlib.suppress(OSError):
+                    older.unlink(missing_ok=True)
+            lease = Lease(self, name, path, content)
+            self._keep(lease)
+            return lease
+        return None
+
+    def holder(self, name: str) -> str | None:
+        """Return who holds a lease, such as "process 12 on tower"; None where nobody does."""
+        seen = self._seen(name)
+        if seen is None or self._is_stale(seen):
+            return None
+        owner = _owner(seen)
+        return f"process {owner.get('pid', '?')} on {owner.get('host', '?')}"
+
+    def holders(self) -> dict[str, str]:
+        """Return who holds which lease of the folder, by the lease's name."""
+        names = {path.name.split(".")[0] for path in self._folder.glob(f"*{_SUFFIX}")}
+        found = {name: self.holder(name) for name in sorted(names)}
+        return {name: who for name, who in found.items() if who is not None}
+
+    def newest(self, name: str) -> Path | None:
+        """Return the file of the lease's last generation."""
+        files = self._files(name)
+        return files[-1][1] if files else None
+
+    def forget(self, lease: Lease) -> None:
+        """Renew a lease no more."""
+        with self._lock:
+            if lease in self._held:
+                self._held.remove(lease)
+            if not self._held:
+                self._stopped.set()
+                self._thread = None
+
+    # -- renewal -----------------------------------------------------------------------------------
+
+    def _keep(self, lease: Lease) -> None:
+        with self._lock:
+            self._held.append(lease)
+            if self._thread is None:
+                self._stopped = threading.Event()
+                self._thread = threading.Thread(
+                    target=self._renew_all, args=(self._stopped,), daemon=True, name="leases"
+                )
+                self._thread.start()
+
+    def _renew_all(self, stopped: threading.Event) -> None:
+        while not stopped.wait(self._beat_s):
+            with self._lock:
+                held = list(self._held)
+            for lease in held:
+                with contextlib.suppress(OutputError):  # the owner finds out before it publishes
+                    lease.renew()
+
+    # -- files -------------------------------------------------------------------------------------
+
+    def _files(self, name: str) -> list[tuple[int, Path]]:
+        """Generations of a lease, the oldest first."""
+        found = []
+        for path in self._folder.glob(f"{name}.*{_SUFFIX}"):
+            digits = path.name[len(name) + 1 : -len(_SUFFIX)]
+            if digits.isdecimal():
+                found.append((int(digits), path))
+        return sorted(found)
+
+    def _seen(self, name: str) -> _Seen | None:
+        for generation, path in reversed(self._files(name)):
+            found = _read(path)
+            if found is not None:
+                return _Seen(generation, path, *found)
+        return None
+
+    def _is_stale(self, seen: _Seen) -> bool:
+        """Whether a lease's process is gone, or has not renewed it for too long."""
+        age_s = self._server_time_s() - seen.renewed_s
+        # One that is dated in the future was left when a clock was wrong: its owner would have
+        # renewed it. One without content has just been created, or its owner was killed then.
+        return is_gone(_owner(seen)) or abs(age_s) > self._stale_s
+
+    def _server_time_s(self) -> float:
+        """The file server's time: that of a file which is just being written."""
+        probe = self._folder / f".clock-{secrets.token_hex(8)}.part"
+        try:
+            with open(probe, "xb") as stream:
+                stream.write(b"\0")
+                stream.flush()
+                os.fsync(stream.fileno())
+                return os.fstat(stream.fileno()).st_mtime
+        except OSError as error:
+            raise _unusable(probe, error) from error
+        finally:
+            with contextlib.suppress(OSError):
+                probe.unlink(missing_ok=True)
+
+
+def _read(path: Path) -> tuple[bytes, float] | None:
+    """Content of a lease and the time of its renewal; None where there is none."""
+    try:
+        with open(path, "rb") as stream:  # a network file system looks again only when it opens
+            return stream.read(_MAX_BYTES), os.fstat(stream.fileno()).st_mtime
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise _unusable(path, error) from error
+
+
+def _still_there(seen: _Seen | None) -> bool:
+    """Whether a stale lease has not been followed by another yet."""
+    found = None if seen is None else _read(seen.path)
+    return seen is None or (found is not None and found[0] == seen.content)
+
+
+def _owner(seen: _Seen) -> dict[str, Any]:
+    if not seen.content:
+        return {}
+    try:
+        found = json.loads(seen.content)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict) or not isinstance(found.get("pid"), int):
+        raise OutputError(
+            f"{seen.path} is not a lease of radarsim. Remove it if no other program needs it."
+        )
+    return found
+
+
+def _unusable(path: Path, error: OSError) -> OutputError:
+    return OutputError(
+        f"Cannot use {path}, which shows who works in the output folder: "
+        f"{error.strerror or error}. Choose an output folder that is there and is writable."
+    )
+
 
 #: Lease of the process that opens the folder. It is held for a moment only.
 _OPENING = "run"
@@ -53,7 +485,7 @@ class SharedFolder:
             if others:
                 self._refuse_another_run(" and ".join(others))
                 return
-            output_folder.open_folder(self._folder, record, overwrite)
+            open_folder(self._folder, record, overwrite)
             write_record(self._folder / contract.RUN_FILE, record)
             make_folder(self._folder / contract.FRAMES_DIR, within=self._folder)
             for left in self._folder.glob("*.lease"):  # of processes that are gone
@@ -95,7 +527,7 @@ class SharedFolder:
                     left.append(frame)
                     continue
                 with self._lease:
-                    output_folder.clear_partial_frame(self._folder, frame)
+                    clear_partial_frame(self._folder, frame)
                     yield frame
                 self._lease = None
             if len(left) == len(waiting):
@@ -125,7 +557,7 @@ class SharedFolder:
         """Claim a frame while nobody opens the folder, and see that the plan is still ours."""
         deadline_s = time.monotonic() + 2 * STALE_S
         while time.monotonic() < deadline_s:
-            output_folder.check_there(self._folder)
+            check_there(self._folder)
             lease = self._leases.claim(_name(frame))
             if lease is None:
                 return None
@@ -172,7 +604,7 @@ class SharedFolder:
         return record.fingerprint == self._fingerprint and shared_plan(record) == self._plan
 
     def _refuse_another_run(self, others: str) -> None:
-        earlier = output_folder.earlier_run(self._folder)
+        earlier = earlier_run(self._folder)
         if earlier is None or not self._is_ours(earlier):
             raise OutputError(
                 f"{others} is rendering another run into the output folder "

@@ -7,51 +7,55 @@ In: the evaluated scene in Blender units. Out: records in metres.
 from .closing_speeds import (
     VELOCITY_FRAMES,
     ClosingSpeeds,
-    keyed_move,
-    keyed_speeds,
-    keyed_step,
-    nothing_moves,
-)
-from .driver_checks import (
-    disabled_drivers,
-    driven_by_whole_frames,
-    looks_at_view,
-    may_move_at_whole_frames,
-    moved_by_scripts,
-    reads_context,
-)
-from .finite_checks import check_poses, check_vertices
-from .ground_truth import displaced_surfaces, echoing_boxes, scene_extent
-from .instance_poses import (
     InstancePose,
     Poses,
     distance_from_box,
     evaluated_poses,
     instance_name,
+    keyed_move,
+    keyed_speeds,
+    keyed_step,
+    nothing_moves,
     pose_in_metres,
 )
-from .isolation import action_curves, animation_curves, echoes, isolate
-from .mesh_checks import check_meshes
-from .no_echo import no_echo_findings
-from .optical_materials import replace_material, suggest_materials
-from .pattern_mesh import PATTERN_PROPERTY, draw_patterns, remove_patterns
-from .pixel_spans import PixelSpans, measure_pixel_spans
-from .poses import receiver_record, rigid_pose, transmitter_record
-from .projections import NEAR_CLIP_UNITS, aim, camera_kind, frame_edges
-from .radar_ground import GroundBelow, ground_below
+from .finite_checks import check_poses, check_vertices
+from .ground_truth import displaced_surfaces, echoing_boxes, scene_extent
+from .mesh_checks import check_meshes, check_normals, sharpen_walls
+from .poses import (
+    NEAR_CLIP_UNITS,
+    aim,
+    camera_kind,
+    frame_edges,
+    receiver_record,
+    rigid_pose,
+    transmitter_record,
+)
 from .rig import (
     ACTIVE_RADAR_PROPERTY,
+    PATTERN_PROPERTY,
     Rig,
     active_radar,
     antennas_of,
     check_scale,
+    draw_patterns,
     find_rig,
     is_transmitter,
     radar_of,
     radars,
+    remove_patterns,
     setup_rig,
 )
-from .scene_files import file_identity, foreign_handlers, unreadable_files
+from .scene_files import (
+    disabled_drivers,
+    driven_by_whole_frames,
+    file_identity,
+    foreign_handlers,
+    looks_at_view,
+    may_move_at_whole_frames,
+    moved_by_scripts,
+    reads_context,
+    unreadable_files,
+)
 from .simulations import (
     check_particles_are_baked,
     has_simulation_zone,
@@ -59,14 +63,26 @@ from .simulations import (
     renders_whole_frames_only,
     simulation_frames,
 )
-from .smooth_shading import check_normals, sharpen_walls
+from .view_checks import (
+    GroundBelow,
+    PixelSpans,
+    ground_below,
+    measure_pixel_spans,
+    no_echo_findings,
+)
 from .visibility import (
+    action_curves,
+    animation_curves,
+    echoes,
     hiding_is_animated,
     is_hidden_at_times,
+    isolate,
     limited_visibility,
+    replace_material,
     show_as_rendered,
     show_what_ever_renders,
     show_what_renders,
+    suggest_materials,
 )
 
 __all__ = [

@@ -10,7 +10,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Real
+from ...arrays import Indices, Real
 from ...errors import SceneError
 from ..state import Shape, Snapshot
 

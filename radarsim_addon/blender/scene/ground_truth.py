@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -12,9 +14,8 @@ import bpy
 import numpy as np
 
 from ... import contract
-from ...array_types import Real
+from ...arrays import Indices, Real, distances
 from ...findings import Finding, finding
-from ...vectors import distances
 from ..materials import (
     clutter_name,
     fluctuation_of,
@@ -23,13 +24,213 @@ from ..materials import (
 from ..nodes import is_radar_material
 from ..plan import Extent
 from ..state import Shape, Snapshot, take_snapshot
-from .boxes import Boxes, extent_of_boxes
 from .finite_checks import check_meshes_finite
-from .isolation import ABSORBER_NAME, echoes
-from .nearest import nearest_distances
 from .rig import Rig
-from .surface_triangles import triangles_about
-from .visibility import rendered_rows
+from .visibility import ABSORBER_NAME, echoes, rendered_rows
+
+# -------------------------------------------------------------------------------------------------
+# Bounding boxes of surfaces at one moment, and how far they reach. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: What centres, radii and distances of boxes may be off by rounding, relative to coordinates.
+_MARGIN = 1e-12
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Bounding boxes of surfaces: rows of a snapshot, and corners in the world, (n, 8, 3)."""
+
+    snapshot: Snapshot
+    rows: Indices
+
+    @property
+    def corners(self) -> Real:
+        """Corners in world space [Blender units]."""
+        return self.snapshot.corners_of(self.rows)
+
+    def spheres(self, *places: Real) -> tuple[Real, Real]:
+        """Return centres (n, 3) and radii (n,) of spheres around them [Blender units].
+
+        The radii have a margin for the rounding of distances from the origin and from `places`.
+        """
+        spheres = self.snapshot.spheres[self.rows]
+        largest = np.abs([spheres.max(initial=0.0), spheres.min(initial=0.0), *np.ravel(places)])
+        return spheres[:, :3], spheres[:, 3] + _MARGIN * largest.max()
+
+    def labels(self) -> tuple[list[str], Indices]:
+        """Return the labels of the surfaces, each once, and the number of each surface's, (n,)."""
+        layout = self.snapshot.layout
+        pairs = layout.shape[self.rows] * (len(layout.instancers) + 1) + layout.instancer[self.rows]
+        _, first, inverse = np.unique(pairs, return_index=True, return_inverse=True)
+        names = [self.snapshot.label(row) for row in self.rows[first].tolist()]
+        numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+        return list(numbers), np.array([numbers[name] for name in names], dtype=np.intp)[inverse]
+
+    def pairs(self, later: Boxes) -> tuple[Indices, Indices]:
+        """Return the rows of what is in both, here and there."""
+        if self.snapshot.layout is later.snapshot.layout:
+            if np.array_equal(self.rows, later.rows):
+                return self.rows, self.rows
+            both = np.intersect1d(self.rows, later.rows, assume_unique=True)
+            return both, both
+        there = {(later.snapshot.label(r), later.snapshot.layout.key(r)): r for r in later.rows}
+        found = [
+            (row, there[key])
+            for row in self.rows
+            if (key := (self.snapshot.label(row), self.snapshot.layout.key(row))) in there
+        ]
+        first, second = np.array(found, dtype=np.intp).reshape(-1, 2).T
+        return first, second
+
+
+def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: float) -> Extent:
+    """Return `scene_extent` from boxes, and the places of receiver and transmitter."""
+    receiver, transmitter = antennas
+    baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
+    if not boxes.rows.size:
+        return Extent(baseline_m=baseline_m)
+    centre, radius = boxes.spheres(receiver, transmitter)
+
+    def corners(middle: Real) -> Real:
+        """Corners, (m, 3), of the boxes whose farthest one may be the farthest of all.
+
+        `middle` is how far their centres are, in the same sense.
+        """
+        far = middle + radius >= middle.max()
+        return boxes.snapshot.corners_of(boxes.rows[far]).reshape(-1, 3)
+
+    def farthest_m(origin: Real) -> float:
+        away = np.linalg.norm(centre - origin, axis=1)
+        return float(np.linalg.norm(corners(away) - origin, axis=1).max()) * metres_per_unit
+
+    span = [
+        corners(middle)[:, axis].max() - corners(-middle)[:, axis].min()
+        for axis, middle in enumerate(centre.T)
+    ]
+    return Extent(
+        from_emitter_m=farthest_m(transmitter),
+        from_receiver_m=farthest_m(receiver),
+        baseline_m=baseline_m,
+        diameter_m=float(np.linalg.norm(span)) * metres_per_unit,
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# Distance of the origin from a triangle mesh, in float64. Uses numpy only.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Number of triangles per block, to limit memory.
+_BLOCK = 1 << 17
+
+
+def nearest_distances(surfaces: Iterable[Real]) -> Real:
+    """Return the distance of the origin from each of n surfaces, (n,); infinite without triangles.
+
+    A surface is the corners of its triangles, (m, 3, 3). Blender's BVH computes in float32, which
+    has an error of 0.5 mm at 10 km.
+    """
+    found: list[float] = []
+    waiting: list[Real] = []
+    owners: list[int] = []
+    size = 0
+
+    def measure() -> None:
+        corners = np.concatenate(waiting)
+        starts = np.cumsum([0, *(len(part) for part in waiting)])[:-1]
+        least = np.minimum.reduceat(_triangle_distances(*corners.transpose(1, 0, 2)), starts)
+        for owner, distance in zip(owners, least.tolist(), strict=True):
+            found[owner] = min(found[owner], distance)
+        waiting.clear()
+        owners.clear()
+
+    for owner, corners in enumerate(surfaces):
+        found.append(np.inf)
+        for start in range(0, len(corners), _BLOCK):
+            part = corners[start : start + _BLOCK]
+            if size + len(part) > _BLOCK and waiting:
+                measure()
+                size = 0
+            waiting.append(part)
+            owners.append(owner)
+            size += len(part)
+    if waiting:
+        measure()
+    return np.array(found)
+
+
+def _triangle_distances(a: Real, b: Real, c: Real) -> Real:
+    """Return the distance of the origin from each triangle, shape (m,).
+
+    It is the distance from the plane if the projection of the origin is inside the triangle, else
+    that from the nearest edge.
+    """
+    normal = np.cross(b - a, c - a)
+    area2 = np.einsum("ij,ij->i", normal, normal)
+    # The projection of the origin is `foot`. It is inside if it is left of all three edges.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        height = np.einsum("ij,ij->i", a, normal) / np.sqrt(area2)
+        foot = normal * (np.einsum("ij,ij->i", a, normal) / area2)[:, None]
+    inside = area2 > 0
+    for start, end in ((a, b), (b, c), (c, a)):
+        side = np.einsum("ij,ij->i", np.cross(end - start, foot - start), normal)
+        inside &= side >= 0
+    edges = np.minimum.reduce([_segment_distances(*ends) for ends in ((a, b), (b, c), (c, a))])
+    return np.asarray(np.where(inside, np.abs(height), edges))
+
+
+def _segment_distances(start: Real, end: Real) -> Real:
+    along = end - start
+    length2 = np.einsum("ij,ij->i", along, along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fraction = -np.einsum("ij,ij->i", start, along) / length2
+    fraction = np.clip(np.where(length2 > 0, fraction, 0.0), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(start + fraction[:, None] * along, axis=1))
+
+
+# -------------------------------------------------------------------------------------------------
+# Triangles of many surfaces of a snapshot about a point, in float64. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Triangles that are placed at once, about.
+_TOGETHER = 1 << 16
+
+
+def triangles_about(snapshot: Snapshot, rows: Iterable[int], point: Real) -> Iterator[Real]:
+    """Yield corners of the triangles of each surface relative to a point, (m, 3, 3)."""
+    waiting: list[tuple[int, Any, Any]] = []
+    size = 0
+    for row in rows:
+        found = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
+        waiting.append((row, *found))
+        size += len(found[1])
+        if size > _TOGETHER:
+            yield from _corners_about(snapshot, waiting, point)
+            waiting, size = [], 0
+    yield from _corners_about(snapshot, waiting, point)
+
+
+def _corners_about(
+    snapshot: Snapshot, surfaces: list[tuple[int, Any, Any]], point: Real
+) -> list[Real]:
+    """As `triangles_about`, of rows with their vertices and triangles; like meshes in one pass."""
+    alike: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
+    for number, (_, vertices, triangles) in enumerate(surfaces):
+        alike[len(vertices), len(triangles)].append(number)
+    found: list[Real] = [np.empty((0, 3, 3))] * len(surfaces)
+    for (points, faces), numbers in alike.items():
+        rows, vertices, triangles = zip(*(surfaces[number] for number in numbers), strict=True)
+        matrices = snapshot.matrices_of(np.array(rows, dtype=np.intp))
+        own = np.concatenate(vertices, dtype=np.float64).reshape(len(numbers), points, 3)
+        world = own @ matrices[:, :3, :3].transpose(0, 2, 1)
+        world += (matrices[:, :3, 3] - point)[:, None]
+        of_each = np.concatenate(triangles).reshape(len(numbers), faces, 3)
+        corners = world[np.arange(len(numbers))[:, None, None], of_each]
+        for number, one in zip(numbers, corners, strict=True):
+            found[number] = one
+    return found
 
 
 def check_surfaces(depsgraph: Any) -> None:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ... import contract
 from ...errors import SceneError
-from .projections import NEAR_CLIP_UNITS, camera_kind, frame_edges
 from .rig import Rig, check_scale
 
 
@@ -128,3 +127,154 @@ def transmitter_record(
         matrix_world=rigid_pose(emitter.matrix_world, metres_per_unit).tolist(),
         eirp_w=eirp_w,
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Aim a camera of any kind at a part of the field of view, and read back its edges.
+#
+# Edges are in the coordinates of `contract.ReceiverRecord`: tangents for a perspective camera,
+# metres for an orthographic one, radians of longitude and latitude for an equirectangular one.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Blender's sensor width for tiles. Its value has no effect.
+_SENSOR_MM = 32.0
+
+#: Left, right, bottom, top.
+Edges = tuple[float, float, float, float]
+
+
+def camera_kind(camera: Any) -> str:
+    """Return the kind of a camera as records name it.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+
+    Returns
+    -------
+    str
+        "perspective", "orthographic" or "equirectangular".
+
+    Raises
+    ------
+    SceneError
+        A panorama that is not equirectangular, or a custom camera.
+    """
+    if camera.type == "PERSP":
+        return "perspective"
+    if camera.type == "ORTHO":
+        return "orthographic"
+    found = _panorama(camera).panorama_type if camera.type == "PANO" else camera.type
+    if found == "EQUIRECTANGULAR":
+        return "equirectangular"
+    raise SceneError(
+        f"Camera {camera.name!r} has the projection {found}. radarsim supports perspective, "
+        "orthographic and equirectangular cameras as receivers. Set Camera > Lens > Type."
+    )
+
+
+def _panorama(camera: Any) -> Any:
+    """Return the owner of the panorama's settings: the camera; up to Blender 4.4 Cycles."""
+    return camera if hasattr(camera, "panorama_type") else camera.cycles
+
+
+def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: float) -> Edges:
+    """Return left, right, bottom, top of a camera's frame, from Blender's rules.
+
+    The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
+    The pixels, which are square, give the other dimension.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+    width_px, height_px
+        Pixels of the render.
+    metres_per_unit
+        Metres per Blender unit.
+
+    Returns
+    -------
+    left, right, bottom, top
+        At distance 1 (perspective), in metres (orthographic) or in radians (equirectangular).
+    """
+    if camera.type == "PANO":
+        settings = _panorama(camera)
+        across = float(settings.longitude_max) - float(settings.longitude_min)
+        down = float(settings.latitude_max) - float(settings.latitude_min)
+        move_u, move_v = float(camera.shift_x) * across, float(camera.shift_y) * down
+        return (
+            float(settings.longitude_min) + move_u,
+            float(settings.longitude_max) + move_u,
+            float(settings.latitude_min) + move_v,
+            float(settings.latitude_max) + move_v,
+        )
+    fit = camera.sensor_fit
+    fits_width = width_px >= height_px if fit == "AUTO" else fit == "HORIZONTAL"
+    if camera.type == "ORTHO":
+        size = float(camera.ortho_scale) * metres_per_unit
+    else:  # AUTO uses the sensor's width for both dimensions
+        sensor = camera.sensor_height if fit == "VERTICAL" else camera.sensor_width
+        size = float(sensor) / float(camera.lens)
+    fitted_px = width_px if fits_width else height_px
+    return _shifted(camera, size, size / 2 * width_px / fitted_px, size / 2 * height_px / fitted_px)
+
+
+def _shifted(camera: Any, size: float, half_u: float, half_v: float) -> Edges:
+    """Return the edges of a frame; lens shift is in units of its fitted dimension."""
+    move_u, move_v = float(camera.shift_x) * size, float(camera.shift_y) * size
+    return move_u - half_u, move_u + half_u, move_v - half_v, move_v + half_v
+
+
+def aim(
+    camera: Any, kind: str, edges: Edges, across_px: int, down_px: int, metres_per_unit: float
+) -> Edges:
+    """Set a camera to these edges.
+
+    Parameters
+    ----------
+    camera : bpy.types.Camera
+        A camera that radarsim made.
+    kind
+        As `camera_kind` returns it. Pixels are square except for "equirectangular".
+    edges
+        Left, right, bottom, top.
+    across_px, down_px
+        Size of the render.
+    metres_per_unit
+        Metres per Blender unit, for an orthographic camera.
+
+    Returns
+    -------
+    tuple of float
+        The edges that the float32 settings of the camera give.
+    """
+    left, right, bottom, top = edges
+    if kind == "equirectangular":
+        camera.type = "PANO"
+        settings = _panorama(camera)
+        settings.panorama_type = "EQUIRECTANGULAR"
+        # Blender limits latitudes to the poles, but a grid can begin up to half a pixel beyond. The
+        # camera's shift adds that part only: in units of the window it has fewer digits.
+        beyond = max(top - math.pi / 2, 0.0) or min(bottom + math.pi / 2, 0.0)
+        camera.shift_x, camera.shift_y = 0.0, beyond / (top - bottom)
+        settings.longitude_min, settings.longitude_max = left, right
+        settings.latitude_min, settings.latitude_max = bottom - beyond, top - beyond
+        return frame_edges(camera, across_px, down_px, metres_per_unit)
+    width = right - left
+    camera.sensor_fit = "HORIZONTAL"
+    camera.shift_x = (left + right) / 2 / width
+    camera.shift_y = (bottom + top) / 2 / width
+    if kind == "orthographic":
+        camera.type = "ORTHO"
+        camera.ortho_scale = width / metres_per_unit
+        return frame_edges(camera, across_px, down_px, metres_per_unit)
+    camera.type = "PERSP"
+    camera.sensor_width = _SENSOR_MM
+    camera.lens = _SENSOR_MM / width
+    size = float(camera.sensor_width) / float(camera.lens)
+    return _shifted(camera, size, size / 2, size / 2 * down_px / across_px)
+
+
+#: Smallest near clip distance of Blender [Blender units]. It shortens the first segment of a path.
+NEAR_CLIP_UNITS = 1e-6

@@ -4,24 +4,24 @@
 In: Blender data. Out: arrays in Blender units; settings as they were.
 """
 
-from .evaluated import (
+from .settings_restorer import SettingsRestorer
+from .snapshot import (
     EvaluatedObject,
     Key,
+    Layout,
+    Shape,
+    Snapshot,
     evaluated_depsgraph,
     evaluated_mesh,
     evaluated_objects,
-    read_numbers,
-    read_triangles,
-)
-from .evaluations import (
     follow_evaluations,
     ignore_evaluations,
     read_all_again,
+    read_numbers,
+    read_triangles,
     take_snapshot,
     watch_evaluations,
 )
-from .settings_restorer import SettingsRestorer
-from .snapshot import Layout, Shape, Snapshot
 
 __all__ = [
     "EvaluatedObject",

@@ -8,16 +8,237 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
+import bpy
 import numpy as np
+from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Mask, Real
-from .evaluated import Key, evaluated_mesh, read_numbers, read_triangles
-from .walked import Walked, box_corners, box_spheres
+from ...arrays import Indices, Mask, Real
+
+# -------------------------------------------------------------------------------------------------
+# Objects, instances and meshes as Blender evaluates them at one moment. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Identifies an instance among those of its object: the instancer's name, then Blender's numbers.
+#: Empty for the object itself.
+Key = tuple[Any, ...]
+
+#: Types of objects of which Blender makes meshes; it refuses hair curves and point clouds.
+_MESHED = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
+
+
+class EvaluatedObject(NamedTuple):
+    """One object, or one instance of it, in Blender units.
+
+    Blender reuses the data of instances: read what you need before the next object.
+
+    Attributes
+    ----------
+    evaluated, original, instancer : bpy.types.Object
+        `instancer` is the original object that makes the instance; None for the object itself.
+    key
+        Identifies the instance among those of its object; empty for the object itself.
+    matrix_world : mathutils.Matrix
+        4x4.
+    visible
+        Whether Blender draws the object itself, and not only its instances.
+    """
+
+    evaluated: Any
+    original: Any
+    instancer: Any
+    key: Key
+    matrix_world: Any
+    visible: bool
+
+    @property
+    def label(self) -> str:
+        """Name of the object, with its instancer: ``instancer/object``."""
+        name: str = self.original.name_full
+        instancer = name if self.instancer is None else self.instancer.name_full
+        return name if instancer == name else f"{instancer}/{name}"
+
+    @property
+    def matrix(self) -> Real:
+        """World matrix in float64, shape (4, 4)."""
+        return np.array(self.matrix_world, dtype=np.float64)
+
+    @property
+    def box(self) -> Real:
+        """Corners of the bounding box in the object's own axes, shape (8, 3)."""
+        return np.array([tuple(corner) for corner in self.evaluated.bound_box], dtype=np.float64)
+
+
+def evaluated_depsgraph(view_layer: Any) -> Any:
+    """Return the depsgraph of a view layer.
+
+    Parameters
+    ----------
+    view_layer : bpy.types.ViewLayer
+
+    Returns
+    -------
+    bpy.types.Depsgraph
+        Up to date.
+    """
+    view_layer.update()
+    return view_layer.depsgraph
+
+
+def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
+    """Yield all objects and instances of a depsgraph in Blender's order.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+
+    Yields
+    ------
+    EvaluatedObject
+        Valid until the next one.
+    """
+    for item in depsgraph.object_instances:
+        instancer = item.parent.original if item.is_instance else None
+        yield EvaluatedObject(
+            item.object,
+            item.object.original,
+            instancer,
+            () if instancer is None else (instancer.name_full, *item.persistent_id),
+            item.matrix_world,
+            item.show_self,
+        )
+
+
+class evaluated_mesh:
+    """Provide the mesh of an evaluated object during a context; None without a surface.
+
+    Parameters
+    ----------
+    evaluated : bpy.types.Object
+        Of any type.
+    """
+
+    __slots__ = ("_evaluated", "_made")
+
+    def __init__(self, evaluated: Any) -> None:
+        self._evaluated = evaluated
+        self._made: Any = None
+
+    def __enter__(self) -> Any:
+        evaluated = self._evaluated
+        kind = evaluated.type
+        if kind not in _MESHED:
+            return None
+        if kind == "MESH" and evaluated.mode == "OBJECT" and not evaluated.modifiers:
+            return evaluated.data  # what Blender would copy
+        self._made = evaluated.to_mesh()
+        return self._made
+
+    def __exit__(self, *_: object) -> None:
+        if self._made is not None:
+            self._evaluated.to_mesh_clear()
+
+
+def read_numbers(
+    items: Any, name: str, width: int = 1, dtype: type[np.generic] = np.float32
+) -> NDArray[Any]:
+    """Return a property of all elements of a mesh.
+
+    Parameters
+    ----------
+    items : bpy.types.bpy_prop_collection
+        For example the vertices of a mesh.
+    name
+        Property.
+    width
+        Numbers per element.
+    dtype
+        Type in which Blender stores the property.
+
+    Returns
+    -------
+    ndarray
+        Shape (elements, width).
+    """
+    values = np.empty(len(items) * width, dtype=dtype)
+    items.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
+def read_triangles(mesh: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Return the vertices and triangles of a mesh.
+
+    Parameters
+    ----------
+    mesh : bpy.types.Mesh
+
+    Returns
+    -------
+    ndarray, ndarray
+        Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
+    """
+    mesh.calc_loop_triangles()
+    triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
+    return read_numbers(mesh.vertices, "co", 3), triangles
+
+
+# -------------------------------------------------------------------------------------------------
+# What one walk through all objects and instances has found. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """What one walk has found; what follows from it is computed once.
+
+    Attributes
+    ----------
+    shape
+        Index of each one's shape, (n,).
+    boxes
+        Corners of the shapes' bounding boxes, (shapes, 8, 3).
+    matrices
+        World matrices, (n, 4, 4).
+    """
+
+    shape: Indices
+    boxes: Real
+    matrices: Real
+
+    @cached_property
+    def corners(self) -> Real:
+        """Corners of the bounding boxes in world space, shape (n, 8, 3)."""
+        return box_corners(self.boxes[self.shape], self.matrices)
+
+    @cached_property
+    def spheres(self) -> Real:
+        """Centres of the boxes in world space, and distances of their corners, (n, 4)."""
+        return box_spheres(self.corners)
+
+    @cached_property
+    def largest(self) -> Real:
+        """Largest size of a number in each matrix, (n,); NaN where one is NaN."""
+        return np.asarray(np.abs(self.matrices).max(axis=(1, 2), initial=0.0))
+
+
+def box_corners(boxes: Real, matrices: Real) -> Real:
+    """Return the corners of boxes (n, 8, 3) of these matrices (n, 4, 4) in world space."""
+    return np.asarray(boxes @ matrices[:, :3, :3].transpose(0, 2, 1) + matrices[:, None, :3, 3])
+
+
+def box_spheres(corners: Real) -> Real:
+    """Return the centres of boxes, of which these are the corners, and the radii, (n, 4)."""
+    centre = corners.mean(axis=1)
+    radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
+    return np.column_stack([centre, radius])
+
 
 #: Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
 Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
@@ -398,3 +619,187 @@ def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
     if moved.size > len(last.walked.matrices) / _FEW:
         return _walked(last.depsgraph, layout, shapes, found.matrices)
     return found
+
+
+# -------------------------------------------------------------------------------------------------
+# The last snapshot of a scene, brought up to date.
+#
+# Blender reports what each evaluation has changed. The next snapshot reads those objects again, and
+# walks through the scene only where instances may have changed.
+# -------------------------------------------------------------------------------------------------
+
+
+# Blender looks each of them up by its name.
+_Collection, _Scene, _Object = bpy.types.Collection, bpy.types.Scene, bpy.types.Object
+
+
+class _Latest:
+    """The last snapshot, and what Blender has evaluated since."""
+
+    def __init__(self) -> None:
+        self.snapshot: Snapshot | None = None
+        #: Objects to be read again; True where more than their pose has changed.
+        self.changed: dict[Any, bool] = {}
+        #: Objects that may have other materials.
+        self.shaded: set[Any] = set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
+
+    def note(self, depsgraph: Any) -> None:
+        """Note what Blender has just evaluated."""
+        if self.snapshot is None or self.snapshot.depsgraph != depsgraph:
+            return
+        layout = self.snapshot.layout
+        for update in depsgraph.updates:
+            self.evaluated = True
+            evaluated = update.id
+            if isinstance(evaluated, _Collection):
+                self.layout_changed = True
+            elif isinstance(evaluated, _Scene):  # a setting, or what is hidden
+                self.scene_changed = True
+            elif isinstance(evaluated, _Object):
+                item = evaluated.original
+                geometry, there = update.is_updated_geometry, item in layout.row_of
+                # A change of the scene reports all its objects, as shaded again.
+                if geometry or update.is_updated_transform:
+                    self.layout_changed |= item in layout.instanced
+                    if there:
+                        self.changed[item] = geometry or self.changed.get(item, False)
+                if update.is_updated_shading:
+                    self.shaded.add(item)
+                self.scene_changed |= item in layout.instanced or not there
+
+    def take(self, depsgraph: Any) -> Snapshot:
+        """Return the snapshot of now."""
+        last = self.snapshot
+        followed = follow_evaluations()
+        if last is not None and last.depsgraph == depsgraph and followed:
+            try:
+                last = self._brought_up_to_date(last)
+            except ReferenceError:  # an object was removed
+                last = walk(depsgraph)
+        else:
+            last = walk(depsgraph)
+        self.snapshot, self.changed, self.shaded = last, {}, set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
+        return last
+
+    def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
+        if not self.evaluated:
+            return last
+        for shape in last.shapes if self.shaded else ():
+            if shape.own and shape.original in self.shaded:
+                shape.materials = materials_of(shape.original.evaluated_get(last.depsgraph))
+        moved = self.scene_changed and not is_there(last.layout, last.depsgraph)
+        if self.layout_changed or moved:
+            return walk(last.depsgraph, last, self.changed)
+        return read_again(last, self.changed)
+
+    def forget(self) -> None:
+        """Drop the snapshot."""
+        self.snapshot = None
+
+
+_latest = _Latest()
+
+
+_watchers: list[Callable[[Any], None]] = []
+
+
+def watch_evaluations(function: Callable[[Any], None]) -> Callable[[], None]:
+    """Have a function called after each evaluation of Blender.
+
+    Parameters
+    ----------
+    function
+        Is given the depsgraph, or None where evaluations may have been missed.
+
+    Returns
+    -------
+    callable
+        Ends it; may be called again.
+    """
+    follow_evaluations()
+    _watchers.append(function)
+
+    def stop() -> None:
+        if function in _watchers:
+            _watchers.remove(function)
+
+    return stop
+
+
+@persistent
+def _note_evaluation(_scene: Any, depsgraph: Any) -> None:
+    _latest.note(depsgraph)
+    for function in _watchers:
+        function(depsgraph)
+
+
+@persistent
+def _forget(*_: Any) -> None:
+    _latest.forget()
+
+
+def follow_evaluations() -> bool:
+    """Have Blender report evaluations.
+
+    Returns
+    -------
+    bool
+        Whether it did so before.
+    """
+    missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
+    for hooks, function in missing:
+        hooks.append(function)
+    for watcher in _watchers if missing else ():
+        watcher(None)
+    return not missing
+
+
+def ignore_evaluations() -> None:
+    """Have Blender report evaluations no longer, until the next snapshot is taken."""
+    for hooks, function in _reports():
+        if function in hooks:
+            hooks.remove(function)
+    _latest.forget()
+
+
+def read_all_again() -> None:
+    """Have Blender evaluate all data again, and the next snapshot read all of it."""
+    for name in dir(bpy.data):
+        items = getattr(bpy.data, name)
+        if isinstance(items, bpy.types.bpy_prop_collection):
+            for item in items:
+                item.update_tag()
+                tree = getattr(item, "node_tree", None)
+                if tree is not None:
+                    tree.update_tag()
+    _latest.forget()
+
+
+def _reports() -> tuple[tuple[Any, Any], ...]:
+    """Lists of handlers, and what belongs into each."""
+    handlers = bpy.app.handlers
+    return (
+        (handlers.depsgraph_update_post, _note_evaluation),
+        (handlers.frame_change_post, _note_evaluation),
+        (handlers.load_pre, _forget),
+        (handlers.undo_pre, _forget),
+        (handlers.redo_pre, _forget),
+    )
+
+
+def take_snapshot(depsgraph: Any) -> Snapshot:
+    """Return all objects and instances of a depsgraph.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+
+    Returns
+    -------
+    Snapshot
+        The same one until Blender evaluates something else.
+    """
+    return _latest.take(depsgraph)

@@ -3,15 +3,135 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import json
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ...errors import ConfigError, SceneError
+import bpy
+
+from ...errors import ConfigError, RadarSimError, SceneError
+from ...findings import Finding, finding_lines, from_json, merge, to_json
 from ...options import Declared
 from ..rig_settings import RADAR_PROPERTY, RADAR_SETTINGS, Settings
 from ..scene import active_radar
+
+# -------------------------------------------------------------------------------------------------
+# Texts of the tab in the user's language.
+#
+# Blender translates labels, tooltips and names of settings that its dictionaries know. Texts with
+# numbers in them are translated by `tr` before the numbers are put in. A dictionary of ours is a
+# file `locales/LOCALE.json` in this folder, for example `locales/de_DE.json`: translations by their
+# English text, as `scripts/make_translation.py` writes it with empty translations.
+# -------------------------------------------------------------------------------------------------
+
+
+LOCALES = Path(__file__).with_name("locales")
+#: Contexts in which Blender looks texts up: of labels and settings, of operators' buttons.
+_CONTEXTS = ("*", "Operator")
+_OWNER = __name__
+
+
+def tr(text: str, /, **values: Any) -> str:
+    """Return a text in the user's language, with values in place of its {names}."""
+    return str(bpy.app.translations.pgettext_iface(text)).format(**values)
+
+
+def read_dictionaries(folder: Path = LOCALES) -> dict[str, dict[tuple[str, str], str]]:
+    """Return the translations of all locales by context and text, as Blender takes them.
+
+    Raises
+    ------
+    ConfigError
+        A file is not a JSON object of texts, or a translation has other {names} than its text.
+    """
+    found = {}
+    for path in sorted(folder.glob("*.json")):
+        try:
+            texts = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise ConfigError(f"{path} is no JSON: {error}") from error
+        if not isinstance(texts, dict) or not all(isinstance(one, str) for one in texts.values()):
+            raise ConfigError(
+                f"{path} is not a JSON object of texts; expected English: translated."
+            )
+        for text, translated in texts.items():
+            if translated and _names(text) != _names(translated):
+                raise ConfigError(
+                    f"{path}: {translated!r} has the names {_names(translated)}; expected those of "
+                    f"{text!r}: {_names(text)}."
+                )
+        found[path.stem] = {
+            (context, text): translated
+            for text, translated in texts.items()
+            if translated
+            for context in _CONTEXTS
+        }
+    return found
+
+
+def _names(text: str) -> list[str]:
+    """Names in braces, without their formats."""
+    return sorted(part.partition("}")[0].partition(":")[0] for part in text.split("{")[1:])
+
+
+def register_translations() -> None:
+    """Give Blender our dictionaries; a second call changes nothing."""
+    unregister_translations()
+    dictionaries = read_dictionaries()
+    if dictionaries:
+        bpy.app.translations.register(_OWNER, dictionaries)
+
+
+def unregister_translations() -> None:
+    """Take them back; a second call changes nothing."""
+    bpy.app.translations.unregister(_OWNER)
+
+
+# -------------------------------------------------------------------------------------------------
+# Findings and errors in Blender's window: in panels, and as reports of operators.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Icon of a severity.
+ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERROR is a triangle
+
+
+@contextlib.contextmanager
+def reported(operator: Any) -> Iterator[None]:
+    """Turn a named error into the operator's report; the operator returns CANCELLED then."""
+    try:
+        yield
+    except RadarSimError as error:
+        operator.report({"ERROR"}, str(error))
+
+
+def report_findings(operator: Any, findings: list[Finding], frames: Sequence[int] = ()) -> None:
+    """Report findings of `frames` in Blender's status bar and Info editor."""
+    for item in merge(findings):
+        kind = "INFO" if item.severity == "info" else "WARNING"  # ERROR would raise in scripts
+        operator.report({kind}, finding_lines([item], frames)[0])
+
+
+def draw_findings(context: Any, layout: Any, findings: Iterable[Finding]) -> None:
+    """Draw findings in a panel, each with the icon of its severity."""
+    for item in findings:
+        wrapped(context, layout, item.message, ICONS[item.severity])
+
+
+def findings_text(findings: list[Finding]) -> str:
+    """Return findings as text for a Blender property."""
+    return json.dumps([to_json(item) for item in findings])
+
+
+def read_findings(text: str) -> list[Finding]:
+    """Return the findings that `findings_text` wrote."""
+    return [from_json(item, "Findings") for item in json.loads(text or "[]")]
+
 
 #: Letters of a line that a narrow sidebar holds.
 _NARROW = 40
@@ -131,3 +251,90 @@ def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:
     column = layout.column(align=True)
     for index, line in enumerate(textwrap.wrap(text, letters)):
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
+
+
+# -------------------------------------------------------------------------------------------------
+# Timers that change data, whatever Blender notes of drawing.
+#
+# Blender notes, once for all threads, that a panel is being drawn and must not change data. A
+# render that begins meanwhile may leave the note there for good: then timers could change nothing
+# any more. Properties of the window manager can be set even so, and their updates may change data.
+# -------------------------------------------------------------------------------------------------
+
+
+_PROPERTY = "radarsim_timer"
+_calls: list[Callable[[], None]] = []
+#: In what Blender says where it refuses to change data, of properties and of operators.
+_REFUSALS = ("Writing to ID classes in this context", "can't modify blend data in this state")
+
+
+def _run_calls(_: Any, __: Any) -> None:
+    """Run what waits; the update of the property."""
+    while _calls:
+        _calls.pop()()
+
+
+def may_write(timer: Callable[[], float | None]) -> Callable[[], float | None]:
+    """Return a function for Blender's timers that does the same and may change data."""
+
+    @functools.wraps(timer)
+    def allowed() -> float | None:
+        pauses_s: list[float | None] = []
+        errors: list[Exception] = []
+
+        def call() -> None:
+            try:
+                pauses_s.append(timer())
+            except Exception as error:  # Blender would print it and go on
+                errors.append(error)
+
+        _calls.append(call)
+        manager = bpy.context.window_manager
+        setattr(manager, _PROPERTY, not getattr(manager, _PROPERTY))
+        if errors:
+            raise errors[0]
+        return pauses_s[0]
+
+    return allowed
+
+
+def is_refused(error: BaseException) -> bool:
+    """Return whether Blender refused to change data."""
+    return any(text in str(error) for text in _REFUSALS)
+
+
+def may_write_at_need(timer: Callable[[], float | None]) -> Callable[[], float | None]:
+    """Return a function as that of `may_write`, for timers that run many times a second.
+
+    Only what Blender refuses is done again in the update: this draws the whole window.
+    """
+    allowed = may_write(timer)
+
+    @functools.wraps(timer)
+    def tried() -> float | None:
+        try:
+            return timer()
+        except (AttributeError, RuntimeError) as error:
+            if not is_refused(error):
+                raise
+        return allowed()
+
+    return tried
+
+
+def register_timer_writes() -> None:
+    """Register the property; a second call changes nothing."""
+    if not hasattr(bpy.types.WindowManager, _PROPERTY):
+        switch = bpy.props.BoolProperty(
+            name="Timer",
+            update=_run_calls,
+            options={"SKIP_SAVE", "HIDDEN"},
+            description="Set by timers that change data",
+        )
+        setattr(bpy.types.WindowManager, _PROPERTY, switch)
+
+
+def unregister_timer_writes() -> None:
+    """Take it back; a second call changes nothing."""
+    if hasattr(bpy.types.WindowManager, _PROPERTY):
+        delattr(bpy.types.WindowManager, _PROPERTY)

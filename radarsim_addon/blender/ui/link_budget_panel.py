@@ -21,12 +21,12 @@ from .fields import (
     active_group,
     draw_fields,
     draw_state,
+    reported,
     shown_at_field,
     split,
+    tr,
     wrapped,
 )
-from .shown_findings import reported
-from .translations import tr
 
 
 class RADARSIM_OT_draw_patterns(bpy.types.Operator):

@@ -6,14 +6,29 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
+import bpy
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Real
 from ...errors import SceneError
-from ...signal.draft import DraftPolygons, DraftScene, Message, mesh_message, scene_message
+from ...signal.draft import (
+    DraftPolygons,
+    DraftScene,
+    DraftSurface,
+    Message,
+    mesh_message,
+    scene_message,
+)
+from ..materials import clutter_of, mirror_of, scattered_lobe_of
+from ..materials.physical_materials import inputs_at
+from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.physical_material import PHYSICAL_KIND as PHYSICAL_KIND
+from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
+from ..nodes.physical_material import SMOOTH_BELOW
+from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from ..plan import check_unit_scale, shortest_decimal
 from ..rig_settings import own_link_budget, read_measurement, settings
 from ..scene import (
@@ -27,9 +42,94 @@ from ..scene import (
     transmitter_record,
 )
 from ..state import Shape, Snapshot, read_numbers, read_triangles, take_snapshot
-from .live_materials import LiveMaterial, live_material
+from .fields import tr
 from .scene_reading import any_material_echoes, rig_of
-from .translations import tr
+
+# -------------------------------------------------------------------------------------------------
+# Materials as the live preview draws them: closed forms with the inputs of their node groups.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Albedo of a surface without a material in Cycles, and of one whose colour is not known.
+_DEFAULT_ALBEDO, _GUESSED_ALBEDO = 0.8, 0.5
+_COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "Color"}
+
+
+class LiveMaterial(NamedTuple):
+    """A material in the preview.
+
+    guessed: whether its numbers are. mirrors: whether it mirrors. lobe: whether it has a scattered
+    lobe, which is left out.
+    """
+
+    surface: DraftSurface
+    guessed: bool = False
+    mirrors: bool = False
+    lobe: bool = False
+
+
+def live_material(
+    material: Any, carrier_hz: float, beyond_band: str, polarisation: str, any_material: bool
+) -> LiveMaterial:
+    """Return a material at a carrier [Hz]; a ConfigError where its medium cannot be evaluated.
+
+    any_material: materials of Cycles echo, too.
+    """
+    node = group_node(material)
+    if node is None:
+        return _foreign(material) if any_material else LiveMaterial(DraftSurface("silent"))
+    kind = node.node_tree.get(KIND_PROPERTY)
+    if kind == SHEET_KIND:
+        return LiveMaterial(DraftSurface("silent"), mirrors=True)
+    names = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
+    sockets = {name: group_input(material, name) for name in names if name in node.inputs}
+    values = {
+        name: float((socket or node.inputs[name]).default_value) for name, socket in sockets.items()
+    }
+    guessed = any(socket is None for socket in sockets.values())
+    mirrors = mirror_of(material) is not None
+    lobe = scattered_lobe_of(material) is not None
+    if kind == KIND:
+        surface = DraftSurface(
+            "simple",
+            values[INDEX],
+            values[EXTINCTION],
+            values[SPECULARITY],
+            0.0 if mirrors else values[ROUGHNESS],
+        )
+        return LiveMaterial(surface, guessed, mirrors, lobe)
+    assert kind == PHYSICAL_KIND
+    given = inputs_at(material, carrier_hz, beyond_band)
+    values |= {name: given[name] for name in values if name in given and sockets[name] is not None}
+    smooth = values[ROUGHNESS] <= SMOOTH_BELOW
+    clutter = clutter_of(material)
+    surface = DraftSurface(
+        "physical",
+        values[INDEX],
+        values[EXTINCTION],
+        roughness=0.0 if smooth else values[ROUGHNESS],
+        clutter="" if clutter is None else clutter.name,
+        clutter_path=bpy.path.abspath(clutter.path) if clutter and clutter.path else "",
+        clutter_parameters={} if clutter is None else clutter.parameters,
+        polarisation=polarisation,
+    )
+    return LiveMaterial(surface, guessed, smooth and clutter is None, lobe)
+
+
+def _foreign(material: Any) -> LiveMaterial:
+    """A material of Cycles: a Lambert surface of the colour at its output, as far as known."""
+    if material is None or material.node_tree is None:
+        return LiveMaterial(DraftSurface("lambert", albedo=_DEFAULT_ALBEDO))
+    output = material.node_tree.get_output_node("CYCLES")
+    links = () if output is None else output.inputs["Surface"].links
+    shader = links[0].from_node if links else None
+    name = _COLOURS.get("" if shader is None else shader.bl_idname)
+    if shader is None or name is None or shader.inputs[name].is_linked:
+        return LiveMaterial(DraftSurface("lambert", albedo=_GUESSED_ALBEDO), guessed=True)
+    albedo = sum(shader.inputs[name].default_value[:3]) / 3
+    exact = shader.bl_idname == "ShaderNodeBsdfDiffuse"
+    return LiveMaterial(DraftSurface("lambert", albedo=float(albedo)), guessed=not exact)
+
 
 #: Range limits may exceed the scene's extent by this factor, as those of a run.
 _RANGE_MARGIN = 1.25

@@ -15,12 +15,12 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...array_types import Single
+from ...arrays import Single
 from ...atomic_files import replaced
-from ...png import png_bytes
+from ...movie_file import png_bytes
+from .fields import may_write
+from .pictures import resized
 from .result_pictures import KINDS
-from .smooth_lines import resized
-from .timer_writes import may_write
 
 COVERAGE_IMAGE = "Radar coverage"
 #: Names of the images of all kinds of pictures.

@@ -4,17 +4,27 @@
 from __future__ import annotations
 
 import functools
+import json
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from ...array_types import Indices, Mask, Real, Single
-from .frame_views import COLUMNS, ROWS, FrameView, Target
+from ...arrays import Indices, Mask, Real, Single, read_npz
+from ...errors import RadarSimError
+from ...findings import to_json
 from .pictures import (
+    BOTTOM,
+    HEIGHT,
+    LEFT,
+    RIGHT,
     SPAN_DB,
+    TOP,
+    WIDTH,
     Axes,
     Mark,
     cell_edges,
@@ -22,7 +32,232 @@ from .pictures import (
     draw_map,
     draw_marks,
     draw_profile,
+    resample_max,
 )
+
+# -------------------------------------------------------------------------------------------------
+# What the window shows of a processed frame, in files between two processes. No import of bpy.
+#
+# Arrays are no finer than the pictures drawn of them: joined cells keep the strongest one, so that
+# a frame takes about a megabyte and is read and drawn in some hundredths of a second.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Cells of a picture: to the right, and up.
+COLUMNS, ROWS = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
+#: Paths of a target that are drawn.
+_MOST_PATHS = 12
+
+
+class Target(TypedDict):
+    """A detection, or an object where nothing was detected; None where a number is not known.
+
+    map_range_m and map_velocity_mps are its place in the map; lines_m the corners of its paths.
+    """
+
+    name: str
+    range_m: float
+    velocity_mps: float
+    map_range_m: float
+    map_velocity_mps: float
+    power_dbm: float | None
+    rcs_dbsm: float | None
+    snr_db: float | None
+    power_error: float
+    lines_m: list[list[list[float]]]
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """What is shown of a frame.
+
+    Attributes
+    ----------
+    frame, time_s
+        Number and scene time [s].
+    unit
+        Unit of levels, "dBW" or "dB".
+    wavelength_m
+        Wavelength at the carrier [m].
+    azimuth_deg
+        Direction that the receiver looks in, from the world's +Y clockwise [deg].
+    width_deg
+        Its field of view; 0: not known [deg].
+    objects
+        Objects with an echo, by name.
+    detections
+        Targets that CFAR found, by falling SNR; None: no CFAR.
+    arrays
+        Levels in dB and axes, by name.
+    spectrogram_rows
+        Numbers in `targets` of those whose echoes the spectrogram was made of.
+    """
+
+    frame: int
+    time_s: float
+    unit: str
+    wavelength_m: float
+    azimuth_deg: float
+    width_deg: float
+    objects: dict[str, Target]
+    detections: list[Target] | None
+    arrays: Mapping[str, Real]
+    uncertain: str = ""
+    spectrogram_rows: Collection[int] = ()
+
+    @property
+    def targets(self) -> list[Target]:
+        """What the list shows: detections; without CFAR the objects, the strongest first."""
+        return list(self.objects.values()) if self.detections is None else self.detections
+
+
+def _file(folder: Path, frame: int, ending: str) -> Path:
+    return folder / f"view_{frame:06d}.{ending}"
+
+
+def read_view(folder: Path, frame: int) -> FrameView:
+    """Read what `write_view` wrote."""
+    record = json.loads(_file(folder, frame, "json").read_text(encoding="utf-8"))
+    found = read_npz(_file(folder, frame, "npz"))
+    arrays = {name: array.astype(np.float64) for name, array in found.items()}
+    return FrameView(arrays=arrays, **record)
+
+
+def write_view(result: Any, folder: Path) -> None:
+    """Write what is shown of a frame's result (a `signal.FrameResult`)."""
+    from ...signal.detection import FrameBudget, PathFinder  # slow: not for `add-on enabled`
+
+    source, radar = result.source, result.rd_map.radar
+    finder = PathFinder(source, FrameBudget(source).link) if source.tables else None
+    interval_mps = 2 * radar.max_unambiguous_velocity_mps
+    later_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
+    period_m = radar.unambiguous_range_m if radar.waveform.kind != "fmcw" else math.inf
+
+    errors = {echo.name: echo.power_error for echo in result.budget.objects}
+
+    def of_object(echo: Any) -> Target:
+        budget, rate = result.budget, echo.range_rate_mps
+        place_m = echo.range_m + later_s * rate
+        snr = budget.snr.get(echo.name)
+        return Target(
+            name=echo.name,
+            range_m=echo.range_m,
+            velocity_mps=rate,
+            map_range_m=place_m % period_m if math.isfinite(period_m) else place_m,
+            map_velocity_mps=(rate + interval_mps / 2) % interval_mps - interval_mps / 2,
+            power_dbm=_finite(echo.power_dbm),
+            rcs_dbsm=_finite(echo.rcs_dbsm),
+            snr_db=None if snr is None else snr.burst_db,
+            power_error=echo.power_error,
+            lines_m=_lines(finder.of_object(echo.name, _MOST_PATHS)) if finder else [],
+        )
+
+    def of_detection(item: Any) -> Target:
+        found = finder.of_target(item.range_m, item.velocity_mps, _MOST_PATHS) if finder else None
+        watts = result.echoes.amplitude_model == "radar-equation"
+        true_mps = item.unfolded_velocity_mps
+        return Target(
+            name=found.name if found else "",
+            range_m=item.range_m,
+            velocity_mps=item.velocity_mps if true_mps is None else true_mps,
+            map_range_m=item.range_m,
+            map_velocity_mps=item.velocity_mps,
+            power_dbm=item.level_db + 30 if watts else None,
+            rcs_dbsm=None,
+            snr_db=item.snr_db,
+            power_error=errors.get(found.last_object, 0.0) if found else 0.0,
+            lines_m=_lines(found) if found else [],
+        )
+
+    detections = result.detections
+    matrix, camera = np.asarray(source.receiver.matrix_world), source.receiver
+    ahead = -matrix[:3, 2]
+    perspective = camera.kind == "perspective"
+    width = math.atan(camera.right) - math.atan(camera.left) if perspective else 0.0
+    record = {
+        "frame": result.frame,
+        "time_s": result.time_s,
+        "unit": "dBW" if result.echoes.amplitude_model == "radar-equation" else "dB",
+        "wavelength_m": radar.waveform.wavelength_m,
+        "azimuth_deg": math.degrees(math.atan2(ahead[0], ahead[1])),
+        "width_deg": math.degrees(width),
+        "uncertain": result.budget.uncertain_text,
+        "objects": {echo.name: of_object(echo) for echo in result.budget.objects},
+        "detections": None
+        if detections is None
+        else [of_detection(item) for item in detections.targets],
+    }
+    targets = FrameView(**record, arrays={}).targets
+    record["spectrogram_rows"] = _spectrogram_rows(result, targets)
+    np.savez(_file(folder, result.frame, "npz"), **_arrays(result))
+    text = json.dumps(record)
+    _file(folder, result.frame, "json").write_text(text, encoding="utf-8")
+
+
+def _spectrogram_rows(result: Any, targets: list[Target]) -> list[int]:
+    """Numbers of the targets in the ranges, and on the objects, of the spectrogram."""
+    from ...signal.detection import matching_objects  # slow: not for `add-on enabled`
+
+    shown = result.spectrogram
+    if shown is None:
+        return []
+    low_m, high_m = shown.range_limits_m
+    wanted = shown.options.object_name
+    names = None if wanted is None else matching_objects(result.source, wanted)
+    return [
+        row
+        for row, item in enumerate(targets)
+        if low_m <= item["map_range_m"] <= high_m and (names is None or item["name"] in names)
+    ]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _lines(found: Any) -> list[list[list[float]]]:
+    """Corners of paths, to a tenth of a millimetre."""
+    return [np.round(line, 4).tolist() for line in found.lines_m]
+
+
+def _arrays(result: Any) -> dict[str, Any]:
+    """Levels [dB] and axes; levels as float16, whose step is 0.06 dB at -100 dB."""
+    rd_map, profile, echoes = result.rd_map, result.profile, result.echoes
+    samples = np.abs(echoes.samples[0]) ** 2
+    found: dict[str, Any] = {
+        "map_doppler_hz": shrunk_axis(rd_map.doppler_hz, COLUMNS),
+        "map_range_m": shrunk_axis(rd_map.range_m, ROWS),
+        "map_db": _levels(rd_map.power[0], COLUMNS, ROWS),
+        "profile_range_m": shrunk_axis(profile.range_m, COLUMNS),
+        "profile": resample_max(profile.power, min(COLUMNS, profile.power.size), 0),
+        "echo_s": shrunk_axis(echoes.fast_time_s, ROWS),
+        "echo_row": shrunk_axis(np.arange(samples.shape[0], dtype=np.float64), COLUMNS),
+        "echo_db": _levels(samples, COLUMNS, ROWS),
+    }
+    shown = result.spectrogram
+    if shown is not None:
+        found["spectrogram_s"] = shrunk_axis(shown.time_s, COLUMNS)
+        found["spectrogram_mps"] = shrunk_axis(shown.velocity_mps[::-1], ROWS)
+        found["spectrogram_db"] = _levels(shown.power[:, ::-1], COLUMNS, ROWS)
+    return found
+
+
+def shrunk_axis(centres: Real, most: int) -> Real:
+    """Return the centres of at most `most` cells over the same edges, evenly spaced."""
+    if centres.size <= most:
+        return centres
+    low, high = cell_edges(centres)
+    return low + (high - low) * (np.arange(most) + 0.5) / most
+
+
+def _levels(power: Real, rows: int, columns: int) -> Any:
+    """Levels of the strongest of joined cells, (<= rows, <= columns) [dB]; -300 for no power."""
+    small = resample_max(power, min(rows, power.shape[0]), 0)
+    small = resample_max(small, min(columns, power.shape[1]), 1)
+    level = np.full(small.shape, -300.0)
+    np.log10(small, out=level, where=small > 0)
+    return np.where(small > 0, np.maximum(10 * level, -300.0), -300.0).astype(np.float16)
+
 
 #: Strongest level of a coverage diagram, and what is below it in the picture [dB].
 _COVERAGE_TOP_DB, _COVERAGE_SPAN_DB = 12.5, 52.5
@@ -328,3 +563,52 @@ def draw_coverage(range_m: Real, height_m: Real, level_db: Real, title: str) -> 
     texts = ("Range along the ground [m]", "Height over the ground [m]", title)
     label = "F^4 [dB over free space]"
     return draw_levels(axes, level_db, texts, label, _COVERAGE_SPAN_DB, highest_db=_COVERAGE_TOP_DB)
+
+
+# -------------------------------------------------------------------------------------------------
+# Processing of a run for the window, in a process of its own. Does not import bpy.
+#
+#     python -m radarsim_addon.blender.ui.result_pictures RUN VIEWS [OPTION ...]
+#
+# writes one JSON record per line: progress, results of frames, an error. What the window shows of
+# each frame goes into the folder VIEWS. OPTIONs are those of `radarsim process`.
+# -------------------------------------------------------------------------------------------------
+
+
+def processing_records(folder: Path, views: Path, words: Sequence[str]) -> Iterator[dict[str, Any]]:
+    """Process a run step by step; write what the window shows of each frame.
+
+    words: options of `radarsim process`.
+    """
+    # slow: not for `add-on enabled`
+    from ...signal.pipeline import parse_process_arguments, process_options, process_run
+
+    chosen = parse_process_arguments(["process", str(folder), "--no-plots", *words])
+    for event in process_run(folder, process_options(chosen)):
+        if hasattr(event, "rd_map"):
+            write_view(event, views)
+            yield _frame_record(event)
+        else:
+            yield {"fraction": event.done / max(event.total, 1), "text": event.text}
+
+
+def _frame_record(result: Any) -> dict[str, Any]:
+    text = f"Frame {result.frame}: {len(result.files)} files"
+    if result.files:
+        text += f" in {result.files[0].parent}"
+    findings = [to_json(item) for item in result.findings]
+    return {"frame": result.frame, "text": text, "findings": findings}
+
+
+def main(words: list[str]) -> int:
+    """Write the records of a run to standard output; return the exit code."""
+    try:
+        for record in processing_records(Path(words[0]), Path(words[1]), words[2:]):
+            print(json.dumps(record), flush=True)
+    except RadarSimError as error:
+        print(json.dumps({"error": str(error), "kind": type(error).__name__}), flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

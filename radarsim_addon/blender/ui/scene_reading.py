@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 import bpy
 import numpy as np
 
-from ...array_types import Mask, Real
+from ...arrays import Mask, Real
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
 from ..materials import has_no_faces, media_beyond_their_band

@@ -4,14 +4,21 @@
 In: a window of the receiver's image. Out: rows of the path table.
 """
 
-from .path_classes import TracedReplicate, TraceLimits, trace_replicate
-from .power_beyond import PowerBeyond, look_beyond, orders_beyond, power_seen_beyond
-from .requests import PathClass, Region, RenderRequest, View
-from .rows import pixel_numbers, ray_origins, rows_of_replicate
-from .view_camera import ViewCamera
+from .path_classes import (
+    PowerBeyond,
+    TracedReplicate,
+    TraceLimits,
+    look_beyond,
+    orders_beyond,
+    pixel_numbers,
+    power_seen_beyond,
+    ray_origins,
+    rows_of_replicate,
+    trace_replicate,
+)
+from .requests import PathClass, Region, RenderRequest, View, ViewWindow, replicate_seed
 from .view_scene import PathScene
-from .view_setup import set_border
-from .window import ViewWindow, replicate_seed
+from .view_setup import ViewCamera, set_border
 
 __all__ = [
     "PathClass",

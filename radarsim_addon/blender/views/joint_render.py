@@ -16,10 +16,16 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
+import numpy as np
+from mathutils import Matrix
 
+from ..nodes import attributes
+from ..nodes.build import TreeBuilder
+from ..nodes.groups import KIND_PROPERTY
+from ..nodes.radar_material import RING_EMITTER_KIND
 from ..state import SettingsRestorer
-from .requests import RenderRequest, View
-from .window import ViewWindow
+from .requests import PathClass, RenderRequest, View, ViewWindow
+from .view_setup import ViewCamera
 
 #: A part of the field of view, and by what fraction of a pixel a look at it is moved.
 Look = tuple[ViewWindow, tuple[float, float]]
@@ -128,3 +134,160 @@ class JointRender:
         finally:
             image.views_format = views_format
             render.use_multiview, self._scene.camera = False, own
+
+
+# -------------------------------------------------------------------------------------------------
+# A second picture of each render: the same rays, of other random numbers and another path class.
+#
+# Before each render Cycles goes through all instances of the scene, which takes longer than the
+# rays where they are many. The views of one render (Blender's multi-view) share that. Each has a
+# camera; this one is upside down, and that tells the transmitter which of its limits on the number
+# of reflections holds. All other settings are those of the first view.
+# -------------------------------------------------------------------------------------------------
+
+
+_NODES = "nodes of the transmitter"
+_ORDERS = (
+    (attributes.ATTR_ORDER_MIN, attributes.ATTR_SECOND_ORDER_MIN),
+    (attributes.ATTR_ORDER_MAX, attributes.ATTR_SECOND_ORDER_MAX),
+)
+_UPSIDE_DOWN = Matrix.Diagonal((-1.0, -1.0, 1.0, 1.0))
+_LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
+#: Instances from which on Cycles takes long to go through them before each render.
+MANY_INSTANCES = 10_000
+#: Distance of places that are the same, relative to the farthest one from the world's origin, and
+#: the least fraction of the pixels that see the same.
+_SAME_PLACE, _MOST_PIXELS = 1e-4, 0.5
+
+
+class SecondView:
+    """A second view of all renders from now on.
+
+    Parameters
+    ----------
+    recorder
+        Takes everything back.
+    scene : bpy.types.Scene
+    cameras
+        Those of both views.
+    transmitter : bpy.types.Object
+        As `may_tell_views` wants it.
+    """
+
+    def __init__(
+        self, recorder: SettingsRestorer, scene: Any, cameras: ViewCamera, transmitter: Any
+    ) -> None:
+        self._scene, self._view, self._second = scene, cameras.item, cameras.second
+        for name in (attributes.ATTR_SECOND_ORDER_MIN, attributes.ATTR_SECOND_ORDER_MAX):
+            recorder.set_item(scene, name, 0.0)
+        recorder.set_item(scene, attributes.ATTR_FIRST_VIEW_RIGHT, [0.0, 0.0, 0.0])
+        _give_second_limits(recorder, _emitter_node(transmitter.data))
+        _use_views(recorder, scene, (self._view, self._second))
+
+    @property
+    def suffixes(self) -> tuple[str, str]:
+        """How the names of the files of both views end."""
+        return self._view.name, self._second.name
+
+    def begin(self, path_class: PathClass) -> None:
+        """Look where the first view looks; the transmitter shines on paths of these orders."""
+        item, first, scene = self._second, self._view.data, self._scene
+        for name in _LENS:
+            setattr(item.data, name, getattr(first, name))
+        item.data.shift_x, item.data.shift_y = -first.shift_x, -first.shift_y
+        pose = self._view.matrix_basis
+        item.matrix_world = pose @ _UPSIDE_DOWN
+        scene[attributes.ATTR_FIRST_VIEW_RIGHT] = list(pose.col[0][:3])
+        scene[attributes.ATTR_SECOND_ORDER_MIN] = path_class.order_min - 0.5
+        scene[attributes.ATTR_SECOND_ORDER_MAX] = (
+            0.0 if path_class.order_max is None else path_class.order_max + 0.5
+        )
+
+
+def second_light(first: View, second: View) -> View | None:
+    """Return the light of the second view as the first one looks.
+
+    None where it does not see the same upside down: the transmitter has taken it for the first.
+    """
+    if first.position is None or second.position is None:
+        return None
+    here, there = first.position, second.position[::-1, ::-1]
+    apart = np.linalg.norm(here - there, axis=-1)
+    seen = np.isfinite(here).all(axis=-1)
+    # At edges one of both may see what lies behind.
+    same = apart[seen] <= _SAME_PLACE * np.abs(here[seen]).max(initial=0.0)
+    return second.turned() if same.sum() > _MOST_PIXELS * same.size else None
+
+
+def is_worth_it(view_layer: Any, rays: int) -> bool:
+    """Return whether Cycles takes longer to go through the instances than to trace so many rays."""
+    return len(view_layer.depsgraph.object_instances) >= max(rays, MANY_INSTANCES)
+
+
+def may_tell_views(transmitter: Any) -> bool:
+    """Return whether the transmitter's nodes are radarsim's own and can be exchanged."""
+    light = transmitter.data
+    if light.library is not None or light.override_library is not None:
+        return False
+    node = _emitter_node(light)
+    if node is None or node.mute:
+        return False
+    found = [_readers(node.node_tree, first) for first, _ in _ORDERS]
+    return all(readers and all(n.type == "SEPXYZ" for n in readers) for readers in found)
+
+
+def _readers(tree: Any, attribute: str) -> list[Any]:
+    """Return the nodes that read an attribute of the scene."""
+    nodes = (n for n in tree.nodes if n.type == "ATTRIBUTE" and n.attribute_name == attribute)
+    return [link.to_node for node in nodes for link in node.outputs["Vector"].links]
+
+
+def _emitter_node(light: Any) -> Any:
+    nodes = () if light.node_tree is None else light.node_tree.nodes
+    groups = [node for node in nodes if node.type == "GROUP" and node.node_tree is not None]
+    found = [n for n in groups if n.node_tree.get(KIND_PROPERTY) == RING_EMITTER_KIND]
+    return found[0] if len(found) == 1 else None
+
+
+def _use_views(recorder: SettingsRestorer, scene: Any, cameras: tuple[Any, Any]) -> None:
+    """Have Blender render both cameras, each into a file of its own."""
+    render = scene.render
+    for view in render.views[2:]:  # the first two cannot be removed
+        recorder.set(view, "use", False)
+    for view, camera in zip(render.views, cameras, strict=False):
+        recorder.set(view, "use", True)
+        # Blender exchanges one suffix in the name of the scene's camera for another: all of it. In
+        # Blender 5.2 the suffix of the file is the same setting.
+        recorder.set(view, "camera_suffix", camera.name)
+        recorder.set(view, "file_suffix", camera.name)
+    recorder.set(render, "views_format", "MULTIVIEW")
+    recorder.set(render, "use_multiview", True)
+    recorder.set(render.image_settings, "views_format", "INDIVIDUAL")
+
+
+def _give_second_limits(recorder: SettingsRestorer, node: Any) -> None:
+    """Give the transmitter a copy of its nodes that has limits for the second view, too."""
+    before = node.node_tree
+    tree = before.copy()
+    recorder.on_restore(_NODES, lambda: bpy.data.node_groups.remove(tree))
+    build = TreeBuilder(tree)
+    right = build.scene_vector_attribute(attributes.ATTR_FIRST_VIEW_RIGHT)
+    seen = build.node(
+        "ShaderNodeVectorTransform",
+        "Right in the view",
+        {0: right},
+        vector_type="VECTOR",
+        convert_from="WORLD",
+        convert_to="CAMERA",
+    ).outputs[0]
+    across = build.node("ShaderNodeSeparateXYZ", "Across", {0: seen}).outputs["X"]
+    upside_down = build.math("LESS_THAN", "Second view", across, -0.5)
+    for first, second in _ORDERS:
+        for node_of_limit in _readers(tree, first):
+            value = node_of_limit.outputs["X"]
+            readers = [link.to_socket for link in value.links]
+            limit = build.select(second, upside_down, value, build.scene_attribute(second))
+            for reader in readers:
+                tree.links.new(limit, reader)
+    node.node_tree = tree
+    recorder.on_restore(_NODES, lambda: setattr(node, "node_tree", before))

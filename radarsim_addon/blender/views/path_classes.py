@@ -17,15 +17,357 @@ a closed form in tests.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
-from .marked_vertices import MarkedVertices
-from .requests import PathClass, Region, RenderRequest, View, bounding_region
+from ...arrays import Indices, Real
+from ...signal.decoding import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
+from ...signal.paths import PATH_DTYPE, PathRows
+from .requests import (
+    PathClass,
+    Region,
+    RenderRequest,
+    VertexMark,
+    View,
+    bounding_region,
+    variance_of_sum,
+)
+
+# -------------------------------------------------------------------------------------------------
+# Which last vertices each render of a tile replicate marks. Does not import bpy.
+#
+# The place of a last vertex is the ratio of two renders of its path class's marks: with the place
+# in their colours, and white. Every render with the same random paths can bring one of the two,
+# whatever path class the transmitter shines on in it. A class with both needs no render of its own
+# for them.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Least light that float32 holds with all its digits.
+_TINY = float(np.finfo(np.float32).tiny)
+
+
+class MarkedVertices:
+    """Marks of path classes in the renders of one tile replicate.
+
+    Parameters
+    ----------
+    max_reflections, max_depth, all_opaque
+        As in `TraceLimits`.
+    enabled
+        Whether renders can bring marks.
+    """
+
+    def __init__(
+        self, max_reflections: int, max_depth: int, all_opaque: bool, enabled: bool
+    ) -> None:
+        self._max_reflections, self._max_depth = max_reflections, max_depth
+        self._all_opaque, self._enabled = all_opaque, enabled
+        #: Renders of marks; the second key is whether their blue has range encoding.
+        self._views: dict[tuple[VertexMark, bool], View] = {}
+
+    def choose(
+        self, request: RenderRequest, path_class: tuple[int, int], echoes: bool = False
+    ) -> VertexMark | None:
+        """Return what a render should mark: half of the marks of a path class or of the next ones.
+
+        Parameters
+        ----------
+        request
+            The render.
+        path_class
+            Order and depth of the first one of which something may be left.
+        echoes
+            The render is that of the echoes of this class. If it has none of its marks yet, half of
+            them is of no use: the transmitter's colours will have to tell the vertex.
+
+        Returns
+        -------
+        VertexMark or None
+            None where nothing is left to mark, or the paths would not be those of the renders that
+            bring the other half.
+        """
+        asked = request.path_class
+        # Rays that pass surfaces with certainty take other paths than rays that leave it to chance.
+        certain = asked.surface_depth is not None and not self._all_opaque
+        if not self._enabled or not request.encoded or certain or asked.order_max is None:
+            return None
+        if path_class[0] == 1:  # its vertex is known
+            path_class, echoes = (2, 0), False
+        if echoes and (VertexMark(*path_class, False), request.all_channels) not in self._views:
+            path_class = self.after(*path_class)
+        # A ray meets one more surface than it is reflected by; but if it may only end there, it
+        # passes what is transparent before with certainty.
+        highest = asked.order_max + self._all_opaque
+        for order, depth in self._classes(*path_class):
+            if order > highest:
+                return None
+            for place in (False, True):
+                mark = VertexMark(order, depth, place)
+                if (mark, request.all_channels) not in self._views:
+                    return mark
+        return None
+
+    def keep(self, request: RenderRequest, view: View) -> None:
+        """Keep the marks that a render has brought."""
+        if request.mark is not None and view.marks is not None:
+            self._views[request.mark, request.all_channels] = view.marks
+
+    def found(
+        self, order: int, depth: int, all_channels: bool, amplitude: Real
+    ) -> tuple[View, View] | None:
+        """Return the marks of a path class with and without the place in their colours.
+
+        None where one of the two is missing in a pixel with an `amplitude`, (h, w).
+        """
+        keys = [(VertexMark(order, depth, place), all_channels) for place in (True, False)]
+        if not all(key in self._views for key in keys):
+            return None
+        coloured, white = (self._views[key] for key in keys)
+        lit = np.flatnonzero(amplitude > 0)
+        whole = all(np.all(view.colours(lit) >= _TINY) for view in (coloured, white))
+        return (coloured, white) if whole else None
+
+    def after(self, order: int, depth: int) -> tuple[int, int]:
+        """Return the next path class of which something may be left."""
+        return (order + 1, 0) if self._all_opaque else (order, depth + 1)
+
+    def _classes(self, order: int, depth: int) -> Iterator[tuple[int, int]]:
+        """This path class and those after it."""
+        while order <= self._max_reflections and depth <= self._max_depth:
+            yield order, depth
+            order, depth = self.after(order, depth)
+
+
+# -------------------------------------------------------------------------------------------------
+# From the renders of one view to rows of the path table. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+def rows_of_replicate(
+    traced: TracedReplicate,
+    shared: TileReplicate,
+    metres_per_unit: float,
+    vertex_map: tuple[Real, float],
+) -> PathRows:
+    """Make the rows of all paths of one tile replicate, path class by path class.
+
+    Parameters
+    ----------
+    traced
+        What was found.
+    shared
+        Rays and transmitter.
+    metres_per_unit
+        Length of a Blender unit [m].
+    vertex_map
+        Origin (3,) and scale of the last vertex in the transmitter's colour, Blender units.
+
+    Returns
+    -------
+    ndarray
+        (paths,), of `PATH_DTYPE`.
+    """
+    found = [np.flatnonzero(layer.amplitude > 0) for layer in traced.layers]
+    rows = np.zeros(sum(index.size for index in found), dtype=PATH_DTYPE)
+    start = 0
+    for layer, index in zip(traced.layers, found, strict=True):
+        pixels = _pixels(layer, index, metres_per_unit, vertex_map, traced.coloured)
+        assemble_rows(pixels, index, shared, rows[start : start + index.size])
+        start += index.size
+    return rows
+
+
+def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
+    """Return where the rays of these rows start, (paths, 3), or (3,) where it is one place for all.
+
+    Parameters
+    ----------
+    traced
+        What was found.
+    origin_m
+        Of all pixels, (3,) or (h, w, 3).
+
+    Returns
+    -------
+    ndarray
+    """
+    if origin_m.ndim == 1:
+        return origin_m
+    parts = [origin_m[layer.amplitude > 0] for layer in traced.layers]
+    return np.concatenate(parts) if parts else np.empty((0, 3))
+
+
+def pixel_numbers(traced: TracedReplicate) -> Indices:
+    """Return the pixel of each of these rows, counted row by row from 1, (paths,).
+
+    Parameters
+    ----------
+    traced
+        What was found.
+
+    Returns
+    -------
+    ndarray
+    """
+    parts = [np.flatnonzero(layer.amplitude > 0) + 1 for layer in traced.layers]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
+
+
+def _pixels(
+    layer: PathClassLayer,
+    index: Indices,
+    metres_per_unit: float,
+    vertex_map: tuple[Real, float],
+    coloured: bool,
+) -> PathClassPixels:
+    amplitude = layer.amplitude.take(index)
+    encoded = layer.encoded.colours(index)
+    mixing = np.full(amplitude.shape, np.nan)
+    if coloured and layer.plain is not None:
+        plain = layer.plain.colours(index)
+        log_ratio = _coloured_ratio(encoded, plain)
+    else:
+        log_ratio = log_encoding_ratio(encoded[0], encoded[2])
+        usable = (encoded[0] > 1e-37) & (encoded[1] > 1e-37)
+        # as (G/R)(B/R): R^2 may underflow
+        np.divide(encoded[1], encoded[0], out=mixing, where=usable)
+        mixing[usable] *= encoded[2][usable] / encoded[0][usable]
+    nowhere = np.broadcast_to(np.nan, (amplitude.size, 3))
+    position = nowhere
+    unknown = np.zeros(amplitude.size, dtype=np.int32)
+    first_object = unknown
+    view = layer.encoded
+    if view.position is not None:
+        seen = view.position.reshape(-1, 3).take(index, axis=0)
+        position = seen.astype(np.float64) * metres_per_unit
+    if view.object_index is not None and layer.position_is_first:
+        first_object = view.object_index.take(index)
+    vertex = nowhere
+    if layer.vertex is not None:
+        white = encoded if layer.white is None else layer.white.colours(index)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = layer.vertex.colours(index) / white
+        origin, scale = vertex_map
+        vertex = (origin + (ratio.T - 1) / scale) * metres_per_unit
+    return PathClassPixels(
+        order=layer.order,
+        depth=layer.depth,
+        amplitude=amplitude / metres_per_unit**2,
+        log_ratio=log_ratio,
+        mixing=mixing,
+        position_m=position,
+        vertex_m=vertex,
+        object=first_object if layer.order == 1 else unknown,
+        first_object=first_object,
+        position_is_first=layer.position_is_first,
+    )
+
+
+def _coloured_ratio(encoded: Real, plain: Real) -> Real:
+    """Coded length from the brightest channel; red and blue decay by 1/k, green by 2/k."""
+    rates = np.array([1.0, 2.0, 1.0])[:, None]
+    ratios = log_encoding_ratio(encoded, plain) / rates
+    best = np.argmax(np.where(np.isfinite(ratios), plain, -1.0), axis=0)
+    return np.asarray(np.take_along_axis(ratios, best[None], axis=0)[0])
+
+
+# -------------------------------------------------------------------------------------------------
+# Power of the orders above the limit, from one render. Does not import bpy.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Orders above the limit whose power is measured, without following their paths.
+_PROBED_ORDERS = 4
+
+
+@dataclass(frozen=True)
+class PowerBeyond:
+    """Power of the orders above the limit: W per square Blender unit.
+
+    Attributes
+    ----------
+    power, variance
+        Their power, and the square of its standard error.
+    strongest_ray
+        Most power that one ray brought.
+    pixels_per_ray
+        Pixels of the frame that share a ray.
+    """
+
+    power: float = 0.0
+    variance: float = 0.0
+    strongest_ray: float = 0.0
+    pixels_per_ray: float = 1.0
+
+
+def look_beyond(
+    limits: TraceLimits, weight: Real, pixels_per_ray: float, coloured: bool
+) -> Generator[RenderRequest, View, PowerBeyond]:
+    """Measure the power of the next `_PROBED_ORDERS` orders, whose paths are not followed.
+
+    Parameters
+    ----------
+    limits
+        As for `trace_replicate`.
+    weight
+        As for `trace_replicate`.
+    pixels_per_ray
+        Pixels of the frame for each pixel of this view.
+    coloured
+        Whether `trace_replicate` found colours in the scene.
+
+    Yields
+    ------
+    RenderRequest
+        Its only render.
+
+    Returns
+    -------
+    PowerBeyond
+    """
+    view = yield RenderRequest(orders_beyond(limits), encoded=not limits.world_encoding)
+    return power_seen_beyond(limits, view, weight, pixels_per_ray, coloured)
+
+
+def orders_beyond(limits: TraceLimits) -> PathClass:
+    """Return the orders whose power is measured.
+
+    Parameters
+    ----------
+    limits
+        As for `trace_replicate`.
+
+    Returns
+    -------
+    PathClass
+    """
+    return PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
+
+
+def power_seen_beyond(
+    limits: TraceLimits, view: View, weight: Real, pixels_per_ray: float, coloured: bool
+) -> PowerBeyond:
+    """Return the power in a view of `orders_beyond`.
+
+    Parameters
+    ----------
+    limits, weight, pixels_per_ray, coloured
+        As for `look_beyond`.
+    view
+        What was rendered.
+
+    Returns
+    -------
+    PowerBeyond
+    """
+    power = amplitude_of(view, limits.amplitude_channel if coloured else "B") * weight
+    strongest = float(power.max(initial=0.0))
+    return PowerBeyond(float(power.sum()), variance_of_sum(power), strongest, pixels_per_ray)
+
 
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.

@@ -3,19 +3,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
+import contextlib
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
+from mathutils import Matrix
 
+from ...arrays import Real
 from ..materials import SURFACE_TYPES, has_no_faces
-from ..nodes import attributes
+from ..nodes import attributes, is_radar_material
+from ..nodes.build import TreeBuilder
+from ..nodes.groups import KIND_PROPERTY, MATERIAL_KINDS
 from ..nodes.materials import lets_nothing_through
-from ..scene import PATTERN_PROPERTY
+from ..nodes.radar_material import SURFACE
+from ..scene import NEAR_CLIP_UNITS, PATTERN_PROPERTY, reads_context
 from ..state import SettingsRestorer
 from .requests import Region
+
+# -------------------------------------------------------------------------------------------------
+# The camera of our own that can look at any part of the field of view.
+# -------------------------------------------------------------------------------------------------
+
+
+_NAME, _SECOND = "radarsim view (temporary)", "radarsim second view (temporary)"
+
+
+class ViewCamera:
+    """A camera that a scene renders with from now on, until `restore`.
+
+    Parameters
+    ----------
+    scene : bpy.types.Scene
+
+    Attributes
+    ----------
+    item : bpy.types.Object
+        The camera, at the world's origin.
+    second : bpy.types.Object
+        One more, for `SecondView`: Blender sorts all objects when one is added later.
+    """
+
+    def __init__(self, scene: Any) -> None:
+        self._recorder = SettingsRestorer()
+        self.item, self.second = self._add(_NAME), self._add(_SECOND)
+        try:
+            for item in (self.item, self.second):
+                scene.collection.objects.link(item)
+            self._recorder.set(scene, "camera", self.item)
+        except BaseException:
+            self.restore()
+            raise
+
+    def _add(self, name: str) -> Any:
+        data = bpy.data.cameras.new(name)
+        self._recorder.on_restore(name, lambda: bpy.data.cameras.remove(data))
+        data.clip_start, data.clip_end = NEAR_CLIP_UNITS, 1e12
+        item = bpy.data.objects.new(name, data)
+        self._recorder.on_restore(name, lambda: bpy.data.objects.remove(item))
+        return item
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the cameras and of their data."""
+        return frozenset(n for one in (self.item, self.second) for n in (one.name, one.data.name))
+
+    def number_objects(self) -> None:
+        """Number the surfaces of a file that Blender has not evaluated yet.
+
+        Later, `PathScene` would have Blender evaluate each of them again.
+        """
+        objects = bpy.data.objects
+        before = np.zeros(len(objects), dtype=np.int32)
+        objects.foreach_get("pass_index", before)
+        numbers = {item: number for number, item in enumerate(numbered_objects(), 1)}
+        after = [numbers.get(item, old) for item, old in zip(objects, before.tolist(), strict=True)]
+        for item, old in zip(objects, before.tolist(), strict=True):
+            self._recorder.on_restore("pass_index", partial(setattr, item, "pass_index", old))
+        objects.foreach_set("pass_index", after)
+
+    def restore(self) -> list[str]:
+        """Give the scene its own camera back; what failed. May be called again."""
+        return self._recorder.restore()
+
 
 LIGHT_GROUP = "radarsim"
 MARK_GROUP = "radarsim_vertices"
@@ -194,3 +267,187 @@ def _is_opaque(item: Any, opaque_material: Callable[[Any], bool]) -> bool:
     if not slots or any(modifier.type == "NODES" for modifier in item.modifiers):
         return False
     return all(opaque_material(slot.material) for slot in slots)
+
+
+# -------------------------------------------------------------------------------------------------
+# Lamps in the places of the transmitter's images, of which one at a time shines.
+#
+# An image lamp has the transmitter's own light data. Nothing blocks it: what lies between a surface
+# and the place behind a mirror is no obstacle, and what is one is found in numpy. Light linking
+# does this with a blocker collection that holds one empty mesh; an empty collection would block
+# everything. Both range encodings stay right, because the ray goes straight to the image.
+# -------------------------------------------------------------------------------------------------
+
+
+_LAMP = "radarsim image (temporary)"
+_NOTHING = "radarsim no obstacle (temporary)"
+
+
+class ImageLamps:
+    """The transmitter of a scene, and lamps in the places of its images."""
+
+    def __init__(self, recorder: SettingsRestorer, scene: Any, emitter: Any) -> None:
+        self._recorder, self._scene, self._emitter = recorder, scene, emitter
+        self._lamps: list[Any] = []
+        self._blocker: Any = None
+        self._shining = 0
+
+    def place(self, places: Real) -> None:
+        """Put a lamp at each place, (n, 3) [Blender units]; the transmitter shines."""
+        while len(self._lamps) < len(places):
+            self._add()
+        for lamp, place in zip(self._lamps, places, strict=False):
+            lamp.matrix_world = Matrix.Translation(place)
+        self.shine(0)
+
+    def shine(self, number: int) -> None:
+        """Let the transmitter shine, 0, or an image, from 1; all others are off."""
+        if number == self._shining:
+            return
+        self._shining = number
+        self._emitter.hide_render = number != 0
+        for index, lamp in enumerate(self._lamps, start=1):
+            lamp.hide_render = index != number
+
+    def _add(self) -> None:
+        if self._blocker is None:
+            self._make_blocker()
+            # Changed from render to render: the recorder leaves equal values alone.
+            emitter = self._emitter
+            self._recorder.on_restore(
+                "transmitter: hidden", lambda: setattr(emitter, "hide_render", False)
+            )
+        lamp = bpy.data.objects.new(_LAMP, self._emitter.data)
+        self._recorder.on_restore(_LAMP, lambda: bpy.data.objects.remove(lamp))
+        lamp.hide_render = True
+        lamp.lightgroup = LIGHT_GROUP
+        lamp.light_linking.blocker_collection = self._blocker
+        self._scene.collection.objects.link(lamp)
+        self._lamps.append(lamp)
+
+    def _make_blocker(self) -> None:
+        mesh = bpy.data.meshes.new(_NOTHING)
+        self._recorder.on_restore(_NOTHING, lambda: bpy.data.meshes.remove(mesh))
+        dummy = bpy.data.objects.new(_NOTHING, mesh)
+        self._recorder.on_restore(_NOTHING, lambda: bpy.data.objects.remove(dummy))
+        blocker = bpy.data.collections.new(_NOTHING)
+        self._recorder.on_restore(_NOTHING, lambda: bpy.data.collections.remove(blocker))
+        blocker.objects.link(dummy)
+        self._blocker = blocker
+
+
+# -------------------------------------------------------------------------------------------------
+# Surfaces that shine where paths of one class have their last vertex.
+#
+# A render tells where that is by colours of light. The transmitter's own would have to be another
+# render. Light of the surfaces is a light group of its own, so each render has both. Cycles does
+# not sample it like a lamp (emission sampling "NONE"), so it leaves all paths as they are.
+#
+# The light is added to the node groups of the Radar Materials for the time of a measurement. A
+# surface that shines is shaded where the last ray of a path ends, which other runs do without.
+# -------------------------------------------------------------------------------------------------
+
+
+_PREFIX = "Vertex mark: "
+_SUM = "with the surface"
+#: Reflections and transparent surfaces are whole numbers; they are equal within this.
+_SAME = 0.25
+
+
+def add_vertex_marks(recorder: SettingsRestorer, scene: Any, view_layer: Any) -> None:
+    """Give all Radar Materials the light of `VertexMark`, and their objects its light group."""
+    add_light_group(recorder, scene, view_layer, MARK_GROUP)
+    for item in numbered_objects():
+        recorder.set(item, "lightgroup", MARK_GROUP)
+    for tree in bpy.data.node_groups:
+        # one that was saved in the middle of a measurement has them already
+        if tree.get(KIND_PROPERTY) in MATERIAL_KINDS and _PREFIX + _SUM not in tree.nodes:
+            recorder.on_restore(tree.name, partial(_remove_light, tree))
+            _add_light(tree)
+    for material in bpy.data.materials:
+        if is_radar_material(material):
+            recorder.set(material.cycles, "emission_sampling", "NONE")
+
+
+def _add_light(tree: Any) -> None:
+    build, end = TreeBuilder(tree), _surface_output(tree)
+    math, scene = build.math, build.scene_attribute
+    surface = end.links[0].from_socket
+    with build.prefixed(_PREFIX):
+        path = build.node("ShaderNodeLightPath", "Path so far")
+        depth = math("ADD", "depth + 1", path.outputs["Transparent Depth"], 1.0)
+        order = path.outputs["Ray Depth"]
+        here = math("COMPARE", "order", order, scene(attributes.ATTR_MARK_ORDER), _SAME)
+        there = math("COMPARE", "depth", depth, scene(attributes.ATTR_MARK_DEPTH), _SAME)
+        gate = math("MULTIPLY", "last vertex", here, there)
+        origin = build.scene_vector_attribute(attributes.ATTR_VERTEX_ORIGIN)
+        point = build.node("ShaderNodeNewGeometry", "Point").outputs["Position"]
+        offset = build.vector_math("SUBTRACT", "from origin", {0: point, 1: origin})
+        mapped = build.scale("mapped", offset, scene(attributes.ATTR_MARK_SCALE))
+        colour = build.vector_math("ADD", "1 + mapped", {0: mapped, 1: (1.0, 1.0, 1.0)})
+        light = build.node("ShaderNodeEmission", "light", {"Color": colour, "Strength": gate})
+        both = build.add_shaders(_SUM, surface, light.outputs[0])
+    tree.links.new(both, end)
+
+
+def _remove_light(tree: Any) -> None:
+    both = tree.nodes.get(_PREFIX + _SUM)
+    if both is not None and both.inputs[0].links:
+        tree.links.new(both.inputs[0].links[0].from_socket, _surface_output(tree))
+    for node in [node for node in tree.nodes if node.name.startswith(_PREFIX)]:
+        tree.nodes.remove(node)
+
+
+def _surface_output(tree: Any) -> Any:
+    """The input of a group's output node that is its surface."""
+    ends = (node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
+    return next(ends).inputs[SURFACE.name]
+
+
+# -------------------------------------------------------------------------------------------------
+# An empty scene from which another one is rendered.
+#
+# An operator that Python calls first evaluates the scene of the context, all objects of it: 10 ms
+# for 1000 objects, before each render. The render evaluates objects of its own, and reads none of
+# these.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Objects of the file from which on it is worth another scene.
+_MANY = 500
+_EMPTY_NAME = "radarsim empty (temporary)"
+
+
+class EmptyScene:
+    """A scene without objects, which is made where it is first worth it.
+
+    Parameters
+    ----------
+    recorder
+        Removes it.
+    """
+
+    def __init__(self, recorder: SettingsRestorer) -> None:
+        self._recorder = recorder
+        self._scene: Any = None
+        self._useful: bool | None = None
+
+    @contextlib.contextmanager
+    def entered(self, rendered: Any) -> Iterator[None]:
+        """Call the operator that renders a scene, which it is told, from the empty one.
+
+        From the user's, where there are few objects, or scripts may read which scene is active.
+        """
+        if self._useful is None:
+            self._useful = len(bpy.data.objects) >= _MANY and not reads_context()
+        if not self._useful:
+            yield
+            return
+        if self._scene is None:
+            scene = self._scene = bpy.data.scenes.new(_EMPTY_NAME)
+            self._recorder.on_restore(_EMPTY_NAME, lambda: bpy.data.scenes.remove(scene))
+        # the operator takes the whole number of the frame from the context, nothing else
+        self._scene.frame_current = rendered.frame_current
+        layer = self._scene.view_layers[0]
+        with bpy.context.temp_override(scene=self._scene, view_layer=layer):
+            yield

@@ -6,12 +6,25 @@ In: the colour channels of renders, the folder of a frame. Out: path lengths [m]
 """
 
 from .cameras import PixelRays, pixel_rays
-from .frame_input import FrameInput, FrameTable, as_input, open_frame
 from .path_class_pixels import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
-from .paths_of_frame import frame_paths, iter_path_chunks, table_paths
-from .ring_pixels import Decoded, PixelGrid, decode, pixel_grid
-from .shell_geometry import single_vertex_m
-from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
+from .paths_of_frame import (
+    FrameInput,
+    FrameTable,
+    as_input,
+    frame_paths,
+    iter_path_chunks,
+    open_frame,
+    table_paths,
+)
+from .ring_pixels import (
+    MAX_RANGE_RATE_MPS,
+    Decoded,
+    PixelGrid,
+    decode,
+    pixel_grid,
+    range_rate,
+    single_vertex_m,
+)
 
 __all__ = [
     "MAX_RANGE_RATE_MPS",

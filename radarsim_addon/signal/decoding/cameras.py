@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Real
 from ...contract import ReceiverRecord
 from ...errors import SchemaError
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Indices, Mask, Real
-from ...vectors import are_finite, distances, dots, largest
+from ...arrays import Indices, Mask, Real, are_finite, distances, dots, largest
 from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows, write_columns
 from .cameras import PixelRays
 

@@ -4,33 +4,277 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...array_types import Real
-from ...contract import PathsRecord
+from ...arrays import Real, Single
+from ...contract import (
+    GroundTruthRecord,
+    LinkBudget,
+    PathsRecord,
+    ReceiverRecord,
+    RenderRecord,
+    TransmitterRecord,
+    render_stem,
+)
+from ...errors import ConfigError, SchemaError
+from ...typed_json import read_record
 from ..motion import FrameMotion
 from ..paths import (
     Flags,
+    GridPlaces,
     PathCounts,
     PathFlag,
     PathRows,
     Paths,
+    frame_motion,
     geometry_of,
     has_images,
     iter_rows,
     motion_of_rows,
+    open_frame_table,
     radiance_of,
     usable,
 )
+from ..radar import Radar
 from ..runs import RadarFrame
-from .frame_input import FrameInput, as_input
 from .path_class_pixels import MIXED_TOLERANCE
-from .ring_pixels import Decoded
-from .ring_reader import RingReader
-from .shell_geometry import ring_geometry
-from .snapshot_rate import MAX_RANGE_RATE_MPS, range_rate
+from .ring_pixels import (
+    MAX_RANGE_RATE_MPS,
+    Decoded,
+    PixelGrid,
+    decode,
+    pixel_grid,
+    range_rate,
+    ring_geometry,
+)
+
+# -------------------------------------------------------------------------------------------------
+# A radar frame opened once: all that processing needs of it, read and checked.
+#
+# Whoever holds a :class:`FrameInput` opens no file by name. Tables are memory-mapped and ring
+# images come one at a time, so the memory needed does not grow with the number of paths or rings.
+# -------------------------------------------------------------------------------------------------
+
+
+ImageReader = Callable[[int, int], tuple[RenderRecord, dict[str, Single]]]
+"""From ring and snapshot index to sidecar and colour channels, as :meth:`RadarFrame.image`."""
+
+
+@dataclass(frozen=True)
+class FrameTable:
+    """The path table of one render of a burst.
+
+    Attributes
+    ----------
+    record
+        Its sidecar.
+    rows
+        Its rows, memory-mapped, checked against the SHA-256 of the sidecar, (path_count,).
+    motion
+        Motion of the antennas and of the bodies that the rows number; None: nothing moves.
+    grids
+        Pixels of its views.
+    """
+
+    record: PathsRecord
+    rows: PathRows
+    motion: FrameMotion | None
+    grids: GridPlaces = field(default_factory=GridPlaces, compare=False, repr=False)
+
+
+@dataclass(frozen=True)
+class FrameInput:
+    """All that is known of a radar frame before it is processed.
+
+    Attributes
+    ----------
+    frame
+        Frame of a run, with the run's header.
+    radar
+        Waveform and burst.
+    link_budget
+        Transmit power, antennas, losses; None: none.
+    range_limits_m
+        One-way ranges (start, stop) that are recorded [m].
+    receiver, transmitter
+        Antennas at the frame's time.
+    ground_truth
+        Places of the objects; None where the run holds no such record.
+    tables
+        Sampling mode "paths": one for each visibility update of the burst. "rings": none.
+    images
+        Sampling mode "rings": reads one image.
+    """
+
+    frame: RadarFrame
+    radar: Radar
+    link_budget: LinkBudget | None
+    range_limits_m: tuple[float, float]
+    receiver: ReceiverRecord
+    transmitter: TransmitterRecord
+    ground_truth: GroundTruthRecord | None
+    tables: tuple[FrameTable, ...]
+    images: ImageReader
+
+    @property
+    def table(self) -> FrameTable:
+        """The table of the burst's first render.
+
+        Raises
+        ------
+        ConfigError
+            The frame holds ring images.
+        """
+        if not self.tables:
+            raise ConfigError(
+                f"{self.frame.path} was measured by rings, which do not know the object of a path. "
+                "Measure the scene by paths (Sampling mode: Paths, or --sampling-mode paths)."
+            )
+        return self.tables[0]
+
+    def of_update(self, number: int) -> FrameInput:
+        """The input with one visibility update of the burst alone, counted from 0."""
+        table = self.tables[number]
+        return dataclasses.replace(
+            self,
+            tables=(table,),
+            receiver=table.record.receiver,
+            transmitter=table.record.transmitter,
+        )
+
+
+def open_frame(
+    frame: RadarFrame,
+    *,
+    radar: Radar | None = None,
+    link_budget: LinkBudget | None = None,
+    range_limits_m: tuple[float, float] | None = None,
+) -> FrameInput:
+    """Read and check what a frame's folder holds.
+
+    Parameters
+    ----------
+    frame
+        A radar frame of a run; of a later render of its burst, that render alone.
+    radar, link_budget, range_limits_m
+        Waveform and burst, link budget, one-way ranges (start, stop) [m]; None: those of the run.
+
+    Returns
+    -------
+    FrameInput
+        Each path table in it was hashed once.
+
+    Raises
+    ------
+    FrameFileError, SchemaError
+        A file is missing or damaged, or files do not belong together.
+    """
+    tables: tuple[FrameTable, ...] = ()
+    if frame.sampling_mode == "paths":
+        # a later render of the burst is opened by itself, the first one with all that follow
+        renders = [frame.render] if frame.render else range(frame.visibility_updates)
+        tables = tuple(_open_table(frame.of_burst(n)) for n in renders)
+    sidecar: PathsRecord | RenderRecord = (
+        tables[0].record
+        if tables
+        else read_record(frame.path / f"{render_stem(0, 0)}.json", RenderRecord)
+    )
+    return FrameInput(
+        frame=frame,
+        radar=radar or frame.run.radar,
+        link_budget=link_budget or frame.record.link_budget,
+        range_limits_m=range_limits_m or frame.run.range_limits_m,
+        receiver=sidecar.receiver,
+        transmitter=sidecar.transmitter,
+        ground_truth=frame.scene(),
+        tables=tables,
+        images=frame.image,
+    )
+
+
+def as_input(frame: RadarFrame | FrameInput) -> FrameInput:
+    """Return an opened frame as it is, and open one that is not.
+
+    Parameters
+    ----------
+    frame
+        Radar frame, or its input.
+
+    Returns
+    -------
+    FrameInput
+        As :func:`open_frame` gives it.
+    """
+    return frame if isinstance(frame, FrameInput) else open_frame(frame)
+
+
+def _open_table(render: RadarFrame) -> FrameTable:
+    record, rows = open_frame_table(render.path, render.number, render.record.fingerprint)
+    return FrameTable(record, rows, frame_motion(render.path, record))
+
+
+# -------------------------------------------------------------------------------------------------
+# Decoded renders of a frame's rings, a few at a time.
+# -------------------------------------------------------------------------------------------------
+
+
+class RingReader:
+    """Decodes renders on demand and keeps those of neighbouring rings."""
+
+    def __init__(self, frame_input: FrameInput) -> None:
+        self._frame, self._images = frame_input.frame, frame_input.images
+        self._kept: dict[tuple[int, int], Decoded] = {}
+        self._grids: dict[object, PixelGrid] = {}
+        self._antennas = frame_input.receiver, frame_input.transmitter
+        self._times_s: dict[int, float] = {}
+
+    def get(self, ring: int, snapshot_index: int) -> Decoded:
+        """Pixels of a ring in one snapshot."""
+        key = (ring, snapshot_index)
+        if key not in self._kept:
+            record, channels = self._images(ring, snapshot_index)
+            time_s = self._times_s.setdefault(snapshot_index, record.time_s)
+            if time_s != record.time_s:
+                raise SchemaError(
+                    f"{self._frame.path}: ring {ring}, snapshot {snapshot_index} is at "
+                    f"{record.time_s} s, "
+                    f"other rings of the snapshot at {time_s} s. Render this frame again."
+                )
+            if snapshot_index == 0:
+                self._antennas = record.receiver, record.transmitter
+            view = repr(record.receiver)
+            if view not in self._grids:
+                self._grids.clear()
+                self._grids[view] = pixel_grid(record.receiver, record.width_px, record.height_px)
+            self._kept[key] = decode(record, channels, self._grids[view])
+        return self._kept[key]
+
+    @property
+    def antennas(self) -> tuple[ReceiverRecord, TransmitterRecord]:
+        """Receiver and transmitter at t."""
+        return self._antennas
+
+    @property
+    def snapshot_interval_s(self) -> float:
+        """Time between the snapshots, as the sidecars have it [s]."""
+        measured_s = self._times_s[1] - self._times_s[0]
+        planned_s = self._frame.record.snapshot_interval_s
+        # Blender holds frames in float32, and the interval is what it has evaluated.
+        slack_s = 1e-6 * planned_s + 2**-23 * max(map(abs, self._times_s.values()))
+        if abs(measured_s - planned_s) > slack_s:
+            raise SchemaError(
+                f"{self._frame.path}: the snapshots are {measured_s!r} s apart, the run's plan has "
+                f"{planned_s!r} s. Render this frame again."
+            )
+        return measured_s
+
+    def drop_before(self, ring: int) -> None:
+        """Let go of the rings before."""
+        for key in [key for key in self._kept if key[0] < ring]:
+            del self._kept[key]
 
 
 def iter_path_chunks(

@@ -7,20 +7,22 @@ l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one path.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...array_types import Mask, Real, Single
+from ...arrays import Integers, Mask, Real, Single
 from ...contract import (
     AMPLITUDE_CHANNEL,
     CHECK_CHANNEL,
     RANGE_CHANNEL,
     ReceiverRecord,
     RenderRecord,
+    TransmitterRecord,
 )
-from ...errors import SchemaError
+from ...errors import ConfigError, SchemaError
+from ..paths import Flags, PathFlag, PathGeometry
 from .cameras import pixel_centres, solid_angles_sr
 
 #: Below this a float32 is denormal: its last digits are gone, and the range with them.
@@ -181,3 +183,156 @@ def decode(
         range_encoding_underflow=int(np.count_nonzero(echo & ~reached)),
         no_range_encoding=int(np.count_nonzero(echo & reached & ~coded)),
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Geometry of paths that a pixel's direction and a total length give: those of one reflection.
+# -------------------------------------------------------------------------------------------------
+
+
+def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
+    """Compute the scatterer of paths with one reflection from direction and total length.
+
+    Parameters
+    ----------
+    length_m
+        Total lengths L, (n,) [m].
+    direction
+        From the receiver, unit vectors d, (n, 3).
+    receiver_m, transmitter_m
+        Places C and T, (3,) [m].
+
+    Returns
+    -------
+    ndarray
+        (n, 3) [m]; NaN where the length is below the baseline.
+
+    Notes
+    -----
+    On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
+    baseline b = |C - T|.
+    """
+    baseline_m = np.asarray(receiver_m - transmitter_m, dtype=np.float64)
+    square = length_m**2 - baseline_m @ baseline_m
+    below = 2 * (length_m + direction @ baseline_m)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along_m = np.where((square > 0) & (below > 0), square / below, np.nan)
+    return np.asarray(receiver_m + along_m[:, None] * direction, dtype=np.float64)
+
+
+def ring_geometry(
+    decoded: Decoded,
+    row: Integers,
+    col: Integers,
+    receiver: ReceiverRecord,
+    transmitter: TransmitterRecord,
+    single: bool,
+) -> PathGeometry:
+    """Geometry of some pixels (row, col) of a ring, with poses at t.
+
+    `single`: every path has one reflection. Else vertices and orders are unknown (NaN and 0).
+    """
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    direction = local @ pose[:3, :3].T
+    zeros = np.zeros(row.size, dtype=np.int32)
+    vertex = np.full((row.size, 3), np.nan)
+    if single:
+        transmitter_m = np.asarray(transmitter.matrix_world, dtype=np.float64)[:3, 3]
+        vertex = single_vertex_m(
+            decoded.total_length_m[row, col], direction, pose[:3, 3], transmitter_m
+        )
+    return PathGeometry(
+        order=zeros + (1 if single else 0),
+        transparent_depth=zeros,
+        first_scatterer_m=vertex,
+        last_scatterer_m=vertex,
+        direction=direction,
+        first_object=zeros,
+        last_object=zeros,
+    )
+
+
+# -------------------------------------------------------------------------------------------------
+# Range rate per pixel from two snapshots (Eq. 12 of the paper, with this project's sign).
+#
+#     v = (r(t + dt) - r(t)) / dt,      f_D = -2 v / lambda
+#
+# v is positive when the range grows: a receding target has negative Doppler and stands on the left
+# of a map, as in the paper's Fig. 9; Eq. 12 as printed has the other sign.
+#
+# Differencing along a fixed ray gives the range rate of the material only where the surface moves
+# along the ray: a sphere spinning in place reads zero, and so does flat ground below a moving
+# radar.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Default limit of a believable |range rate| [m/s]. Above it, the pixel saw another surface in the
+#: second snapshot: the background appearing behind a target's edge.
+MAX_RANGE_RATE_MPS = 300.0
+
+
+def range_rate(
+    first: Decoded,
+    second: Decoded,
+    snapshot_interval_s: float,
+    neighbours: Sequence[tuple[Decoded, Decoded]] = (),
+    max_range_rate_mps: float = MAX_RANGE_RATE_MPS,
+) -> tuple[Real, Flags]:
+    """Compute the range rate of every pixel of one ring (Eq. 12).
+
+    Parameters
+    ----------
+    first, second
+        The ring at t and at t + delta t.
+    snapshot_interval_s
+        Time between the snapshots [s].
+    neighbours
+        The rings before and behind, each at both times. An echo that has none of its own ring in
+        the second snapshot (or an unbelievable one) is looked for there, among echoes that were not
+        there at t.
+    max_range_rate_mps
+        Largest |range rate| that is accepted [m/s].
+
+    Returns
+    -------
+    rate_mps, flags
+        Arrays (height, width). The rate is positive when receding, and 0 where a flag says that
+        it is unknown (`PathFlag.SINGLE_SNAPSHOT`, `PathFlag.RANGE_RATE_REJECTED`); such echoes
+        count as stationary.
+
+    Raises
+    ------
+    ConfigError
+        The time or the limit is not positive.
+    """
+    if not snapshot_interval_s > 0:
+        raise ConfigError(
+            f"Time between the snapshots is {snapshot_interval_s!r} s; expected a positive time."
+        )
+    if not max_range_rate_mps > 0:
+        raise ConfigError(f"Speed limit is {max_range_rate_mps!r} m/s; expected a positive number.")
+    limit_m = max_range_rate_mps * snapshot_interval_s
+    start = first.range_m
+    step = np.full(start.shape, np.inf)
+    same = first.mask & second.mask
+    step[same] = (second.range_m - start)[same]
+    unsure: Mask = first.mask & (np.abs(step) > limit_m)
+    nearest = np.full(start.shape, np.inf)
+    for before, after in neighbours:
+        arrived = unsure & after.mask & ~before.mask
+        candidate = np.where(arrived, after.range_m - start, np.inf)
+        nearest = np.where(np.abs(candidate) < np.abs(nearest), candidate, nearest)
+    crossed = unsure & (np.abs(nearest) <= limit_m)
+    step[crossed] = nearest[crossed]
+
+    seen = same | np.isfinite(nearest)
+    flags = np.zeros(start.shape, dtype=np.uint16)
+    flags[crossed] |= PathFlag.CROSSED_SHELL
+    flags[first.mask & ~seen] |= PathFlag.SINGLE_SNAPSHOT
+    flags[first.mask & seen & (np.abs(step) > limit_m)] |= PathFlag.RANGE_RATE_REJECTED
+    known = first.mask & (np.abs(step) <= limit_m)
+    rate = np.zeros(start.shape)
+    rate[known] = step[known] / snapshot_interval_s
+    return rate, flags

@@ -5,16 +5,26 @@ In: range-Doppler maps and the tables of a run. Out: records of what was found, 
 """
 
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
-from .detections import Detection, Detections, detect_targets, target_count
-from .doppler_folds import DopplerFolds, velocity_before_folding_mps
-from .moving_targets import SLOWEST_CELLS, find_moving_targets
+from .detections import Detection, Detections, PathFinder, TargetPaths, detect_targets, target_count
+from .moving_targets import (
+    SLOWEST_CELLS,
+    DopplerFolds,
+    find_moving_targets,
+    received_recording,
+    velocity_before_folding_mps,
+)
 from .objects import matching_objects, object_echoes, paths_of_objects
-from .peaks import LeadingEdge, Peak, find_peaks, leading_edges, peak_to_background_db
+from .peaks import (
+    MAX_EDGES,
+    LeadingEdge,
+    Peak,
+    find_edges,
+    find_peaks,
+    leading_edges,
+    peak_to_background_db,
+)
 from .power_budget import BudgetReport, FrameBudget, predicted_snr, projection_findings
-from .received_map import received_recording
 from .statistics import FrameStatistics, StatisticsSum, frame_statistics, statistics_findings
-from .summary_peaks import MAX_EDGES, find_edges
-from .target_paths import PathFinder, TargetPaths
 
 __all__ = [
     "MAX_EDGES",

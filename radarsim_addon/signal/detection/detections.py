@@ -3,15 +3,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Integers, Real
+from ...contract import ImageRecord
+from ...physics.mirrors import mirror_matrix
+from ..decoding import FrameInput
 from ..echoes import Echoes
 from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
+from ..motion import mean_over_burst, which_move
+from ..paths import PathRows, has_images, iter_rows, motion_of_rows, usable
+from ..scattering import Link
 from .cfar import Cfar, CfarResult, cfar_threshold, widened_guard
+from .objects import path_power_w
 from .peaks import Peak, local_maxima, refine_peak
 
 #: Maximum number of interpolated targets; the strongest are kept.
@@ -222,3 +232,220 @@ def target_count(count: int, left_out: int) -> str:
     if left_out:
         return f"{count} strongest of {count + left_out} targets"
     return f"{count} target{'' if count == 1 else 's'}"
+
+
+# -------------------------------------------------------------------------------------------------
+# Paths that make a target of a map, and the objects that they touch.
+# -------------------------------------------------------------------------------------------------
+
+
+_Target = TypeVar("_Target", Peak, Detection)
+#: A path that is further than this from a target, in resolution cells, has no part in it.
+_REACH_CELLS = 1.5
+
+
+@dataclass(frozen=True)
+class TargetPaths:
+    """Paths of a target of a map, the strongest first.
+
+    Attributes
+    ----------
+    name
+        Objects that the largest part of their power touches: "Car", "Car via House" (the car moves,
+        the house does not, or is a mirror), "Car and House"; "": unknown. The number of reflections
+        follows if the path touches more than these.
+    last_object
+        Object of the last scatterer of the strongest path, which object lists count its power to;
+        "": unknown.
+    lines_m
+        Corners of each path: receiver, mirrors, scatterers, transmitter, (k, 3) [m]. Scatterers
+        between the first and the last are not known and left out.
+    power_w
+        Power of each path, (n,) [W].
+    """
+
+    name: str
+    last_object: str
+    lines_m: list[Real]
+    power_w: Real
+
+
+class PathFinder:
+    """Finds the paths of a frame that make a target.
+
+    Parameters
+    ----------
+    frame_input
+        Radar frame with the sampling mode "paths".
+    link
+        Link budget, for the powers; None: EIRP of the render, G_r = 1.
+
+    Raises
+    ------
+    ConfigError
+        The frame was measured by rings, whose paths have no objects.
+    """
+
+    def __init__(self, frame_input: FrameInput, link: Link | None = None) -> None:
+        self._input, self._radar = frame_input, frame_input.radar
+        table, waveform = frame_input.table, self._radar.waveform
+        self._record, self._rows = table.record, table.rows
+        burst_s = (self._radar.burst.pulses - 1) / self._radar.burst.prf_hz
+        motion = table.motion
+        self._moves = np.zeros(0, bool) if motion is None else which_move(motion.bodies)
+        if motion is not None and motion.tracks is not None:  # these deform
+            self._moves[motion.tracks.body - 1] = True
+        columns = []
+        for rows in iter_rows(self._rows):
+            power = path_power_w(
+                rows, self._record, waveform.carrier_hz, link, waveform.range_resolution_m
+            )
+            power = np.where(usable(rows), power, 0.0)
+            range_m, rate = rows["length_m"] / 2, rows["range_rate_mps"]
+            if motion is not None and burst_s > 0:
+                range_m, rate = mean_over_burst(motion_of_rows(rows, motion), burst_s, slice(None))
+            elif burst_s > 0:
+                range_m = range_m + burst_s / 2 * rate
+            columns.append(np.stack([range_m, rate, power]).astype(np.float32))
+        joined = np.concatenate(columns, axis=1) if columns else np.zeros((3, 0), np.float32)
+        period_m = self._radar.burst.unambiguous_range_m
+        if waveform.family == "line":
+            period_m = waveform.unambiguous_range_m
+        self._range_m = joined[0] % np.float32(period_m) if np.isfinite(period_m) else joined[0]
+        self._rate_mps, self._power_w = joined[1], joined[2]
+        self._order = np.argsort(self._range_m, kind="stable")
+        self._sorted_m = self._range_m[self._order]
+
+    def of_target(self, range_m: float, velocity_mps: float, most: int = 12) -> TargetPaths:
+        """Return the paths of a target of the map.
+
+        Parameters
+        ----------
+        range_m, velocity_mps
+            Its place in the map: range in the middle of the burst, and range rate, which may have
+            folded [m, m/s].
+        most
+            Most paths of the answer; the name is that of all of them.
+
+        Returns
+        -------
+        TargetPaths
+            Paths within 1.5 resolution cells of it, maybe none.
+        """
+        radar = self._radar
+        reach_m = _REACH_CELLS * radar.waveform.range_resolution_m
+        first, last = np.searchsorted(self._sorted_m, [range_m - reach_m, range_m + reach_m])
+        near = self._order[first:last]
+        interval_mps = 2 * radar.max_unambiguous_velocity_mps
+        apart_mps = np.abs(self._rate_mps[near] - velocity_mps) % interval_mps
+        apart_mps = np.minimum(apart_mps, interval_mps - apart_mps)
+        reach_mps = _REACH_CELLS * radar.velocity_resolution_mps
+        inside = apart_mps <= reach_mps
+        near, apart_mps = near[inside], apart_mps[inside]
+        # what is next to the peak counts less
+        weight = np.exp(
+            -2 * ((self._range_m[near] - range_m) / reach_m) ** 2 - 2 * (apart_mps / reach_mps) ** 2
+        )
+        return self._answer(near, self._power_w[near] * weight, most)
+
+    def of_object(self, name: str, most: int = 12) -> TargetPaths:
+        """Return the strongest paths whose first or last scatterer is on an object.
+
+        Parameters
+        ----------
+        name
+            Name of the object in the frame.
+        most
+            Most paths of the answer.
+
+        Returns
+        -------
+        TargetPaths
+            None where the object has no echo.
+        """
+        if name not in self._record.objects:
+            return TargetPaths("", "", [], np.zeros(0))
+        number = self._record.objects.index(name) + 1
+        ends = self._rows["first_object"] == number
+        ends |= self._rows["last_object"] == number
+        mine = np.flatnonzero(ends)
+        found = self._answer(mine, self._power_w[mine], most)
+        return TargetPaths(name, name, found.lines_m, found.power_w)
+
+    def named(self, targets: Iterable[_Target]) -> list[_Target]:
+        """Return the targets with the names of the objects that their paths touch."""
+        return [
+            dataclasses.replace(one, name=self.of_target(one.range_m, one.velocity_mps, 1).name)
+            for one in targets
+        ]
+
+    def _answer(self, rows: Integers, weight: Real, most: int) -> TargetPaths:
+        rows, weight = rows[weight > 0], weight[weight > 0]
+        if not rows.size:
+            return TargetPaths("", "", [], np.zeros(0))
+        ends = np.sort([self._rows[end][rows] for end in ("first_object", "last_object")], axis=0)
+        _, pair = np.unique(ends, axis=1, return_inverse=True)
+        # A path and its reverse touch the same objects.
+        strongest = np.flatnonzero(pair == np.bincount(pair, weight).argmax())
+        row = self._rows[rows[strongest[weight[strongest].argmax()]]]
+        last = self._record.objects[row["last_object"] - 1] if row["last_object"] else ""
+        chosen = rows[np.argsort(-weight, kind="stable")[:most]]
+        lines = [self._line(self._rows[row]) for row in chosen]
+        powers_w = np.asarray(self._power_w[chosen], dtype=np.float64)
+        return TargetPaths(self._name(row), last, lines, powers_w)
+
+    def _name(self, row: PathRows) -> str:
+        """Return the names of the objects that a path touches, as `TargetPaths` has them."""
+        names = self._record.objects
+        ends = [int(row[end]) for end in ("first_object", "last_object")]
+        touched = [names[number - 1] for number in dict.fromkeys(ends) if number]
+        via: list[str] = []
+        if len(touched) == 2:
+            first, last = (self._moves_at(int(row[end])) for end in ("first_body", "last_body"))
+            if first != last:
+                via = [touched.pop(1 if first else 0)]
+        touched.sort()
+        unknown = int(row["order"]) - len(touched) - len(via)
+        if has_images(row):
+            unknown -= int(row["mirrors"])
+            images = (int(row[end]) for end in ("receiver_image", "transmitter_image"))
+            via += [name for n in images if n for name in self._record.images[n - 1].objects]
+        text = " and ".join(touched)
+        text += f" via {' and '.join(dict.fromkeys(via))}" if via else ""
+        return f"{text} ({row['order']} reflections)" if text and unknown > 0 else text
+
+    def _moves_at(self, body: int) -> bool:
+        return 0 < body <= self._moves.size and bool(self._moves[body - 1])
+
+    def _line(self, row: PathRows) -> Real:
+        """Corners of a path, from the receiver to the transmitter."""
+        receiver = np.asarray(self._input.receiver.matrix_world)[:3, 3]
+        transmitter = np.asarray(self._input.transmitter.matrix_world)[:3, 3]
+        first, last = row["first_scatterer_m"], row["last_scatterer_m"]
+        images: list[ImageRecord | None] = [None, None]
+        if has_images(row):
+            for end, name in enumerate(("receiver_image", "transmitter_image")):
+                images[end] = self._record.images[row[name] - 1] if row[name] else None
+        there = mirror_corners(receiver, images[0], first)
+        back = mirror_corners(transmitter, images[1], last)
+        scatterers = [first] if np.array_equal(first, last) else [first, last]
+        corners = np.array([receiver, *there, *scatterers, *back[::-1], transmitter])
+        return np.asarray(corners[np.isfinite(corners).all(axis=1)], dtype=np.float64)
+
+
+def mirror_corners(antenna_m: Real, image: ImageRecord | None, scatterer_m: Real) -> Sequence[Real]:
+    """Return where a path meets the mirrors of an image, from antenna to scatterer [m]."""
+    if image is None:
+        return ()
+    planes = list(zip(image.normals, image.offsets_m, strict=True))
+    seen = [antenna_m]  # the antenna over the first 0, 1, ... mirrors
+    for normal, offset_m in planes:
+        turn, shift = mirror_matrix(normal, offset_m)
+        seen.append(turn @ seen[-1] + shift)
+    corners: list[Real] = []
+    at = scatterer_m
+    for (normal, offset_m), apparent in zip(reversed(planes), reversed(seen[1:]), strict=True):
+        toward = apparent - at
+        at = at + (offset_m - np.dot(normal, at)) / np.dot(normal, toward) * toward
+        corners.insert(0, at)
+    return corners

@@ -21,7 +21,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from ...array_types import Indices, Integers, Real
+from ...arrays import Indices, Integers, Real
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS

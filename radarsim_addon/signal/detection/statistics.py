@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...array_types import Mask, Real
+from ...arrays import Mask, Real
 from ...findings import Finding, finding
 from ..decoding import FrameInput, iter_path_chunks
 from ..paths import NEGLIGIBLE_FRACTION, PathCounts, PathFlag, Paths, path_power_w

@@ -6,7 +6,7 @@ JSON), in the order of completion. What a frame is, and how it is done, does not
 """
 
 from .coordinator import run_frames
-from .schedule import Reply
+from .workers import Reply
 
 __all__ = [
     "Reply",

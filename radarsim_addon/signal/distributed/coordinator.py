@@ -3,22 +3,49 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from typing import TextIO
+from typing import Any, TextIO
 
 from ...errors import WorkerError
 from ...findings import Finding, finding_lines, from_json, merge
-from ...option_arguments import Share
-from ...progress import ProgressLine
-from ...terminal_text import printable
-from .dask_workers import DaskWorkers
-from .interruption import stop_signals
-from .local_workers import LocalWorkers
-from .schedule import MAX_FAILURES, Reply, as_error, scheduled
+from ...options import Share
+from ...terminal import ProgressLine, printable
+from .workers import MAX_FAILURES, DaskWorkers, LocalWorkers, Reply, as_error, scheduled
+
+# -------------------------------------------------------------------------------------------------
+# Ctrl-C and SIGTERM while workers are at work.
+# -------------------------------------------------------------------------------------------------
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM, with the exit code that shells give it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.exit_code = 128 + number
+
+
+@contextlib.contextmanager
+def stop_signals() -> Iterator[None]:
+    """Raise `Interrupted` at Ctrl-C, SIGTERM and, where there is one, at a closed terminal."""
+
+    def interrupt(number: int, _: Any) -> None:
+        raise Interrupted(number)
+
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), interrupt) for name in names}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
 
 #: Module of the package that does a frame, and that a worker process runs.
 _WORKER_MODULE = f"{__package__.partition('.signal')[0]}.frame_worker"

@@ -5,13 +5,33 @@ In: triangles and surfaces of a scene, antennas in metres. Out: expected power [
 scenes to a process of its own (`worker`) as messages.
 """
 
-from .draft import LEVELS, MOST_CELLS, Draft, DraftLevel, make_draft
-from .messages import Message, read_message, write_message
-from .polygons import DraftPolygons
-from .ray_hits import FirstHits, ViewGrid, first_hits
-from .scene import DraftMesh, DraftScene, SceneTriangles, draft_rows
-from .scene_messages import DRAFT, FAULT, mesh_message, scene_message
-from .surfaces import Angles, DraftSurface, SurfaceKind
+from .draft import (
+    DRAFT,
+    FAULT,
+    LEVELS,
+    MOST_CELLS,
+    Draft,
+    DraftLevel,
+    Message,
+    make_draft,
+    mesh_message,
+    read_message,
+    scene_message,
+    write_message,
+)
+from .scene import (
+    Angles,
+    DraftMesh,
+    DraftPolygons,
+    DraftScene,
+    DraftSurface,
+    FirstHits,
+    SceneTriangles,
+    SurfaceKind,
+    ViewGrid,
+    draft_rows,
+    first_hits,
+)
 
 __all__ = [
     "DRAFT",

@@ -8,20 +8,26 @@ refraction, by few rays.
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, NoReturn, cast
+from typing import IO, Any, NamedTuple, NoReturn, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...arrays import Real
+from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
+from ...typed_json import from_json
 from ..decoding import FrameInput, FrameTable
 from ..detection import FrameBudget
 from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows, unrendered_record
-from ..radar import Radar
+from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
 from ..runs import RadarFrame
-from .scene import DraftScene, SceneTriangles, draft_rows
+from .scene import DraftMesh, DraftPolygons, DraftScene, DraftSurface, SceneTriangles, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
 MOST_CELLS = 1 << 19
@@ -165,3 +171,201 @@ def _frame(scene: DraftScene, radar: Radar, table: PathRows, replicates: int) ->
 
 def _no_images(ring: int, snapshot: int) -> NoReturn:
     raise AssertionError("a draft has no ring images")
+
+
+# -------------------------------------------------------------------------------------------------
+# Messages between the window and the process that drafts: a JSON object and arrays.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Bytes that hold the length of the JSON text.
+_LENGTH_BYTES = 8
+
+
+class Message(NamedTuple):
+    """A JSON object, and arrays by name.
+
+    Attributes
+    ----------
+    fields
+        What JSON can hold.
+    arrays
+        Arrays of numbers by name.
+    """
+
+    fields: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+
+
+def write_message(
+    stream: IO[bytes], fields: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write a message.
+
+    Parameters
+    ----------
+    stream
+        Pipe to the other process.
+    fields
+        What JSON can hold.
+    arrays
+        Arrays of numbers by name.
+    """
+    shapes = [(name, item.dtype.str, item.shape) for name, item in arrays.items()]
+    text = json.dumps([dict(fields), shapes]).encode()
+    stream.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
+    for item in arrays.values():
+        stream.write(np.ascontiguousarray(item).tobytes())
+    stream.flush()
+
+
+def read_message(stream: IO[bytes]) -> Message | None:
+    """Read a message.
+
+    Parameters
+    ----------
+    stream
+        Pipe from the other process.
+
+    Returns
+    -------
+    Message or None
+        None where the other process has ended, or ended within a message.
+    """
+    length = stream.read(_LENGTH_BYTES)
+    if len(length) < _LENGTH_BYTES:
+        return None
+    text = stream.read(int.from_bytes(length, "little"))
+    arrays = {}
+    try:
+        fields, shapes = json.loads(text)
+        for name, kind, shape in shapes:
+            dtype = np.dtype(kind)
+            count = int(np.prod(shape, dtype=np.int64))
+            data = stream.read(count * dtype.itemsize)
+            arrays[name] = np.frombuffer(data, dtype, count).reshape(shape)
+    except ValueError:  # cut off
+        return None
+    return Message(fields, arrays)
+
+
+# -------------------------------------------------------------------------------------------------
+# Meshes, scenes and drafts as messages, and back.
+# -------------------------------------------------------------------------------------------------
+
+
+MESH, SCENE, DRAFT, FAULT = "mesh", "scene", "draft", "fault"
+"""Kinds of messages: the field "kind"."""
+
+
+def mesh_message(key: int, mesh: DraftPolygons) -> Message:
+    """Return the message with a mesh.
+
+    Parameters
+    ----------
+    key
+        By which scenes name it.
+    mesh
+        Mesh.
+
+    Returns
+    -------
+    Message
+    """
+    arrays = {item.name: getattr(mesh, item.name) for item in dataclasses.fields(mesh)}
+    return Message({"kind": MESH, "key": key}, arrays)
+
+
+def scene_message(scene: DraftScene) -> Message:
+    """Return the message with a scene.
+
+    Parameters
+    ----------
+    scene
+        Scene; its meshes have messages of their own, which go before.
+
+    Returns
+    -------
+    Message
+    """
+    budget = scene.link_budget
+    fields = {
+        "kind": SCENE,
+        "waveform": waveform_to_dict(scene.radar.waveform),
+        "burst": dataclasses.asdict(scene.radar.burst),
+        "link_budget": None if budget is None else dataclasses.asdict(budget),
+        "weather": dataclasses.asdict(scene.weather),
+        "receiver": dataclasses.asdict(scene.receiver),
+        "transmitter": dataclasses.asdict(scene.transmitter),
+        "range_limits_m": list(scene.range_limits_m),
+        "surfaces": [dataclasses.asdict(one) for one in scene.surfaces],
+        "meshes": list(scene.meshes),
+        "slots": [list(one) for one in scene.slots],
+        "interval_s": scene.interval_s,
+    }
+    return Message(fields, {"matrices": scene.matrices, "moves": scene.moves})
+
+
+def mesh_of(message: Message) -> DraftMesh:
+    """Return the mesh of a message."""
+    return DraftPolygons(**message.arrays).triangulated()
+
+
+def scene_of(message: Message) -> DraftScene:
+    """Return the scene of a message."""
+    fields = message.fields
+    waveform = waveform_from_dict(fields["waveform"])
+    budget = fields["link_budget"]
+    start_m, stop_m = fields["range_limits_m"]
+    return DraftScene(
+        radar=Radar(waveform, burst_from_dict(fields["burst"], waveform)),
+        link_budget=None if budget is None else from_json(LinkBudget, budget, "Link budget"),
+        weather=from_json(Weather, fields["weather"], "Weather"),
+        receiver=ReceiverRecord(**fields["receiver"]),
+        transmitter=TransmitterRecord(**fields["transmitter"]),
+        range_limits_m=(start_m, stop_m),
+        surfaces=[DraftSurface(**one) for one in fields["surfaces"]],
+        meshes=fields["meshes"],
+        matrices=message.arrays["matrices"],
+        slots=fields["slots"],
+        moves=message.arrays["moves"],
+        interval_s=fields["interval_s"],
+    )
+
+
+def draft_message(draft: Draft, level: int, triangles: int) -> Message:
+    """Return the message with a draft.
+
+    Parameters
+    ----------
+    draft
+        Draft.
+    level
+        Number of its level.
+    triangles
+        Triangles of the scene.
+
+    Returns
+    -------
+    Message
+        Powers in float32.
+    """
+    gaps = draft.gaps_from_m
+    fields = {
+        "kind": DRAFT,
+        "level": level,
+        "triangles": triangles,
+        "pulses": draft.pulses,
+        "rays": draft.rays,
+        "peak_error_db": draft.peak_error_db,
+        "noise_w": draft.noise_w,
+        "map_noise_w": draft.map_noise_w,
+        "gaps_from_m": None if math.isinf(gaps) else gaps,
+    }
+    arrays: dict[str, NDArray[Any]] = {
+        "range_m": draft.range_m,
+        "velocity_mps": np.ascontiguousarray(draft.velocity_mps),
+        "profile_w": draft.profile_w,
+        "map_w": draft.map_w.astype(np.float32),
+    }
+    return Message(fields, arrays)

@@ -6,18 +6,290 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from ...array_types import Indices, Int32, Real, Single
+from ...arrays import Indices, Int32, Mask, Real, Single, crosses, distances, dots, norms
 from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
+from ...physics.clutter import clutter_model
+from ...physics.fresnel import unpolarised_reflectance
 from ...physics.radar_equation import lambert_radiance, received_power_w
-from ...vectors import crosses, distances, dots, norms
+from ...physics.rough import facet_brightness, slope_from_roughness
 from ..decoding import pixel_rays
 from ..paths import PATH_DTYPE, PathRows, replicate_offset_px
 from ..radar import Radar, Weather
-from .ray_hits import FirstHits, ViewGrid, first_hits
-from .surfaces import Angles, DraftSurface
+
+# -------------------------------------------------------------------------------------------------
+# How bright surfaces are, by the same closed forms that the materials' shader nodes follow.
+# -------------------------------------------------------------------------------------------------
+
+
+SurfaceKind = Literal["silent", "lambert", "simple", "physical"]
+
+
+@dataclass(frozen=True)
+class Angles:
+    """Cosines of n rays at a surface, each (n,).
+
+    Attributes
+    ----------
+    to_transmitter, to_receiver
+        Of the angles from the shading normal.
+    to_facet
+        From the shading normal to the facet half way between both antennas.
+    at_facet
+        From that facet's normal to an antenna.
+    to_receiver_flat
+        From the normal of the triangle to the receiver.
+    """
+
+    to_transmitter: Real
+    to_receiver: Real
+    to_facet: Real
+    at_facet: Real
+    to_receiver_flat: Real
+
+
+@dataclass(frozen=True)
+class DraftSurface:
+    """A material at the carrier.
+
+    Attributes
+    ----------
+    kind
+        "silent" returns nothing; "lambert" is diffuse; "simple" and "physical" are the two groups
+        of Radar Materials.
+    n, kappa
+        Complex index n + j kappa.
+    specularity, roughness
+        Of the group "simple": fraction in the specular lobe; roughness of Cycles, 0 for a mirror.
+    albedo
+        Of "lambert".
+    clutter, clutter_path, clutter_parameters, polarisation
+        Clutter model of "physical" with its file; "" for none.
+    """
+
+    kind: SurfaceKind
+    n: float = 1.0
+    kappa: float = 0.0
+    specularity: float = 0.0
+    roughness: float = 0.0
+    albedo: float = 0.0
+    clutter: str = ""
+    clutter_path: str = ""
+    clutter_parameters: dict[str, float] = field(default_factory=dict)
+    polarisation: str = "average"
+
+    def brightness(self, angles: Angles, carrier_hz: float) -> Real:
+        """Return 4 pi f cos_in of n rays, f the BRDF, as of `facet_brightness`.
+
+        Parameters
+        ----------
+        angles
+            Of the rays.
+        carrier_hz
+            Carrier, for clutter models [Hz].
+
+        Returns
+        -------
+        ndarray
+            (n,) [m^2/m^2].
+        """
+        lambert = 4 * np.maximum(angles.to_transmitter, 0.0)
+        if self.kind == "silent":
+            return np.zeros(lambert.shape)
+        if self.kind == "lambert":
+            return np.asarray(self.albedo * lambert)
+        index = complex(self.n, self.kappa)
+        facets = np.zeros(lambert.shape)
+        if self.roughness > 0:
+            slope = slope_from_roughness(self.roughness)
+            facets = facet_brightness(
+                slope, angles.to_transmitter, angles.to_receiver, angles.to_facet
+            )
+        if self.kind == "simple":
+            part = self.specularity
+            reflected = unpolarised_reflectance(index, angles.to_receiver)
+            return np.asarray(reflected * (part * facets + (1 - part) * lambert))
+        total = unpolarised_reflectance(index, angles.at_facet) * facets
+        return np.asarray(total + self._clutter(angles, carrier_hz))
+
+    def _clutter(self, angles: Angles, carrier_hz: float) -> Real:
+        """sigma0 over the cosine of the triangle, which a pixel's area cancels, (n,)."""
+        if not self.clutter:
+            return np.zeros(angles.to_receiver.shape)
+        model = clutter_model(self.clutter, self.clutter_path or None)
+        grazing_rad = np.arcsin(np.clip(angles.to_receiver, 0.0, 1.0))
+        level_db = model.sigma0_db(
+            carrier_hz, grazing_rad, self.polarisation, **self.clutter_parameters
+        )
+        return np.asarray(10 ** (level_db / 10) / np.maximum(angles.to_receiver_flat, 1e-12))
+
+
+# -------------------------------------------------------------------------------------------------
+# The first triangle that each ray of a perspective view meets, by projection.
+#
+# All rays begin at one point. A triangle with corners a, b, c is met by the direction d where d .
+# (b x c), d . (c x a) and d . (a x b) have one sign; these three are proportional to the weights of
+# the corners, and no triangle needs to be cut at the plane of the view. Only pixels within the
+# projected box of a triangle are tried. Nothing is built in advance, so a scene that moves or
+# deforms costs no more than one that does not.
+#
+# View axes are Blender's: x to the right, y up, looking along -z.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Triangles, and pairs of triangle and pixel, that are tried at once: a few megabytes.
+_TRIANGLES, _PAIRS = 1 << 15, 1 << 17
+
+
+@dataclass(frozen=True)
+class ViewGrid:
+    """Pixels of a perspective view.
+
+    Attributes
+    ----------
+    left, right, bottom, top
+        Edges at distance 1.
+    columns, rows
+        Number of pixels across and up; row 0 is the top one.
+    """
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+    columns: int
+    rows: int
+
+    def places(self, column: Indices, row: Indices) -> tuple[Real, Real]:
+        """Return x and y of the centres of pixels at distance 1, (n,) each."""
+        across = (self.right - self.left) / self.columns
+        down = (self.top - self.bottom) / self.rows
+        x, y = self.left + (column + 0.5) * across, self.top - (row + 0.5) * down
+        return np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class FirstHits:
+    """The first triangle along n rays that meet one.
+
+    Attributes
+    ----------
+    pixel
+        row * columns + column, ascending, (n,).
+    triangle
+        Number of the triangle, (n,).
+    weights
+        Of its corners, adding up to 1, (n, 3).
+    distance
+        Along -z of the view, (n,).
+    """
+
+    pixel: Indices
+    triangle: Indices
+    weights: Real
+    distance: Real
+
+
+def first_hits(points: Real, triangles: Indices, grid: ViewGrid) -> FirstHits:
+    """Return the first triangle along each ray, seen from either side.
+
+    Parameters
+    ----------
+    points
+        Corners in view axes, (points, 3).
+    triangles
+        Numbers of corners, (triangles, 3).
+    grid
+        Pixels, one ray each through its centre.
+
+    Returns
+    -------
+    FirstHits
+    """
+    pixels = grid.columns * grid.rows
+    nearest = np.full(pixels, np.inf)
+    triangle = np.full(pixels, -1, dtype=np.intp)
+    weights = np.zeros((pixels, 3))
+    ahead = -points[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        projected = points[:, 0] / ahead, points[:, 1] / ahead
+    for start in range(0, len(triangles), _TRIANGLES):
+        part = triangles[start : start + _TRIANGLES]
+        boxes = _boxes(part, ahead, projected, grid)
+        kept = np.flatnonzero((boxes[1] > 0) & (boxes[3] > 0))
+        boxes = boxes[:, kept]
+        counts = boxes[1] * boxes[3]
+        ends = np.cumsum(counts)
+        first = 0
+        while first < kept.size:
+            before = ends[first] - counts[first]
+            last = max(int(np.searchsorted(ends, before + _PAIRS, side="right")), first + 1)
+            some = kept[first:last]
+            corners = points[part[some]]
+            pixel, number, weight, distance = _tried(corners, boxes[:, first:last], grid)
+            np.minimum.at(nearest, pixel, distance)
+            won = nearest[pixel] == distance
+            triangle[pixel[won]] = start + some[number[won]]
+            weights[pixel[won]] = weight[won]
+            first = last
+    seen = np.flatnonzero(triangle >= 0)
+    return FirstHits(seen, triangle[seen], weights[seen], nearest[seen])
+
+
+def _boxes(
+    triangles: Indices, ahead: Real, projected: tuple[Real, Real], grid: ViewGrid
+) -> Indices:
+    """First column, columns, first row and rows of the pixels that triangles may cover, (4, n)."""
+    distance = [ahead[triangles[:, corner]] for corner in range(3)]
+    in_front = np.minimum(np.minimum(distance[0], distance[1]), distance[2]) > 0
+    behind = np.maximum(np.maximum(distance[0], distance[1]), distance[2]) <= 0
+    found = np.empty((4, len(triangles)), dtype=np.intp)
+    limits = (
+        (projected[0], grid.left, (grid.right - grid.left) / grid.columns, grid.columns),
+        (projected[1], grid.top, (grid.bottom - grid.top) / grid.rows, grid.rows),
+    )
+    for axis, (place, origin, step, count) in enumerate(limits):
+        with np.errstate(invalid="ignore"):
+            at = (place - origin) / step - 0.5
+            ends = [at[triangles[:, corner]] for corner in range(3)]
+            low = np.minimum(np.minimum(ends[0], ends[1]), ends[2])
+            high = np.maximum(np.maximum(ends[0], ends[1]), ends[2])
+        # one that reaches behind the view may cover any pixel
+        low = np.where(in_front, np.clip(np.ceil(low), 0, count), 0)
+        high = np.where(in_front, np.clip(np.floor(high), -1, count - 1), count - 1)
+        found[2 * axis] = low
+        found[2 * axis + 1] = np.where(behind, 0, np.maximum(high - low + 1, 0))
+    return found
+
+
+def _tried(corners: Real, boxes: Indices, grid: ViewGrid) -> tuple[Indices, Indices, Real, Real]:
+    """Pixels of triangles (n, 3, 3), their triangles' numbers, weights and distances."""
+    columns = boxes[1]
+    counts = columns * boxes[3]
+    number = np.repeat(np.arange(counts.size), counts)
+    place = np.arange(number.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    row, column = np.divmod(place, columns[number])
+    row, column = row + boxes[2][number], column + boxes[0][number]
+    x, y = grid.places(column, row)
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normals = [crosses(b, c), crosses(c, a), crosses(a, b)]
+    volume = dots(a, normals[0])
+    side = np.sign(volume)
+    parts = []
+    inside: Mask = side[number] != 0
+    for normal in normals:
+        p, q, r = (normal * side[:, None])[number].T
+        parts.append(p * x + q * y - r)
+        inside &= parts[-1] >= 0
+    total = parts[0] + parts[1] + parts[2]
+    inside &= total > 0
+    number, total = number[inside], total[inside]
+    weights = np.stack([part[inside] / total for part in parts], axis=1)
+    pixel = (row * grid.columns + column)[inside]
+    return pixel, number, weights, np.abs(volume)[number] / total
 
 
 @dataclass(frozen=True)
@@ -311,3 +583,58 @@ def _towards(normals: Real, viewer: Real) -> Real:
     """Unit vectors along normals, on the side of the viewer, (n, 3)."""
     length = np.maximum(norms(normals), 1e-300) * np.where(dots(normals, viewer) < 0, -1, 1)
     return np.asarray(normals / length[:, None])
+
+
+# -------------------------------------------------------------------------------------------------
+# Triangles of meshes whose polygons have three or four corners, as Blender cuts them.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class DraftPolygons:
+    """A mesh in its own axes, Blender units, as Blender stores it: quick to read.
+
+    Attributes
+    ----------
+    points
+        Vertices, (v, 3).
+    corners
+        Vertex of each corner, polygon after polygon, (c,).
+    starts
+        First corner of each polygon, (p,), which has three or four of them.
+    slots
+        Material slot of each polygon, (p,); empty: the first one for all.
+    normals
+        Shading normals of the corners, (c, 3); empty where the mesh is flat.
+    """
+
+    points: Single
+    corners: Int32
+    starts: Int32
+    slots: Int32
+    normals: Single
+
+    def triangulated(self) -> DraftMesh:
+        """Return the mesh as triangles; quads are cut from their first corner to their third.
+
+        One that has a corner inwards is cut from its second corner to its fourth.
+        """
+        starts = self.starts.astype(np.intp)
+        sides = np.diff(np.append(starts, self.corners.size))
+        quads = np.flatnonzero(sides == 4)
+        places = starts[quads][:, None] + np.arange(4)
+        places = np.where(self._bent(places)[:, None], np.roll(places, -1, axis=1), places)
+        whole = np.flatnonzero(sides == 3)
+        polygon = np.concatenate([whole, quads, quads])
+        corner = np.concatenate(
+            [starts[whole][:, None] + np.arange(3), places[:, [0, 1, 2]], places[:, [0, 2, 3]]]
+        )
+        slots = self.slots[polygon] if self.slots.size else np.zeros(polygon.size, dtype=np.int32)
+        normals = self.normals[corner] if self.normals.size else np.zeros((0, 3, 3), np.float32)
+        return DraftMesh(self.points, self.corners[corner], slots, normals)
+
+    def _bent(self, places: Indices) -> Mask:
+        """Whether a quad's second and fourth corner lie on one side of the line between others."""
+        first, second, third, fourth = self.points[self.corners[places]].transpose(1, 0, 2)
+        along = third - first
+        return np.asarray(dots(crosses(second - first, along), crosses(fourth - first, along)) > 0)

@@ -16,10 +16,19 @@ import time
 from typing import IO
 
 from ...errors import RadarSimError
-from .draft import LEVELS, make_draft
-from .messages import Message, read_message, write_message
+from .draft import (
+    FAULT,
+    LEVELS,
+    MESH,
+    Message,
+    draft_message,
+    make_draft,
+    mesh_of,
+    read_message,
+    scene_of,
+    write_message,
+)
 from .scene import DraftMesh, DraftScene, SceneTriangles
-from .scene_messages import FAULT, MESH, draft_message, mesh_of, scene_of
 
 #: Time without a newer scene after which a finer draft begins [s].
 _CALM_S = 0.2

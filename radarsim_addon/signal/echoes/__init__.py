@@ -4,21 +4,21 @@
 In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impairments where asked.
 """
 
-from .burst_interpolation import interpolate_renders, pulses_of_render, render_times_s
 from .echoes import (
     Echoes,
     EchoOptions,
     check_window,
+    interpolate_renders,
+    line_times_s,
     one_channel,
     only_channel,
     pulse_times_s,
+    pulses_of_render,
+    render_times_s,
     window_samples,
 )
-from .frequency_grid import line_times_s
-from .phase_noise import PhaseNoise, load_phase_noise
-from .pulse_synthesis import EchoSynthesizer
-from .receiver import ReceivedSignal, Receiver, apply_receiver
-from .synthesizer_factory import synthesize, synthesizer_for
+from .receiver import PhaseNoise, ReceivedSignal, Receiver, apply_receiver, load_phase_noise
+from .synthesis import EchoSynthesizer, synthesize, synthesizer_for
 
 __all__ = [
     "EchoOptions",

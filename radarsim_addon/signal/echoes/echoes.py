@@ -4,21 +4,34 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import itertools
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from fractions import Fraction
+from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ...array_types import Complex, Real
+from ...arrays import Complex, Mask, Real
 from ...contract import AmplitudeModel
-from ...errors import ConfigError
+from ...errors import ConfigError, SchemaError
 from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..decoding import FrameInput
 from ..paths import Paths
-from ..radar import Channel, Radar
+from ..radar import Channel, FmcwWaveform, LineWaveform, PmcwWaveform, Radar
 from ..scattering import Link, amplitude_history
-from ..spectrum import TOLERANCE, AmplitudeHistory, Backend, Method, SynthesisReport
+from ..spectrum import (
+    TOLERANCE,
+    AmplitudeHistory,
+    Backend,
+    FrequencyGrid,
+    Method,
+    Ramp,
+    SynthesisReport,
+)
 
 Values = TypeVar("Values", Real, Complex)
 
@@ -258,3 +271,176 @@ class EchoOptions:
 
 #: What is done unless asked otherwise.
 DEFAULT_OPTIONS = EchoOptions()
+
+
+# -------------------------------------------------------------------------------------------------
+# Frequency-sampled waveforms: pulses, grid and ramp that their synthesis needs.
+# -------------------------------------------------------------------------------------------------
+
+
+def line_waveform(radar: Radar) -> LineWaveform:
+    """The radar's waveform, which must be of the family "line" (`ConfigError`)."""
+    waveform = radar.waveform
+    if not isinstance(waveform, LineWaveform):
+        raise ConfigError(f"A waveform of kind {waveform.kind!r} does not sample frequencies.")
+    return waveform
+
+
+def line_times_s(radar: Radar) -> Real:
+    """Return when each row of samples begins, from the frame's time.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+
+    Returns
+    -------
+    ndarray
+        (rows,) [s]; one row per pulse, for PMCW one per code.
+    """
+    waveform = radar.waveform
+    times_s = np.arange(radar.burst.pulses) / radar.burst.prf_hz
+    if isinstance(waveform, PmcwWaveform):
+        codes_s = np.arange(waveform.code_repeats) * waveform.code_s
+        times_s = (times_s[:, None] + codes_s).ravel()
+    return np.asarray(times_s)
+
+
+class Oscillator(Protocol):
+    """What multiplies the samples of a path of some delay."""
+
+    @property
+    def step_s(self) -> float:
+        """Distance of the delays for which there are factors [s]."""
+
+    def factor(self, order: int) -> Complex:
+        """At the delay order x step_s, (rows, N)."""
+
+
+def line_grid(waveform: LineWaveform) -> FrequencyGrid:
+    """Frequencies of the samples, exact where the engine has its zero."""
+    ahead = waveform.grid_count // 2 - Fraction(waveform.grid_middle)
+    centre_hz = Fraction(waveform.carrier_hz) + ahead * Fraction(waveform.grid_step_hz)
+    return FrequencyGrid.centred(centre_hz, waveform.grid_step_hz, waveform.grid_count)
+
+
+def line_ramp(waveform: LineWaveform) -> Ramp | None:
+    """When they are taken; None: all at once."""
+    if waveform.grid_interval_s == 0:
+        return None
+    video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
+    return Ramp(waveform.grid_interval_s, video)
+
+
+# -------------------------------------------------------------------------------------------------
+# Several renders of one burst as one: each stands for the pulses around the time it shows.
+#
+# Where visibility changes during a burst (a target comes out from behind a wall) one render cannot
+# serve it all. Each of several has its own table, whose paths have their lengths at every pulse.
+# The echoes of all are added with weights that are hat functions of slow time: 1 at the pulse that
+# a render shows, 0 at its neighbours', and their sum is 1 at every pulse. Phases are those of each
+# render's own paths, so what is seen by two of them fades from one to the other without a jump.
+# -------------------------------------------------------------------------------------------------
+
+
+def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
+    """Weights of renders that show the scene at `shown_s`, (renders, pulses); columns sum to 1."""
+    nodes = np.asarray(shown_s, dtype=np.float64)
+    if nodes.size == 1:
+        return np.ones((1, slow_time_s.size))
+    hats = np.eye(nodes.size)
+    return np.array([np.interp(slow_time_s, nodes, hat) for hat in hats])
+
+
+def render_times_s(frame_input: FrameInput) -> list[float]:
+    """Return when each render of a frame's burst shows the scene, after the frame's time t.
+
+    Parameters
+    ----------
+    frame_input
+        Frame of the sampling mode "paths".
+
+    Returns
+    -------
+    list of float
+        Ascending times, one for each render [s].
+
+    Raises
+    ------
+    SchemaError
+        The times are not in order.
+    """
+    motions = [table.motion for table in frame_input.tables]
+    times = [0.0 if motion is None else motion.epoch_offset_s for motion in motions]
+    if any(later <= earlier for earlier, later in itertools.pairwise(times)):
+        raise SchemaError(
+            f"{frame_input.frame.path}: the renders of its burst show {times} s; expected "
+            "ascending times. Render the frame again."
+        )
+    return times
+
+
+def pulses_of_render(radar: Radar, shown_s: Sequence[float], number: int) -> Mask:
+    """Return the pulses whose interpolated echoes this render contributes to, in any channel.
+
+    Parameters
+    ----------
+    radar
+        Burst and channels.
+    shown_s
+        Scene time of each render after the start of the burst, ascending [s].
+    number
+        Index of the render in `shown_s`.
+
+    Returns
+    -------
+    ndarray of bool
+        (pulses,), True where the weight is above 0.
+    """
+    return np.asarray((_weights(radar, shown_s, number) > 0).any(axis=0))
+
+
+def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
+    """Return the echoes of a burst from those of its renders.
+
+    Parameters
+    ----------
+    parts
+        Echoes of each render, at least for the pulses of `pulses_of_render`; from a generator, one
+        at a time is in memory.
+    shown_s
+        When each render shows the scene, ascending [s].
+
+    Returns
+    -------
+    Echoes
+        Samples (channels, rows, samples); between two renders their weights are linear in time.
+    """
+    weighted = (_weighted(part, shown_s, number) for number, part in enumerate(parts))
+    return functools.reduce(_sum, weighted)
+
+
+def _weighted(part: Echoes, shown_s: Sequence[float], number: int) -> Echoes:
+    """Echoes of a render times its weight at each pulse of each channel."""
+    weight = _weights(part.radar, shown_s, number)
+    rows = np.repeat(weight, part.samples.shape[1] // part.radar.burst.pulses, axis=1)
+    return dataclasses.replace(
+        part,
+        samples=rows[..., None] * part.samples,
+        outside=part.outside * float(weight.mean()),
+    )
+
+
+def _weights(radar: Radar, shown_s: Sequence[float], number: int) -> Real:
+    """Weight of a render at each pulse of each channel, (channels, pulses)."""
+    offsets_s = np.array([channel.start_offset_s for channel in radar.channels])
+    times_s = pulse_times_s(radar) + offsets_s[:, None]
+    weights = interpolation_weights(times_s.ravel(), shown_s)
+    return np.asarray(weights[number].reshape(times_s.shape))
+
+
+def _sum(total: Echoes, part: Echoes) -> Echoes:
+    return dataclasses.replace(
+        total, samples=part.samples + total.samples, outside=total.outside + part.outside
+    )

@@ -7,18 +7,247 @@ All of it is off unless asked for.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Complex, Real
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
+from ...physics.checks import read_csv
 from ...physics.constants import REFERENCE_TEMPERATURE_K
-from ...physics.noise import complex_noise, noise_power_w
-from ..radar import FmcwWaveform
-from .echoes import Echoes
-from .phase_noise import PhaseNoise, add_phase_noise, load_phase_noise, takes_phase_noise_by_path
+from ...physics.radar_equation import complex_noise, noise_power_w
+from ..radar import FmcwWaveform, PmcwWaveform, Radar, SteppedWaveform, replica
+from ..spectrum import smooth_size
+from .echoes import Echoes, line_times_s, line_waveform
+
+# -------------------------------------------------------------------------------------------------
+# Phase noise of the oscillator that transmitter and receiver share.
+#
+# The transmitted wave carries exp(j phi(t)), the mixer takes exp(j phi(t)) off again; of a path of
+# delay tau
+#
+#     exp(j [phi(t - tau) - phi(t)])
+#
+# is left, whose spectrum is that of phi times 4 sin^2(pi f tau): range correlation (Budge and Burt,
+# IEEE National Radar Conference 1993). Near echoes are therefore clean close to the carrier.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Samples of the oscillator's phase over a burst (512 MB with its spectrum).
+_MOST_SAMPLES = 1 << 25
+#: Delays for which the phase is formed, as a fraction of the period of the fastest fluctuation;
+#: straight between them: at most 0.5 % of it off (-46 dB).
+_DELAY_SHARE = 1 / 32
+#: Spectrum below which the pulse is taken to hold nothing, relative to its strongest frequency.
+_EMPTY = 1e-10
+
+
+@dataclass(frozen=True)
+class PhaseNoise:
+    """Spectrum of the oscillator's phase.
+
+    Attributes
+    ----------
+    offset_hz
+        Offsets from the carrier, rising [Hz].
+    level_dbc_hz
+        Single-sideband level L(f) at these [dBc/Hz]; straight over log f, beyond them nothing.
+    """
+
+    offset_hz: tuple[float, ...]
+    level_dbc_hz: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        offsets, levels = np.asarray(self.offset_hz), np.asarray(self.level_dbc_hz)
+        if offsets.size != levels.size or offsets.size < 2:
+            raise ConfigError(
+                f"Phase noise has {offsets.size} offsets and {levels.size} levels; expected as "
+                "many of both, at least two."
+            )
+        if not (
+            np.isfinite(offsets).all() and (offsets > 0).all() and (np.diff(offsets) > 0).all()
+        ):
+            raise ConfigError("Phase noise: offsets must be finite, above 0 Hz and rising.")
+        if not np.isfinite(levels).all() or (levels > 0).any():
+            raise ConfigError(
+                f"Phase noise: a level is {levels.max():g} dBc/Hz; expected finite numbers below 0."
+            )
+
+    def density(self, frequency_hz: Real) -> Real:
+        """Two-sided density of the phase, equal to L(|f|) [rad^2/Hz]."""
+        f = np.abs(frequency_hz)
+        inside = (f >= self.offset_hz[0]) & (f <= self.offset_hz[-1])
+        safe = np.where(inside, f, self.offset_hz[0])
+        level_db = np.interp(np.log10(safe), np.log10(self.offset_hz), self.level_dbc_hz)
+        return np.where(inside, 10 ** (level_db / 10), 0.0)
+
+
+def load_phase_noise(path: str | Path) -> PhaseNoise:
+    """Read phase noise from a table (CSV) with the columns offset_hz and level_dbc_hz.
+
+    Parameters
+    ----------
+    path
+        CSV file; offsets from the carrier [Hz] ascend, levels are single-sideband [dBc/Hz].
+
+    Returns
+    -------
+    PhaseNoise
+        Spectrum of the oscillator's phase.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or does not fit.
+    """
+    table = read_csv(path, [("offset_hz", "level_dbc_hz")])
+    offsets, levels = table.numbers("offset_hz"), table.numbers("level_dbc_hz")
+    return PhaseNoise(tuple(offsets.tolist()), tuple(levels.tolist()))
+
+
+class PhaseTrack:
+    """One realisation of the phase at times n / rate, n = 0 ... count-1, averaged over `average_s`.
+    Fluctuations slower than the whole length and faster than rate / 2 are left out.
+    """
+
+    def __init__(
+        self, noise: PhaseNoise, rate_hz: float, count: int, seed: int, average_s: float = 0.0
+    ) -> None:
+        size = smooth_size(count)
+        if size > _MOST_SAMPLES:
+            raise ConfigError(
+                f"Phase noise over {size} samples ({size / rate_hz:g} s at {rate_hz:g} Hz); at "
+                f"most {_MOST_SAMPLES}. Take fewer pulses, a higher PRF, a lower sampling rate or, "
+                "for stepped frequency, a table that ends at a lower offset."
+            )
+        self._rate_hz, self._size, self._count = rate_hz, size, count
+        self._frequency_hz = np.fft.rfftfreq(size, 1 / rate_hz)
+        rng = np.random.default_rng(seed)
+        gauss = rng.standard_normal((2, self._frequency_hz.size))
+        power = noise.density(self._frequency_hz) * rate_hz / size / 2
+        power *= np.sinc(self._frequency_hz * average_s) ** 2
+        self._spectrum = size * np.sqrt(power) * (gauss[0] + 1j * gauss[1])
+
+    def at(self, later_s: float = 0.0) -> Real:
+        """phi(t + later) at the times, (count,) [rad]."""
+        spectrum = self._spectrum
+        if later_s != 0:
+            spectrum = spectrum * np.exp(2j * np.pi * self._frequency_hz * later_s)
+        return np.asarray(np.fft.irfft(spectrum, self._size)[: self._count])
+
+
+def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex:
+    """Samples (channels, rows, samples) of ideal pulse or PMCW echoes with an oscillator's phase
+    noise.
+
+    The transmitted samples carry the phase, so range correlation is exact. Echoes that the window
+    cuts are treated as if they ended there. FMCW and stepped frequency (`ConfigError`):
+    `LineOscillator`.
+    """
+    waveform = echoes.radar.waveform
+    if isinstance(waveform, PmcwWaveform):
+        return _through_codes(echoes, waveform, noise, seed)
+    if waveform.family == "line":
+        raise ConfigError(
+            f"Phase noise of a waveform of kind {waveform.kind!r} differs from path to path: give "
+            "it to the synthesis, synthesizer_for(..., phase_noise=...)."
+        )
+    return _through_pulses(echoes, noise, seed)
+
+
+def _scene(samples: Complex, spectrum: Complex) -> Complex:
+    """What multiplied the pulse's spectrum; 0 where the pulse holds nothing."""
+    power = np.abs(spectrum) ** 2
+    least = _EMPTY * float(power.max())
+    weight = np.where(power > least, np.conj(spectrum) / np.maximum(power, least), 0.0)
+    return np.asarray(samples * weight, dtype=np.complex128)
+
+
+def _track(
+    radar: Radar, noise: PhaseNoise, rate_hz: float, last: int, seed: int, average_s: float = 0.0
+) -> PhaseTrack:
+    whole_s = (radar.burst.pulses - 1) / radar.burst.prf_hz
+    whole_s += max(channel.start_offset_s for channel in radar.channels)
+    return PhaseTrack(noise, rate_hz, math.ceil(whole_s * rate_hz) + last + 2, seed, average_s)
+
+
+def _through_pulses(echoes: Echoes, noise: PhaseNoise, seed: int) -> Complex:
+    radar = echoes.radar
+    rate_hz = radar.waveform.sampling_rate_hz
+    pulse = replica(radar.waveform)
+    count = echoes.samples.shape[-1]
+    # sample 0 of the record, in samples after sample 0 of the transmitted pulse
+    ahead = echoes.first_sample_s * rate_hz + (pulse.size - 1) / 2
+    whole = math.floor(ahead)
+    track = _track(radar, noise, rate_hz, whole + count + 1, seed)
+    sent, received = track.at(), track.at((ahead - whole) / rate_hz)
+    size = smooth_size(count + pulse.size)
+    clean = np.fft.fft(pulse, size)
+    result = np.empty_like(echoes.samples)
+    for channel, m in np.ndindex(*result.shape[:2]):
+        offset_s = radar.channels[channel].start_offset_s
+        start = round((m / radar.burst.prf_hz + offset_s) * rate_hz)
+        noisy = np.fft.fft(pulse * np.exp(1j * sent[start : start + pulse.size]), size)
+        samples = echoes.samples[channel, m]
+        line = np.fft.ifft(_scene(np.fft.fft(samples, size), clean) * noisy)[:count]
+        first = start + whole
+        result[channel, m] = line * np.exp(-1j * received[first : first + count])
+    return result
+
+
+def _through_codes(echoes: Echoes, waveform: PmcwWaveform, noise: PhaseNoise, seed: int) -> Complex:
+    code = replica(waveform)
+    count, rate_hz = code.size, waveform.sampling_rate_hz
+    track = _track(echoes.radar, noise, rate_hz, (waveform.code_repeats + 2) * count, seed)
+    phase = track.at()
+    responses = np.fft.ifft(_scene(np.fft.fft(echoes.samples), np.fft.fft(code)))
+    twice = np.concatenate([code, code])
+    result = np.empty_like(echoes.samples)
+    times_s = line_times_s(echoes.radar)
+    for channel, m in np.ndindex(*result.shape[:2]):
+        start = round((float(times_s[m]) + echoes.radar.channels[channel].start_offset_s) * rate_hz)
+        # the code before is still under way while this one is received
+        sent = twice * np.exp(1j * phase[start : start + 2 * count])
+        spectrum = np.fft.fft(sent) * np.fft.fft(responses[channel, m], 2 * count)
+        here = slice(start + count, start + 2 * count)
+        result[channel, m] = np.fft.ifft(spectrum)[count:] * np.exp(-1j * phase[here])
+    return result
+
+
+def takes_phase_noise_by_path(radar: Radar) -> bool:
+    """Whether phase noise belongs into the synthesis: FMCW and stepped frequency."""
+    return radar.waveform.family == "line" and not isinstance(radar.waveform, PmcwWaveform)
+
+
+class LineOscillator:
+    """Phase noise of FMCW and stepped frequency, which is put on path by path: straight between the
+    delays q step_s at which `factor` is formed.
+
+    FMCW has an anti-alias filter before its ADC. A stepped receiver averages over each step: faster
+    fluctuations fold, by sinc^2(f x step time). The phase therefore has several samples per step.
+    """
+
+    def __init__(
+        self, radar: Radar, noise: PhaseNoise, seed: int = 0, start_offset_s: float = 0.0
+    ) -> None:
+        waveform = line_waveform(radar)
+        interval_s, every, average_s = waveform.grid_interval_s, 1, 0.0
+        if isinstance(waveform, SteppedWaveform):
+            every, average_s = math.ceil(2 * noise.offset_hz[-1] * interval_s), interval_s
+        count, rate_hz = waveform.grid_count * every, every / interval_s
+        self._track = _track(radar, noise, rate_hz, count, seed, average_s)
+        starts = np.rint((line_times_s(radar) + start_offset_s) * rate_hz).astype(np.intp)
+        self._places = starts[:, None] + np.arange(0, count, every)
+        self._now = self._track.at()[self._places]
+        self.step_s = _DELAY_SHARE / min(noise.offset_hz[-1], rate_hz / 2)
+
+    def factor(self, order: int) -> Complex:
+        """exp(j [phi(t - tau) - phi(t)]) at tau = order step_s, (pulses, samples)."""
+        then = self._track.at(-order * self.step_s)[self._places]
+        return np.asarray(np.exp(1j * (then - self._now)), dtype=np.complex128)
 
 
 @documented

@@ -4,19 +4,29 @@
 In: `Echoes` or `Paths`. Out: complex profiles and maps; power in W or relative to a unit amplitude.
 """
 
-from .compress_frequencies import line_weights
-from .dynamics import dynamics_db
 from .expected_power_map import ExpectedPower, expected_power
-from .mti import map_noise_rows, mti_cancel, mti_response
-from .noise_floor import coherent_samples, map_noise_gain, range_noise_gain
 from .range_compression import (
     PowerProfile,
     ProfileAccumulator,
     RangeProfiles,
     expected_power_profile,
+    line_weights,
     range_process,
 )
-from .range_doppler_map import RangeDopplerMap, level_unit, power_to_db, power_unit, range_doppler
+from .range_doppler_map import (
+    RangeDopplerMap,
+    coherent_samples,
+    dynamics_db,
+    level_unit,
+    map_noise_gain,
+    map_noise_rows,
+    mti_cancel,
+    mti_response,
+    power_to_db,
+    power_unit,
+    range_doppler,
+    range_noise_gain,
+)
 from .single_echo import PointResponse, Recording, cut_range_m, fit_point, point_response
 from .time_frequency import Spectrogram, SpectrogramOptions, spectrogram
 

@@ -5,14 +5,48 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...array_types import Complex, Real
+from ...arrays import Complex, Real
+from ...errors import ConfigError
 from ..echoes import one_channel, only_channel
-from ..radar import Radar, slow_time_window
-from .range_compression import RangeProfiles
+from ..radar import (
+    LineWaveform,
+    PmcwWaveform,
+    Radar,
+    matched_filter,
+    slow_time_window,
+)
+from .range_compression import RangeProfiles, line_noise_gain
+
+# -------------------------------------------------------------------------------------------------
+# Dynamic range of a map: levels further below its strongest echo are errors.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Levels further below the strongest cell are rounding of float32 renders [dB]. The range is
+#: smaller with a coarse tolerance of the synthesis.
+MAP_DYNAMICS_DB = 160.0
+
+
+def dynamics_db(tolerance: float) -> float:
+    """Return how far below the strongest cell an echo exceeds the error of the synthesis.
+
+    Parameters
+    ----------
+    tolerance
+        Relative L2 error of the echoes' spectrum.
+
+    Returns
+    -------
+    float
+        Dynamic range [dB], at most `MAP_DYNAMICS_DB`.
+    """
+    return min(MAP_DYNAMICS_DB, 20 - 20 * math.log10(tolerance))
+
 
 #: Lowest level in decibels that a picture or a table gets: 1e-30 in power.
 FLOOR_DB = -300.0
@@ -170,3 +204,179 @@ def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> 
         compressed.range_taper,
         doppler_taper,
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# White noise after processing: the floor of profiles and maps, for every waveform.
+#
+# A cell's noise power is that of one raw sample, k T_s fs, times a gain well below 1; a path of
+# power P peaks at P. So SNR = P / (k T_s fs gain), which for a matched filter without tapers is the
+# textbook's P T / (k T_s) times the number of pulses.
+# -------------------------------------------------------------------------------------------------
+
+
+def coherent_samples(radar: Radar) -> int:
+    """Return the number of raw samples that add up coherently in one pulse's range cell.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+
+    Returns
+    -------
+    int
+        Number of samples.
+    """
+    waveform = radar.waveform
+    if isinstance(waveform, LineWaveform):
+        repeats = waveform.code_repeats if isinstance(waveform, PmcwWaveform) else 1
+        return waveform.grid_count * repeats
+    return waveform.sample_count
+
+
+def range_noise_gain(radar: Radar, range_taper: str = "hamming") -> float:
+    """Return the noise power of a compressed range cell over that of a raw complex sample.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+    range_taper
+        Range taper by name.
+
+    Returns
+    -------
+    float
+        Power gain.
+    """
+    waveform = radar.waveform
+    if isinstance(waveform, LineWaveform):
+        return line_noise_gain(waveform, range_taper)
+    size = 4 * waveform.sample_count
+    return float(np.mean(np.abs(matched_filter(waveform, size, range_taper)) ** 2))
+
+
+def map_noise_gain(
+    radar: Radar, range_taper: str = "hamming", doppler_taper: str = "hamming"
+) -> float:
+    """Return the noise power of a cell of the map over that of a raw complex sample.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+    range_taper, doppler_taper
+        Range taper and Doppler taper by name.
+
+    Returns
+    -------
+    float
+        Power gain.
+    """
+    weight = slow_time_window(doppler_taper, radar.burst.pulses)
+    return range_noise_gain(radar, range_taper) * float(np.sum(weight**2) / weight.sum() ** 2)
+
+
+# -------------------------------------------------------------------------------------------------
+# Moving-target indication: cancellers that remove stationary echoes (Skolnik, 3.2).
+# -------------------------------------------------------------------------------------------------
+
+
+#: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
+_WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6**0.5}
+
+
+def mti_cancel(compressed: RangeProfiles, pulses: int) -> RangeProfiles:
+    """Apply a two- or three-pulse canceller over the pulses of a burst.
+
+    Parameters
+    ----------
+    compressed
+        Range profiles of the pulses.
+    pulses
+        2 (single delay line) or 3 (double).
+
+    Returns
+    -------
+    RangeProfiles
+        With 1 or 2 pulses fewer. Echoes are weighted with :func:`mti_response` of their Doppler;
+        white noise keeps its power on the average over Doppler.
+
+    Raises
+    ------
+    ConfigError
+        Another canceller, or too few pulses.
+    """
+    _check_pulses(pulses)
+    count = compressed.values.shape[1] - pulses + 1
+    if count < 1:
+        raise ConfigError(
+            f"A burst of {compressed.values.shape[1]} pulses is too short for a canceller of "
+            f"{pulses}. Send more pulses, or process without MTI."
+        )
+    weights = _WEIGHTS[pulses]
+    channels, _, ranges = compressed.values.shape
+    values = np.zeros((channels, count, ranges), dtype=np.complex128)
+    for i, weight in enumerate(weights):
+        values += weight * compressed.values[:, i : i + count]
+    return dataclasses.replace(compressed, values=values, radar=compressed.radar.with_pulses(count))
+
+
+def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:
+    """Return the power response of a canceller: 2 sin^2(x) and (8/3) sin^4(x), x = pi f_D / PRF.
+
+    The textbook's 4 sin^2 and 16 sin^4, over the 2 and 6 by which the canceller raises noise.
+
+    Parameters
+    ----------
+    pulses
+        2 or 3.
+    doppler_hz
+        f_D, any shape [Hz].
+    prf_hz
+        PRF [Hz].
+
+    Returns
+    -------
+    ndarray
+        Power gain in the shape of `doppler_hz`.
+    """
+    _check_pulses(pulses)
+    squared = np.sin(np.pi * np.asarray(doppler_hz, dtype=np.float64) / prf_hz) ** 2
+    return np.asarray(2 * squared if pulses == 2 else 8 / 3 * squared**2)
+
+
+def map_noise_rows(
+    rd_map: RangeDopplerMap, range_taper: str, doppler_taper: str, mti: int = 0
+) -> Real:
+    """Return the noise power of each row of a map over that of a raw complex sample.
+
+    Parameters
+    ----------
+    rd_map
+        Map whose rows are asked for.
+    range_taper, doppler_taper
+        Range taper and Doppler taper by name.
+    mti
+        Pulses of the canceller of the map, 0 for none: its noise is not white in Doppler.
+
+    Returns
+    -------
+    ndarray
+        Power gain, (Doppler,); without a canceller `map_noise_gain`.
+    """
+    taper = slow_time_window(doppler_taper, rd_map.values.shape[1])
+    weights = _WEIGHTS[mti] if mti else np.ones(1)
+    lags = np.arange(1 - min(weights.size, taper.size), min(weights.size, taper.size))
+    noise, tapers = (
+        np.correlate(part, part, "full")[part.size - 1 + lags] for part in (weights, taper)
+    )
+    cycles = rd_map.doppler_hz / rd_map.radar.burst.prf_hz
+    rows = (np.cos(2 * np.pi * np.outer(cycles, lags)) * (noise * tapers)).sum(axis=1)
+    return np.asarray(range_noise_gain(rd_map.radar, range_taper) * rows / taper.sum() ** 2)
+
+
+def _check_pulses(pulses: int) -> None:
+    if pulses not in _WEIGHTS:
+        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")

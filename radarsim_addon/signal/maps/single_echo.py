@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...array_types import Complex, Real
+from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..echoes import Echoes, EchoOptions, synthesizer_for
 from ..paths import make_paths
@@ -31,9 +31,8 @@ from ..radar import (
     matched_filter,
     replica,
 )
-from .mti import mti_cancel
 from .range_compression import OVERSAMPLE, RangeProfiles, range_axis, range_process
-from .range_doppler_map import RangeDopplerMap, range_doppler
+from .range_doppler_map import RangeDopplerMap, mti_cancel, range_doppler
 
 #: Error of the interpolation over the migration, relative to the peak.
 _NODE_ERROR = 1e-4

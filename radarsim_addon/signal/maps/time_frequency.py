@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Real
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ..echoes import check_window, synthesize

@@ -5,15 +5,30 @@ In: sampled poses and the motion files of a run. Out: fits with an error bound, 
 range rates [m/s] at any time [s].
 """
 
-from .antenna_motion import AntennaMotion, axes_of, places_m
-from .body_motion import BodyMotion
-from .body_motions import BodyMotions, which_move
+from .body_motion import AntennaMotion, BodyMotion, BodyMotions, axes_of, places_m, which_move
 from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
-from .images import PathImages
-from .kinematics import KinematicMotion, leg_change
-from .motion_file import FrameMotion, Tracks, VertexSeries, body_record, read_motion, write_tracks
-from .path_motion import JoinedMotion, LinearMotion, PathMotion, Rows, join_motion, mean_over_burst
-from .still_bodies import StillBodies, read_still_bodies, write_still_bodies
+from .kinematics import (
+    JoinedMotion,
+    KinematicMotion,
+    LinearMotion,
+    PathImages,
+    PathMotion,
+    Rows,
+    join_motion,
+    leg_change,
+    mean_over_burst,
+)
+from .motion_file import (
+    FrameMotion,
+    StillBodies,
+    Tracks,
+    VertexSeries,
+    body_record,
+    read_motion,
+    read_still_bodies,
+    write_still_bodies,
+    write_tracks,
+)
 
 __all__ = [
     "AntennaMotion",

@@ -12,12 +12,14 @@ so P(0) = P exactly. Segments of time hold Chebyshev series of T and of either a
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from ...array_types import Indices, Real
+from ...arrays import Indices, Mask, Real
 
 
 def _cross_matrix(vectors: Real) -> Real:
@@ -268,3 +270,129 @@ class BodyMotion:
         turned, moved = self.rates()
         result: Real = (points_m - self.origin_m) @ turned.T + moved
         return result
+
+
+# -------------------------------------------------------------------------------------------------
+# Motions of bodies of which most are stationary: one of these has a pose and no more.
+# -------------------------------------------------------------------------------------------------
+
+
+class BodyMotions(Sequence[BodyMotion]):
+    """Motions of n bodies; that of a stationary one is made when it is asked for.
+
+    Attributes
+    ----------
+    poses
+        Poses of all, (n, 4, 4), translation in metres; of `others` those in their motions count.
+    others
+        Motions by index of bodies that may move; all others are stationary.
+    epoch_offset_s
+        As `BodyMotion` has it, of the stationary ones [s].
+    """
+
+    def __init__(
+        self, poses: Real, others: Mapping[int, BodyMotion], epoch_offset_s: float = 0.0
+    ) -> None:
+        self.poses, self.others, self.epoch_offset_s = poses, dict(others), epoch_offset_s
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @overload
+    def __getitem__(self, index: int) -> BodyMotion: ...
+    @overload
+    def __getitem__(self, index: slice) -> BodyMotions: ...
+    def __getitem__(self, index: int | slice) -> BodyMotion | BodyMotions:
+        chosen = range(len(self))[index]  # an IndexError beyond the end
+        if isinstance(chosen, int):
+            other = self.others.get(chosen)
+            return other or BodyMotion(self.poses[chosen], epoch_offset_s=self.epoch_offset_s)
+        others = {chosen.index(at): one for at, one in self.others.items() if at in chosen}
+        return BodyMotions(self.poses[index], others, self.epoch_offset_s)
+
+    def __iter__(self) -> Iterator[BodyMotion]:
+        return (self[at] for at in range(len(self)))
+
+
+def which_move(motions: Sequence[BodyMotion]) -> Mask:
+    """Return which bodies move.
+
+    Parameters
+    ----------
+    motions
+        Of n bodies.
+
+    Returns
+    -------
+    ndarray
+        (n,).
+    """
+    if not isinstance(motions, BodyMotions):
+        return np.array([motion.moving for motion in motions], dtype=bool)
+    moves = np.zeros(len(motions), dtype=bool)
+    moves[[index for index, motion in motions.others.items() if motion.moving]] = True
+    return moves
+
+
+# -------------------------------------------------------------------------------------------------
+# Where the receiver's and the transmitter's antenna are, and where they look, during a burst.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AntennaMotion:
+    """Poses of both antennas over a burst.
+
+    Attributes
+    ----------
+    receiver, transmitter
+        Motion of the antennas' origins and axes (x right, y up, z back).
+    orthographic
+        Whether all rays leave the receiver along its boresight.
+    """
+
+    receiver: BodyMotion
+    transmitter: BodyMotion
+    orthographic: bool = False
+
+
+def axes_of(body: BodyMotion, times_s: Real) -> Real:
+    """Return unit vectors of an antenna's axes in world space as columns.
+
+    Parameters
+    ----------
+    body
+        An antenna; its scale has no effect.
+    times_s
+        (times,) [s].
+
+    Returns
+    -------
+    ndarray
+        (times, 3, 3).
+    """
+    start = body.pose[:3, :3]
+    axes = start + body.change(times_s)[0] @ start
+    return np.asarray(axes / np.linalg.norm(axes, axis=1, keepdims=True))
+
+
+def places_m(body: BodyMotion, times_s: Real, offset_m: Real | None = None) -> Real:
+    """Return where a point of an antenna is in world space.
+
+    Parameters
+    ----------
+    body
+        The antenna.
+    times_s
+        (times,) [s].
+    offset_m
+        The point in the antenna's axes, (3,) [m]; None: its origin.
+
+    Returns
+    -------
+    ndarray
+        (times, 3) [m].
+    """
+    origin_m = body.pose[:3, 3]
+    place: Real = origin_m + body.displacement(origin_m[None], times_s)[0]
+    return place if offset_m is None else place + axes_of(body, times_s) @ offset_m

@@ -11,26 +11,293 @@ split if two fit better by the same criterion.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from ...array_types import Real, Single
+from ...arrays import Real, Single
 from ...errors import MissingDependencyError
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
-from .fit_segments import FittedSegment, quality_of, rate_error_of, split_segments, within_burst
 from .motion_file import VertexSeries
-from .series_fit import (
-    Burst,
-    Series,
-    criterion_of,
-    degrees_for,
-    design_matrix,
-    fit_series,
-    slow_noise,
-    spread_of,
-)
+
+# -------------------------------------------------------------------------------------------------
+# Chebyshev series of the degree that suits samples, with an estimate of their noise.
+#
+# The degree minimises the Bayesian information criterion (Schwarz 1978): higher ones fit
+# the rounding, lower ones miss motion.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Highest degree of a series.
+_MAX_DEGREE = 14
+#: Terms beyond a fit from which its noise is estimated.
+_TERMS_BEYOND = 8
+#: Standard errors by which the rate of a higher degree contradicts that of a lower one.
+_CONTRADICTS = 2.0
+#: Degree from which a series is likely to go on: what a higher one differs by counts, noise or not.
+_MANY_TERMS = 5
+
+
+@dataclass(frozen=True)
+class Series:
+    """A least-squares series and how it fits."""
+
+    coefficients: Real  # (degrees, columns)
+    criterion: float
+    residual: Real  # (samples, columns)
+    spread: float  # largest standard deviation of a displacement, for unit noise; see `spread_of`
+    slow: float  # noise that a fit takes for motion, see `slow_noise`
+    floor: float = np.inf  # rounding below which nothing is fitted
+    rate: float = 0.0  # standard deviation of the rate at the epoch, for unit noise [1/s]
+    bias: float = 0.0  # what the rate at the epoch lacks, see `_rate_bias` [1/s]
+
+    @property
+    def scatter(self) -> float:
+        """Root mean square of the residual."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+
+def design_matrix(times_s: Real, start_s: float, stop_s: float, degree: int) -> Real:
+    """Return Chebyshev polynomials, x = -1 at start and 1 at stop, (samples, degrees)."""
+    x = 2 * (times_s - start_s) / (stop_s - start_s) - 1
+    return np.asarray(chebyshev.chebvander(x, degree), dtype=np.float64)
+
+
+def criterion_of(squares: float, count: int, parameters: int, floor: float) -> float:
+    """Return Schwarz's criterion of a fit; `floor` is unavoidable rounding."""
+    variance = squares / max(count, 1) + floor**2
+    return float(count * np.log(variance) + parameters * np.log(max(count, 2)))
+
+
+def degrees_for(samples: int) -> range:
+    """Return the degrees to try for this number of samples."""
+    return range(min(_MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
+
+
+class Burst(NamedTuple):
+    """Times at which displacements are needed, and the one at which they are 0 [s]."""
+
+    stop_s: float
+    epoch_s: float
+
+
+def spread_of(
+    times_s: Real, start_s: float, stop_s: float, degree: int, burst: Burst
+) -> tuple[float, float]:
+    """Return the largest standard deviations of a displacement in a burst, and of the rate.
+
+    For unit noise. The displacement is fit(t) - fit(epoch) where the fit contains the epoch, else
+    both positions count; the rate is that at the epoch [1/s], 0 elsewhere.
+    """
+    if stop_s <= 0 or start_s >= burst.stop_s:
+        return 0.0, 0.0
+    design = design_matrix(times_s, start_s, stop_s, degree)
+    inverse = np.linalg.pinv(design.T @ design)
+    needed_s = np.linspace(max(start_s, 0.0), min(stop_s, burst.stop_s), 33)
+    rows = design_matrix(needed_s, start_s, stop_s, degree)
+    rate = 0.0
+    if start_s <= burst.epoch_s <= stop_s:
+        rows = rows - design_matrix(np.array([burst.epoch_s]), start_s, stop_s, degree)
+        per_s = 2 / (stop_s - start_s)
+        slopes = chebyshev.chebder(np.eye(degree + 1), axis=0)
+        slope = chebyshev.chebval((burst.epoch_s - start_s) * per_s - 1, slopes) * per_s
+        rate = float(np.sqrt(slope @ inverse @ slope))
+    else:
+        inverse = 2 * inverse
+    return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, inverse, rows).max())), rate
+
+
+def fit_series(
+    times_s: Real, values: Real, start_s: float, stop_s: float, floor: float, burst: Burst
+) -> Series:
+    """Fit a Chebyshev series of the degree with the least criterion to (samples, columns).
+
+    All columns get one degree; x is -1 at `start_s` and 1 at `stop_s`. Nothing below the rounding
+    `floor` is fitted.
+    """
+    fits: list[tuple[float, Real, Real]] = []
+    offset = values[0]
+    shifted = values - offset
+    best = 0
+    for degree in degrees_for(len(times_s)):
+        design = design_matrix(times_s, start_s, stop_s, degree)
+        solved = np.linalg.lstsq(design, shifted, rcond=None)[0]
+        residual = shifted - design @ solved
+        # one column's parameters against one column's samples, summed over columns
+        criterion = criterion_of(
+            float(np.sum(residual**2)), values.size, (degree + 1) * values.shape[1], floor
+        )
+        fits.append((criterion, solved, residual))
+        best = best if fits[best][0] <= criterion else degree
+        if degree - best > 3:
+            break
+
+    criterion, solved, residual = fits[best]
+    solved[0] += offset
+    spread, rate = spread_of(times_s, start_s, stop_s, best, burst)
+    slow = slow_noise(times_s, residual, start_s, stop_s, best)
+    bias = _rate_bias(times_s, shifted, start_s, stop_s, range(best, len(fits)), burst)
+    return Series(solved, criterion, residual, spread, slow, floor, rate, bias)
+
+
+def _rate_bias(
+    times_s: Real, values: Real, start_s: float, stop_s: float, degrees: range, burst: Burst
+) -> float:
+    """Return how much the rate at the epoch lacks by the first of some degrees, 0 if not known to.
+
+    A term of degree n that is lost in the noise of positions has a slope of n^2 times as much at
+    the ends of a segment. Where a higher degree has another rate by more than the error of its own,
+    there is such a term (Lepski 1991).
+    """
+    low = degrees[0]
+    if low == 0 or not start_s <= burst.epoch_s <= stop_s:
+        return 0.0
+    terms = min(degrees[-1] + _TERMS_BEYOND, len(times_s) - 1)
+    basis, upper = np.linalg.qr(design_matrix(times_s, start_s, stop_s, terms))
+    parts = basis.T @ values
+    per_s = 2 / (stop_s - start_s)
+    slopes = chebyshev.chebder(np.eye(terms + 1), axis=0) * per_s
+    at = chebyshev.chebval((burst.epoch_s - start_s) * per_s - 1, slopes)
+    own = np.linalg.solve(upper.T, at)  # of polynomials that are orthogonal at the samples
+    rates = np.cumsum(own[:, None] * parts, axis=0)
+    bias = 0.0
+    for n in degrees[1:3]:  # further ones know rates worse
+        beyond = parts[n + 1 : n + 1 + _TERMS_BEYOND]
+        apart = float(np.linalg.norm(rates[n] - rates[low]))
+        if not len(beyond):
+            break
+        error = np.linalg.norm(own[: n + 1]) * np.sqrt(np.sum(beyond**2) / len(beyond))
+        if low >= _MANY_TERMS or apart > _CONTRADICTS * float(error):
+            bias = max(bias, apart)
+    return bias
+
+
+def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:
+    """Return the standard deviation of noise as slow as a fit: rms of the next terms.
+
+    For white noise that is the scatter of the samples. Rounding of slow motion is a sawtooth with
+    much less in the fit; motion that is not fitted adds to it.
+    """
+    highest = min(degree + _TERMS_BEYOND, len(times_s) - 1)
+    if highest <= degree:
+        return float(np.sqrt(np.mean(residual**2)))
+    base = np.linalg.qr(design_matrix(times_s, start_s, stop_s, highest))[0][:, degree + 1 :]
+    return float(np.sqrt(np.mean((base.T @ residual) ** 2)))
+
+
+# -------------------------------------------------------------------------------------------------
+# Fitted segments of a burst: split where two fit better than one, with noise and error bound.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Minimum number of samples of a segment.
+_LEAST_SAMPLES = 6
+_MAX_DEPTH = 7
+#: Minimum gain of two segments over one, in units of the criterion.
+_SPLIT_GAIN = 20.0
+#: Largest scatter of rounding, in units of the floor, which is a tenth of float32's step.
+_MOST_NOISE = 20.0
+#: Standard deviations in a bound.
+_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class FittedSegment:
+    """A segment of motion, with the series of its translation and rotation."""
+
+    segment: Segment
+    move: Series
+    turn: Series
+
+    @property
+    def criterion(self) -> float:
+        """Sum of the criteria of both series."""
+        return self.turn.criterion + self.move.criterion
+
+
+def split_segments(
+    fit: Callable[[int, int, float], FittedSegment],
+    times_s: Real,
+    first: int,
+    stop: int,
+    stop_s: float,
+    marks: list[int],
+    depth: int,
+) -> list[FittedSegment]:
+    """Return one segment, or several if those fit better."""
+    whole = fit(first, stop, stop_s)
+    if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES:
+        return [whole]
+    if _is_noise(whole):
+        return [whole]
+    lowest, highest = first + _LEAST_SAMPLES, stop - _LEAST_SAMPLES
+    candidates = [mark for mark in marks if lowest <= mark <= highest]
+    if len(candidates) > 8:
+        candidates = candidates[:: len(candidates) // 8]
+    candidates.append((first + stop) // 2)
+
+    def criterion_with(at: int) -> float:
+        return fit(first, at, float(times_s[at])).criterion + fit(at, stop, stop_s).criterion
+
+    at = min(dict.fromkeys(candidates), key=criterion_with)
+    parts = [
+        *split_segments(fit, times_s, first, at, float(times_s[at]), marks, depth + 1),
+        *split_segments(fit, times_s, at, stop, stop_s, marks, depth + 1),
+    ]
+    if sum(part.criterion for part in parts) + _SPLIT_GAIN < whole.criterion:
+        return parts
+    return [whole]
+
+
+def within_burst(fitted: Sequence[FittedSegment], span_s: float) -> list[FittedSegment]:
+    """Return the segments that a burst from 0 to `span_s` touches."""
+    last = len(fitted) - 1
+    return [
+        part
+        for number, part in enumerate(fitted)
+        if (part.segment.stop_s > 0 or number == last)
+        and (part.segment.start_s < span_s or number == 0)
+    ]
+
+
+def _is_noise(fitted: FittedSegment) -> bool:
+    """Whether the residual looks like rounding: small, no slow part, no peaks."""
+    for series in (fitted.move, fitted.turn):
+        scatter = series.scatter
+        if (
+            scatter > _MOST_NOISE * series.floor
+            or series.slow > 2 * scatter
+            or np.abs(series.residual).max() > 8 * scatter
+        ):
+            return False
+    return True
+
+
+def quality_of(fitted: Sequence[FittedSegment], reach_m: float, still: bool) -> tuple[float, float]:
+    """Return rms noise and bound of a displacement at the body's farthest point [m]."""
+    noise = bound = 0.0
+    for part in fitted:
+        move, turn = part.move, part.turn
+        noise = max(noise, float(np.hypot(move.scatter, turn.scatter * reach_m)))
+        if still:
+            # it may move by less than its rounding
+            here = np.abs(move.residual).max() + reach_m * np.abs(turn.residual).max()
+        else:
+            here = _SIGMAS * np.hypot(move.slow * move.spread, turn.slow * reach_m * turn.spread)
+        bound = max(bound, float(here))
+    return noise, bound
+
+
+def rate_error_of(fitted: Sequence[FittedSegment], reach_m: float) -> float:
+    """Return the standard deviation of the velocity at the epoch, farthest point [m/s]."""
+    return max(
+        float(np.hypot(p.move.slow * p.move.rate, p.turn.slow * reach_m * p.turn.rate))
+        for p in fitted
+    )
+
 
 #: Largest deviation of relative axes from orthonormal; float32 poses are within 1e-6.
 _RIGID_WITHIN = 1e-5

@@ -5,43 +5,51 @@ In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path 
 radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
 """
 
-from .channel_motion import channel_lengths
-from .flags import PATH_FLAGS, Flags, PathFlag
 from .footprints import (
+    GridPlaces,
+    Places,
     Points,
     Steps,
+    joined_places,
     spread,
     steps_of,
     tiles_by_replicate,
     views_by_replicate,
 )
-from .geometry import PathGeometry
-from .paths import NEGLIGIBLE_FRACTION, PathCounts, Paths, make_paths, path_power_w
-from .pixel_spacing import GridPlaces, Places, joined_places
-from .range_bins import power_of_range_bins
-from .replicates import MOST_UNCERTAIN, edge_variances, lone_variances, replicate_offset_px
-from .rows import (
-    AnyRows,
-    Columns,
-    PathColumns,
-    chosen_rows,
-    has_curved_images,
-    has_images,
-    read_columns,
-    scatterer_rows,
-    widened,
-    write_columns,
+from .paths import (
+    NEGLIGIBLE_FRACTION,
+    PATH_FLAGS,
+    Flags,
+    PathCounts,
+    PathFlag,
+    PathGeometry,
+    Paths,
+    channel_lengths,
+    make_paths,
+    path_power_w,
 )
+from .replicates import MOST_UNCERTAIN, edge_variances, lone_variances, replicate_offset_px
 from .table import (
     COLUMN_GROUPS,
     CURVED_IMAGE_DTYPE,
     IMAGE_DTYPE,
     PATH_DTYPE,
+    AnyRows,
+    Columns,
+    PathColumns,
     PathRows,
     TableFile,
+    chosen_rows,
     column_groups,
+    has_curved_images,
+    has_images,
     iter_rows,
     open_table,
+    read_columns,
+    scatterer_rows,
+    unrendered_record,
+    widened,
+    write_columns,
     write_table,
 )
 from .table_files import (
@@ -55,9 +63,8 @@ from .table_files import (
     read_paths_record,
     usable,
 )
-from .table_footprints import TableFootprints
+from .table_footprints import TableFootprints, power_of_range_bins
 from .triangles import Spaces, TriangleMesh
-from .unrendered import unrendered_record
 
 __all__ = [
     "COLUMN_GROUPS",

@@ -7,18 +7,158 @@ A pixel of solid angle dOmega that sees radiance L receives L A_e dOmega, A_e = 
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Sized
 from dataclasses import astuple, dataclass, field, replace
+from typing import Any, TypeVar, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from ...array_types import Complex, Integers, Real
-from ..motion import LinearMotion, PathMotion, Rows, join_motion
-from .columns import join_columns, select_columns
-from .flags import PATH_FLAGS, Flags
-from .geometry import PathGeometry
+from ...arrays import Complex, Int32, Integers, Real
+from ...errors import ConfigError
+from ..motion import (
+    AntennaMotion,
+    JoinedMotion,
+    KinematicMotion,
+    LinearMotion,
+    PathImages,
+    PathMotion,
+    Rows,
+    axes_of,
+    join_motion,
+    leg_change,
+    places_m,
+)
+from ..radar import Channel, Element
+
+# -------------------------------------------------------------------------------------------------
+# What is known of a path besides its numbers: one value for each flag, in files and in memory.
+# -------------------------------------------------------------------------------------------------
+
+
+Flags = NDArray[np.uint16]
+
+
+class PathFlag:
+    """Bits of the column ``flags`` of the path table and of `Paths.flags`.
+
+    Plain integers and not an `enum.IntFlag`, whose members numpy would promote to int64.
+    """
+
+    ENCODED_LENGTH = 1
+    """The length is that of the range encoding in float32: a vertex of the path is unknown."""
+
+    NO_FIRST_VERTEX = 2
+    """The scatterer nearest to the receiver is unknown (more than two reflections)."""
+
+    MIXED = 4
+    """Several ranges in the pixel (|G B/R^2 - 1| above a tolerance): its range is their mixture."""
+
+    NO_RANGE = 8
+    """Light without range encoding, or beyond its reach: the length is 0 and no map contains it."""
+
+    SINGLE_SNAPSHOT = 16
+    """No echo in the second snapshot, or no second snapshot: range rate unknown, taken as 0."""
+
+    RANGE_RATE_REJECTED = 32
+    """The range changed faster than the limit allows: another surface; range rate taken as 0."""
+
+    CROSSED_SHELL = 64
+    """The echo moved into the neighbouring ring between the snapshots, and was found there."""
+
+    HAS_REVERSE = 128
+    """Its first and last scatterer scatter in many directions: the wave also takes the reverse way,
+    a path of its own. `power_w` is that of one of the two."""
+
+
+#: Value of each flag by its name in files.
+PATH_FLAGS = {name.lower(): flag for name, flag in vars(PathFlag).items() if name.isupper()}
+
+
+# -------------------------------------------------------------------------------------------------
+# Select and join the rows of dataclasses whose fields are columns, whatever fields there are.
+# -------------------------------------------------------------------------------------------------
+
+
+Table = TypeVar("Table")
+
+
+def select_columns(table: Table, rows: Rows) -> Table:
+    """Return some rows (mask, row numbers or slice) of every column of a dataclass.
+
+    Columns are arrays (n, ...) and objects with a method `select`; other fields are kept.
+    """
+    columns = dict(vars(table))
+    for name, column in columns.items():
+        if isinstance(column, np.ndarray):
+            columns[name] = column[rows]
+        elif hasattr(column, "select"):
+            columns[name] = column.select(rows)
+    return type(table)(**columns)
+
+
+def join_columns(tables: Sequence[Table], **joined: Any) -> Table:
+    """Return the rows of several tables (one at least) of one type, one behind the other.
+
+    Where a table has None for a column, it is filled with the field's metadata "absent"; without
+    that the result has None, too. `joined` are fields that are no arrays, already joined.
+    """
+    kind: Any = type(tables[0])
+    for item in dataclasses.fields(kind):
+        if item.name in joined:
+            continue
+        columns = [getattr(table, item.name) for table in tables]
+        if not all(column is None for column in columns) and "absent" in item.metadata:
+            fill = item.metadata["absent"]
+            columns = [
+                np.full(len(cast(Sized, table)), fill) if column is None else column
+                for table, column in zip(tables, columns, strict=True)
+            ]
+        known = all(column is not None for column in columns)
+        joined[item.name] = np.concatenate(columns) if known else None
+    return cast(Table, kind(**joined))
+
+
+# -------------------------------------------------------------------------------------------------
+# Where paths go: their vertices and directions, for what depends on them.
+#
+# Antenna patterns depend on the directions at both antennas, speckle on the place on the surface,
+# motion on the objects that the paths touch.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PathGeometry:
+    """Geometry of n paths at the frame's time t, in world space; NaN where unknown.
+
+    Attributes
+    ----------
+    order, transparent_depth
+        Reflections, and transparent surfaces passed on the receiver's side, (n,).
+    first_scatterer_m, last_scatterer_m
+        First and last scatterer, equal at order 1, (n, 3) [m].
+    direction
+        From the receiver towards the first scatterer, unit vectors, (n, 3).
+    first_object, last_object
+        Numbers in the frame's list of objects, from 1; 0: unknown, (n,).
+    images
+        Images of the antennas over which the paths go; None: none.
+    """
+
+    order: Int32
+    transparent_depth: Int32
+    first_scatterer_m: Real
+    last_scatterer_m: Real
+    direction: Real
+    first_object: Int32
+    last_object: Int32
+    images: PathImages | None = None
+
+    def select(self, rows: Rows) -> PathGeometry:
+        """Return the geometry of some rows: mask (n,), row numbers (m,) or slice."""
+        return select_columns(self, rows)
 
 
 @dataclass(frozen=True)
@@ -248,3 +388,162 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
     aperture_m2 = receiver_gain * wavelength_m**2 / (4 * math.pi)
     power_w = paths.radiance * aperture_m2 * paths.solid_angle_sr
     return power_w if paths.gain is None else power_w * paths.gain
+
+
+# -------------------------------------------------------------------------------------------------
+# Lengths of paths between the elements of a channel, from those between the antennas' origins.
+#
+#     l_ij = l - |rx - P_first| - |P_last - tx| + |rx_j - P_first| + |P_last - tx_i|
+#
+# at every moment, spherical wavefronts included. The differences are formed without cancellation,
+# so that the length keeps the digits of the path's own.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Rows times times that are computed at once: 12 MB for each array of vectors.
+_BLOCK = 1 << 19
+
+
+@dataclass(frozen=True)
+class ChannelMotion:
+    """`PathMotion` of paths between two elements (`channel`) of the antennas.
+
+    `reference` is between the antennas' origins, whose motion is `antennas`; the vertices at t are
+    (n, 3) [m]; `images` are those over which the paths go.
+    """
+
+    reference: PathMotion
+    channel: Channel
+    antennas: AntennaMotion
+    first_scatterer_m: Real
+    last_scatterer_m: Real
+    images: PathImages | None = None
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        turns = (self.antennas.receiver.moving and self.channel.rx.displaced) or (
+            self.antennas.transmitter.moving and self.channel.tx.displaced
+        )
+        return np.asarray(self.reference.moving | self.moving_vertices.any(axis=-1) | turns)
+
+    @property
+    def moving_vertices(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        return self.reference.moving_vertices
+
+    @property
+    def scatterers_move(self) -> NDArray[np.bool_]:
+        """See `PathMotion`."""
+        return self.reference.scatterers_move
+
+    def lengths_m(self, times_s: Real, rows: Rows) -> Real:
+        """See `PathMotion`."""
+        lengths = np.array(self.reference.lengths_m(times_s, rows))
+        index = np.arange(self.first_scatterer_m.shape[0])[rows]
+        step = max(1, _BLOCK // max(np.size(times_s), 1))
+        for end, element in enumerate((self.channel.rx, self.channel.tx)):
+            for start in range(0, index.size if element.displaced else 0, step):
+                part = slice(start, start + step)
+                lengths[part] += self._leg_change(times_s, index[part], end, element)
+        return lengths
+
+    def _leg_change(
+        self, times_s: Real, rows: NDArray[np.intp], end: int, element: Element
+    ) -> Real:
+        """Length of a leg to the element less that to the origin, (rows, times) [m]."""
+        body = (self.antennas.receiver, self.antennas.transmitter)[end]
+        points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
+        offset_m = axes_of(body, times_s) @ np.asarray(element.position_m)
+        moved = self.reference.displacements_m(times_s, rows, end, points)
+        if self.images is not None:
+            images = self.images.select(rows)
+            points, moved = images.unfolded(end, points), images.unturned(end, moved)
+        arm = points[:, None] + moved
+        arm = arm - places_m(body, times_s)
+        if end == 0 and self.antennas.orthographic:
+            # rays along the boresight: a plane wavefront
+            return np.broadcast_to(
+                np.einsum("ti,ti->t", offset_m, axes_of(body, times_s)[:, :, 2]), arm.shape[:2]
+            )
+        flat = np.broadcast_to(-offset_m, arm.shape).reshape(-1, 1, 3)
+        return leg_change(arm.reshape(-1, 3), flat).reshape(arm.shape[:2])
+
+    def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
+        """See `PathMotion`."""
+        return self.reference.displacements_m(times_s, rows, end, points_m)
+
+    def select(self, rows: Rows) -> ChannelMotion:
+        """See `PathMotion`."""
+        return ChannelMotion(
+            self.reference.select(rows),
+            self.channel,
+            self.antennas,
+            self.first_scatterer_m[rows],
+            self.last_scatterer_m[rows],
+            None if self.images is None else self.images.select(rows),
+        )
+
+
+def channel_lengths(
+    paths: Paths, channel: Channel, antennas: AntennaMotion | None = None
+) -> PathMotion:
+    """Return the lengths over a burst of paths between the elements of a channel.
+
+    Parameters
+    ----------
+    paths
+        n paths between the antennas' origins.
+    channel
+        Elements; at the origins the lengths are those of the paths.
+    antennas
+        Motion of the antennas; needed where an element is away from its origin.
+
+    Returns
+    -------
+    PathMotion
+        Of n paths.
+
+    Raises
+    ------
+    ConfigError
+        An element is away from the origin and a vertex, its motion, or the antennas are unknown.
+    """
+    if not channel.displaced:
+        return paths.lengths
+    if antennas is None:
+        raise ConfigError(
+            "Elements away from the antenna's origin need the antennas' poses, which are unknown. "
+            "Give them: antennas=scattering.antenna_motion(receiver, transmitter)."
+        )
+    geometry = paths.geometry
+    known = np.zeros(len(paths), dtype=bool)
+    if geometry is not None:
+        known = np.ones(len(paths), dtype=bool)
+        if channel.rx.displaced:
+            known &= np.isfinite(geometry.first_scatterer_m).all(axis=-1)
+        if channel.tx.displaced:
+            known &= np.isfinite(geometry.last_scatterer_m).all(axis=-1)
+    if geometry is None or not known.all():
+        raise ConfigError(
+            f"{np.count_nonzero(~known)} of {len(paths)} paths have no known first or last "
+            "scatterer, so that their lengths to displaced antenna elements cannot be computed. "
+            "Measure by paths, or leave those paths out."
+        )
+    lengths, start, found = paths.lengths, 0, []
+    for part in lengths.parts if isinstance(lengths, JoinedMotion) else (lengths,):
+        if isinstance(part, LinearMotion) and part.moving.any():
+            raise ConfigError(
+                f"{np.count_nonzero(part.moving)} paths move at a range rate alone, so that their "
+                "lengths to displaced antenna elements are not known. Measure by paths, with "
+                "motion."
+            )
+        rows = slice(start, start + part.moving.size)
+        first, last = geometry.first_scatterer_m[rows], geometry.last_scatterer_m[rows]
+        if isinstance(part, KinematicMotion):
+            # of a surface's speckle the length is over its scatterers
+            first, last = part.first_scatterer_m, part.last_scatterer_m
+        images = None if geometry.images is None else geometry.images.select(rows)
+        found.append(ChannelMotion(part, channel, antennas, first, last, images))
+        start = rows.stop
+    return join_motion(found)

@@ -19,9 +19,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Integers, Real
+from ...arrays import Integers, Real
 from ...contract import ReceiverRecord
-from .pixel_spacing import Places, grid_places, placed
+from .footprints import Places, grid_places, placed
 from .table import PathRows
 
 #: Relative standard error of a power above which results say that it is uncertain.

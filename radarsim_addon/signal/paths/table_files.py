@@ -9,18 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ...array_types import Int32, Mask, Real
+from ...arrays import Int32, Mask, Real
 from ...contract import MOTION_FILE, PATHS_FILE, PATHS_TABLE, ImageRecord, PathsRecord
 from ...errors import ConfigError, PathDataError, SchemaError
 from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
-from ...sidecar import check_run, file_sha256, read_record
+from ...typed_json import check_run, file_sha256, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
-from .flags import PathFlag
-from .geometry import PathGeometry
-from .rows import AnyRows, has_curved_images, has_images
-from .table import PathRows, iter_rows, open_table
+from .paths import PathFlag, PathGeometry
+from .table import AnyRows, PathRows, has_curved_images, has_images, iter_rows, open_table
 
 #: Rows whose columns are checked one after the other while they are in the processor's cache.
 _ROWS_IN_CACHE = 1 << 13

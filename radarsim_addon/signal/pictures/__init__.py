@@ -4,17 +4,12 @@
 In: results of earlier rooms. Out: matplotlib figures and PNG or GIF files.
 """
 
-from .animation import MapFile, animate_maps, common_scale, map_file
-from .antennas import ANTENNA_PICTURE, plot_antennas
-from .coverage import COVERAGE_PICTURE, plot_coverage
-from .echo import plot_echo
-from .figure import has_matplotlib, new_figure, save_figure
-from .frame_pictures import draw_results
-from .map import plot_range_doppler
-from .numbers import cell_width, decimals_for, fixed
+from .antennas import ANTENNA_PICTURE, COVERAGE_PICTURE, plot_antennas, plot_coverage
+from .echo import plot_echo, plot_rings
+from .figure import cell_width, decimals_for, fixed, has_matplotlib, new_figure, save_figure
+from .frame_pictures import MapFile, animate_maps, common_scale, draw_results, map_file
+from .map import plot_range_doppler, plot_spectrogram
 from .profile import plot_range_profile
-from .rings import plot_rings
-from .spectrogram import plot_spectrogram
 
 __all__ = [
     "ANTENNA_PICTURE",

@@ -12,31 +12,99 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...arrays import Real
 from ..detection import Detection, Peak, target_count, velocity_before_folding_mps
-from ..maps import RangeDopplerMap, power_to_db
-from .cells import CellAxis, cell_axis, strongest
-from .figure import lay_out, new_figure, scale_on_top
-from .labelled_targets import foremost
-from .labels import list_texts, number_points
-from .numbers import (
+from ..maps import ExpectedPower, RangeDopplerMap, Spectrogram, power_to_db
+from ..radar import Radar
+from .figure import (
+    TALL_TEXT,
+    CellAxis,
+    Sheet,
     Unit,
+    cell_axis,
     cell_width,
     decimals_for,
     fixed,
     frequency_unit,
+    lay_out,
+    list_texts,
+    new_figure,
+    number_points,
     range_unit,
     reference_text,
+    scale_on_top,
     speed_unit,
+    strongest,
+    time_unit,
     with_minus,
 )
-from .sheet import TALL_TEXT, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
+
+
+# -------------------------------------------------------------------------------------------------
+# Which targets of a map get a number in its picture.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Maximum number of labels, and of labels of stationary targets.
+_LABELS, _STILL_LABELS = 5, 2
+#: A peak this far below a labelled one at its Doppler or range may be its sidelobe [dB].
+_SHADOW_DB = 25.0
+#: Closer than this only the stronger target gets a label [fraction of an axis].
+_NEAR = 0.03
+#: Tapers widen a response to at most three cells on each side: slower targets count as stationary.
+_STILL_CELLS = 3.0
+
+
+def foremost(
+    rd_map: RangeDopplerMap, peaks: Sequence[Peak], targets: Sequence[Detection]
+) -> list[Peak | Detection]:
+    """Choose the targets to label: peaks, then moving targets, then stationary ones.
+
+    Each group is sorted by falling level. Targets next to a labelled one get no label, nor those
+    25 dB below one at its Doppler or range, where its sidelobes are.
+    """
+    cell_m, cell_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)
+    chosen: list[Peak | Detection] = list(peaks[:_LABELS])
+    moving = [t for t in targets if abs(t.doppler_hz) >= _STILL_CELLS * cell_hz > 0]
+    still = [t for t in targets if not abs(t.doppler_hz) >= _STILL_CELLS * cell_hz > 0]
+    for group, most in ((moving, _LABELS), (still, _STILL_LABELS)):
+        left = most
+        for target in sorted(group, key=lambda item: -item.level_db):
+            if len(chosen) >= _LABELS or not left:
+                break
+            if not any(
+                _hidden(target, other, cell_hz, cell_m, rd_map.plane.shape) for other in chosen
+            ):
+                chosen.append(target)
+                left -= 1
+    return chosen
+
+
+def _hidden(
+    item: Detection,
+    other: Peak | Detection,
+    cell_hz: float,
+    cell_m: float,
+    shape: tuple[int, ...],
+) -> bool:
+    """Whether a target is the other one, or may be its sidelobe."""
+    apart_hz = abs(item.doppler_hz - other.doppler_hz)
+    apart_m = abs(item.range_m - other.range_m)
+    near_hz, near_m = (
+        max(guard * cell, _NEAR * cell * count)
+        for guard, cell, count in zip((4, 8), (cell_hz, cell_m), shape, strict=True)
+    )
+    if apart_hz <= near_hz and apart_m <= near_m:
+        return True
+    aligned = apart_hz <= 2 * cell_hz or apart_m <= 4 * cell_m
+    return aligned and item.level_db < other.level_db - _SHADOW_DB
+
 
 #: Decibels from the strongest cell to the lowest colour of a picture without noise.
 SPAN_DB = 80.0
@@ -364,3 +432,109 @@ def _marker(count: int) -> tuple[float, float]:
     if count <= 20:
         return 8.0, 1.0
     return (5.0, 0.8) if count <= 60 else (2.5, 0.5)
+
+
+# -------------------------------------------------------------------------------------------------
+# Picture of the clutter that is expected in the range-Doppler map.
+# -------------------------------------------------------------------------------------------------
+
+
+def plot_clutter(
+    expected: ExpectedPower,
+    radar: Radar,
+    title: str = "Expected clutter",
+    *,
+    noise_power: float = 0.0,
+    unit: str = "",
+) -> Figure:
+    """Draw the expected power of clutter in the range-Doppler map, without a canceller.
+
+    Parameters
+    ----------
+    expected
+        With clutter.
+    radar
+        Waveform and burst of the map.
+    title
+        Text above the axes.
+    noise_power
+        Mean thermal noise of a cell, marked at the colour bar; 0: unknown.
+    unit
+        Unit of the powers in decibels, "dBW" with the amplitude model "radar-equation".
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
+    """
+    power = np.zeros_like(expected.map) if expected.clutter_map is None else expected.clutter_map
+    top = float(power.max(initial=0.0))
+    axes = map_axes(
+        expected.doppler_hz, expected.range_m, -radar.waveform.wavelength_m / 2, radar.burst.prf_hz
+    )
+    floor_db = floor_db_of(top, 0.0, noise_power)
+    scale = ColourScale(top, floor_db, noise_power, unit, "strongest cell of clutter")
+    figure = new_figure(8, 6.5)
+    axis, _ = draw_map(figure, power, axes, scale)
+    axis.set_title(title, fontsize=10)
+    return figure
+
+
+# -------------------------------------------------------------------------------------------------
+# Picture of a spectrogram: Doppler and range rate against time.
+# -------------------------------------------------------------------------------------------------
+
+
+def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str = "") -> Figure:
+    """Draw a spectrogram in decibels, time to the right, Doppler up and range rate at the right.
+
+    Parameters
+    ----------
+    shown
+        The spectrogram.
+    title
+        Text above the axes.
+    unit
+        Unit of its powers in decibels, "dBW" with the amplitude model "radar-equation".
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
+    """
+    fastest_hz = float(np.abs(shown.doppler_hz).max())
+    rate_per_hz = -shown.radar.waveform.wavelength_m / 2
+    hertz, speed = frequency_unit(fastest_hz), speed_unit(fastest_hz * rate_per_hz)
+    burst_s = shown.radar.burst.pulses / shown.radar.burst.prf_hz
+    seconds = time_unit(burst_s)
+    window_s = shown.options.window_pulses / shown.radar.burst.prf_hz
+    across = cell_axis(shown.time_s, MOST_CELLS, seconds.size, window_s)
+    up = cell_axis(shown.doppler_hz, MOST_CELLS, hertz.size)
+    power = shown.power
+    top, floor_db = float(power.max(initial=0.0)), picture_floor_db(power)
+    figure = new_figure(8, 5.5)
+    axis = figure.subplots()
+    level = power_to_db(strongest(power, (across.step, up.step)), top or 1.0, floor_db)
+    image = axis.imshow(
+        level.T,
+        aspect="auto",
+        origin="lower",
+        extent=(across.low, across.high, up.low, up.high),
+        vmin=floor_db,
+        vmax=0,
+        cmap="viridis",
+        interpolation="nearest",
+    )
+    axis.set_xlim(across.low, across.end)
+    axis.set_ylim(up.low, up.end)
+    axis.set_xlabel(f"time [{seconds.name}]")
+    axis.set_ylabel(f"Doppler [{hertz.name}] (receding: negative)")
+    factor = rate_per_hz * hertz.size / speed.size
+    right = axis.secondary_yaxis(
+        "right", functions=(lambda y: np.multiply(y, factor), lambda y: np.divide(y, factor))
+    )
+    right.set_ylabel(f"range rate [{speed.name}]")
+    bar = figure.colorbar(image, ax=axis, pad=0.12)
+    bar.set_label(f"power [dB re strongest cell{reference_text(top, unit)}]")
+    axis.set_title(title, fontsize=10)
+    return figure

@@ -13,15 +13,25 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Real
+from ...arrays import Real
 from ..detection import LeadingEdge
 from ..echoes import only_channel
 from ..maps import ExpectedPower, PowerProfile, RangeProfiles, power_to_db
-from .figure import lay_out, new_figure
-from .labels import list_texts, number_points
+from .figure import (
+    TALL_TEXT,
+    Sheet,
+    Unit,
+    decimals_for,
+    fixed,
+    lay_out,
+    list_texts,
+    new_figure,
+    number_points,
+    range_unit,
+    reference_text,
+    with_minus,
+)
 from .map import BELOW_NOISE_DB, SPAN_DB
-from .numbers import Unit, decimals_for, fixed, range_unit, reference_text, with_minus
-from .sheet import TALL_TEXT, Sheet
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

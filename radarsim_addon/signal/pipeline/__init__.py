@@ -5,14 +5,11 @@ In: a run folder and options. Out: results frame by frame, files, text on the co
 """
 
 from ..results import FrameResult
-from .cli import main
-from .coverage import write_coverage
+from .cli import FrameProcessor, main, parse_process_arguments, process_options
+from .commands import write_coverage
 from .frame import process_frame
-from .frame_processor import FrameProcessor
-from .kept_frames import KeptFrame
 from .options import ProcessOptions, ResolvedOptions
-from .process import Progress, process_run
-from .process_arguments import parse_process_arguments, process_options
+from .process import KeptFrame, Progress, process_run
 
 __all__ = [
     "FrameProcessor",

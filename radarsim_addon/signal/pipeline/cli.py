@@ -8,29 +8,249 @@ frames, 130 stopped by Ctrl-C; on stderr ``radarsim: Name: message``.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from ... import __version__
-from ...errors import RadarSimError
-from ...findings import Finding, exit_code, finding_lines
-from ...option_arguments import CommandParser, share_of
-from ...terminal_text import error_line
+from ...errors import ConfigError, RadarSimError
+from ...findings import Finding, exit_code, finding_lines, from_json, to_json
+from ...options import CommandParser, add_arguments, add_share_arguments, declared, given, share_of
+from ...terminal import error_line
+from ..detection import Cfar
+from ..distributed import Reply, run_frames
+from ..echoes import Receiver
+from ..maps import SpectrogramOptions
+from ..pictures import MapFile, map_file
+from ..radar import Weather, load_radar
 from ..results import FrameResult
-from .antennas_command import add_antennas_parser, print_antennas
-from .console import frame_lines, kept_lines
-from .frame_processor import process_by_workers
-from .info_command import print_run
-from .merge_command import add_merge_parser, merge_parts
-from .objects_command import add_objects_parser, print_objects
-from .process import Progress, process_run
-from .process_arguments import (
-    add_process_parser,
-    chosen_frames,
-    frame_numbers,
-    process_options,
+from ..runs import open_run
+from .commands import (
+    add_antennas_parser,
+    add_merge_parser,
+    add_objects_parser,
+    merge_parts,
+    print_antennas,
+    print_objects,
+    print_run,
 )
+from .console import Subcommands, frame_lines, kept_lines
+from .options import ProcessOptions
+from .process import Products, Progress, open_products, process_run, products_folder
+
+# -------------------------------------------------------------------------------------------------
+# Arguments of ``radarsim process``, and the options that they make.
+# -------------------------------------------------------------------------------------------------
+
+
+def frame_numbers(text: str) -> list[int]:
+    """Return "3", "1:10" or "1:10,15" as a list of frames, ends included."""
+    numbers: list[int] = []
+    for part in text.split(","):
+        ends = [int(end) for end in part.split(":")]
+        if len(ends) > 2 or ends[-1] < ends[0] or ends[-1] - ends[0] > 1_000_000:
+            raise ValueError(part)
+        numbers.extend(range(ends[0], ends[-1] + 1))
+    return numbers
+
+
+frame_numbers.__name__ = "frames (like 1:10)"  # argparse names the type in its message
+
+
+def add_process_parser(commands: Subcommands) -> None:
+    """Add ``process`` to the commands."""
+    process = commands.add_parser(
+        "process",
+        help="echo, range profile, range-Doppler map and products of every frame",
+        epilog="example: radarsim process run --cfar os --pfa 1e-4 --range-limits 0:150",
+        allow_abbrev=False,
+    )
+    process.add_argument("folder", metavar="DIR", help="folder that holds run.json")
+    process.add_argument("--out", metavar="DIR", help="Write the results there [DIR/products]")
+    add_share_arguments(process)
+    process.add_argument("--frames", type=frame_numbers, metavar="A:B", help="Set the frames [all]")
+    options, receiver, cfar = declared(ProcessOptions), declared(Receiver), declared(Cfar)
+    files = ("products", "plots", "animate", "animation_format", "hdf5", "sigmf")
+    of_radar = ("link_budget", "thermal_noise")
+    detection = ("mti",)
+    others = [name for name in options if name not in (*files, *of_radar, *detection)]
+    add_arguments(process, options, *others, defaults=True)
+    group = process.add_argument_group("radar and receiver (docs/waveforms.md, docs/receiver.md)")
+    group.add_argument(
+        "--waveform", metavar="FILE", help="Read another waveform and burst (JSON) [the run's own]"
+    )
+    add_arguments(group, options, *of_radar, defaults=True)
+    add_arguments(group, receiver, defaults=True)
+    group = process.add_argument_group("weather (docs/weather.md)")
+    add_arguments(group, declared(Weather), defaults=True)
+    group = process.add_argument_group("detection (docs/detection.md)")
+    add_arguments(group, options, *detection, defaults=True)
+    add_arguments(group, cfar, "kind")
+    add_arguments(group, cfar, *list(cfar)[1:], defaults=True)
+    group = process.add_argument_group("spectrogram (docs/signal.md)")
+    windows = declared(SpectrogramOptions)
+    add_arguments(group, windows, "window_pulses")
+    add_arguments(group, windows, *list(windows)[1:], defaults=True)
+    group = process.add_argument_group("files")
+    add_arguments(group, options, *files, defaults=True)
+    group.add_argument("--again", action="store_true", help="Process frames that are done too")
+    group.add_argument(
+        "--allow-incomplete", action="store_true", help="Skip frames that are not all there"
+    )
+
+
+def process_options(chosen: argparse.Namespace) -> ProcessOptions:
+    """Return options from parsed arguments.
+
+    Parameters
+    ----------
+    chosen
+        From `parse_process_arguments`.
+
+    Returns
+    -------
+    ProcessOptions
+        How the run is to be processed.
+
+    Raises
+    ------
+    ConfigError, FrameFileError
+        Options that do not fit together, or a file that cannot be read.
+    """
+    radar = None
+    if chosen.waveform is not None:
+        # a waveform file may hold no burst: then the run's own
+        radar = load_radar(chosen.waveform, open_run(chosen.folder).radar.burst)
+    detector = declared(Cfar)
+    cfar = given(chosen, detector)
+    if cfar and "kind" not in cfar:
+        flags = ", ".join(detector[name].flag for name in cfar)
+        raise ConfigError(
+            f"{flags} without --cfar: there is no detector to set. Add --cfar ca or --cfar os."
+        )
+    windows = given(chosen, declared(SpectrogramOptions))
+    if windows and "window_pulses" not in windows:
+        raise ConfigError(
+            "There are options of a spectrogram, and none is asked for. Add --spectrogram N, the "
+            "pulses of a window."
+        )
+    options, air = given(chosen, declared(ProcessOptions)), given(chosen, declared(Weather))
+    if chosen.shard is not None and options.setdefault("animate", False):
+        raise ConfigError(
+            "--animate with --shard: the animation shows all frames, and a shard has a part of "
+            "them. Leave one of them out."
+        )
+    return ProcessOptions(
+        radar=radar,
+        receiver=Receiver(**given(chosen, declared(Receiver))),
+        weather=dataclasses.replace(open_run(chosen.folder).weather, **air) if air else None,
+        cfar=Cfar(**cfar) if "kind" in cfar else None,
+        spectrogram=SpectrogramOptions(**windows) if windows else None,
+        **options,
+    )
+
+
+def chosen_frames(chosen: argparse.Namespace) -> list[int]:
+    """Return the frames of parsed arguments: those of the shard."""
+    frames = chosen.frames or open_run(chosen.folder).record.frames
+    return share_of(chosen).part(frames)
+
+
+def parse_process_arguments(words: list[str]) -> argparse.Namespace:
+    """Parse a command line without the other commands.
+
+    Parameters
+    ----------
+    words
+        Words from "process" on.
+
+    Returns
+    -------
+    argparse.Namespace
+        Values by the names of the options.
+    """
+    parser = CommandParser()
+    add_process_parser(parser.add_subparsers(dest="command", required=True))
+    return parser.parse_args(words)
+
+
+# -------------------------------------------------------------------------------------------------
+# ``radarsim process`` by workers: the coordinator's part, and what a worker does.
+# -------------------------------------------------------------------------------------------------
+
+
+class FrameProcessor:
+    """Processes frames of a run; see :class:`radarsim_addon.frame_worker`.
+
+    Parameters
+    ----------
+    chosen
+        Arguments of ``radarsim process``, parsed.
+    """
+
+    def __init__(self, chosen: argparse.Namespace) -> None:
+        run = open_run(Path(chosen.folder).absolute())
+        options = process_options(chosen).for_run(run)
+        # the coordinator has made the folder
+        folder = products_folder(run, chosen.out).absolute()
+        resume = not chosen.again
+        self._products = Products(run, options, folder, chosen.allow_incomplete, resume)
+
+    def about(self) -> dict[str, Any]:
+        """Return all frames of the run."""
+        return {"frames": self._products.run.record.frames}
+
+    def do(self, frame: int) -> dict[str, Any]:
+        """Process a frame, and write its products."""
+        source = self._products.run.frame(frame)
+        skipped = self._products.skipped(source)
+        if skipped is not None:
+            return {"findings": [to_json(skipped)]}
+        kept = self._products.kept(source)
+        if kept is not None:
+            return _reply(kept_lines(kept), kept.findings, kept.map) | {"earlier": True}
+        *_, result = self._products.process(source)
+        assert isinstance(result, FrameResult)
+        shown = map_file(result, self._products.folder)
+        return _reply(frame_lines(result), result.findings, shown)
+
+    def stop(self) -> None:
+        """End now: what is half written is removed on the way."""
+        sys.exit()
+
+    def close(self) -> None:
+        """Nothing is kept open."""
+
+
+def _reply(lines: list[str], findings: list[Finding], shown: MapFile) -> dict[str, Any]:
+    described = dataclasses.asdict(shown) | {"path": str(shown.path)}
+    return {"lines": lines, "findings": [to_json(f) for f in findings], "map": described}
+
+
+def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
+    """Process a run by workers; return the exit code."""
+    maps: dict[int, MapFile] = {}
+    findings: list[Finding] = []
+
+    def show(reply: Reply) -> None:
+        print("\n".join(reply.get("lines", ())))
+        findings.extend(from_json(item, "worker") for item in reply.get("findings", ()))
+        if "map" in reply:
+            path = Path(reply["map"]["path"])
+            maps[reply["frame"]] = MapFile(**(reply["map"] | {"path": path}))
+
+    run = open_run(chosen.folder)
+    options = process_options(chosen).for_run(run)
+    with open_products(run, options, chosen.out, chosen.allow_incomplete) as products:
+        about = {"frames": chosen.frames or run.record.frames}
+        run_frames(words, share_of(chosen), sys.stdout, show, about=about)
+        path = products.draw_common([maps[n] for n in chosen_frames(chosen) if n in maps])
+    if path is not None:
+        print(f"animation: {path}")
+    return exit_code(findings, chosen_frames(chosen) or run.record.frames)
 
 
 def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ...option_arguments import CommandParser
-from ...terminal_text import printable
+from ...options import CommandParser
+from ...terminal import printable
 from ..detection import Detection, Peak, target_count, velocity_before_folding_mps
 from ..maps import RangeDopplerMap, level_unit
 from ..pictures import cell_width, decimals_for, fixed
 from ..results import FrameResult
-from .kept_frames import KeptFrame
+from .process import KeptFrame
 
 Subcommands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 """Where a parser of arguments collects its commands."""

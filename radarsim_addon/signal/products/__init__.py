@@ -5,17 +5,13 @@ In: the result of a frame. Out: files, each written whole or not at all. Importi
 registers its writers; :func:`.results.write_result` calls them by name.
 """
 
-from . import detection_files, frame_products, hdf5, sigmf
-from .coverage_files import write_coverage_files
-from .frame_products import SUMMARY_ENDING
-from .ring_products import write_products
+from . import frame_products, hdf5
+from .frame_products import SUMMARY_ENDING, write_coverage_files, write_products
 
 __all__ = [
     "SUMMARY_ENDING",
-    "detection_files",
     "frame_products",
     "hdf5",
-    "sigmf",
     "write_coverage_files",
     "write_products",
 ]

@@ -3,17 +3,26 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import hashlib
 from pathlib import Path
 from typing import Any
 
-from ...atomic_files import write_arrays, write_json
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import __version__
+from ...atomic_files import replaced, write_arrays, write_json
 from ...findings import merge, to_json
-from ...sidecar import file_sha256, with_digest
-from ..echoes import ReceivedSignal
+from ...typed_json import file_sha256, with_digest
+from ..decoding import PixelGrid, decode, pixel_grid
+from ..detection import Detection, Detections
+from ..echoes import Echoes, ReceivedSignal, line_times_s
 from ..maps import level_unit
-from ..radar import waveform_to_dict
+from ..radar import Coverage, CoverageCurve, FmcwWaveform, waveform_to_dict
 from ..results import FrameResult, frame_file, result_writer
+from ..runs import RadarFrame, write_exr
 from ..spectrum import SynthesisReport
 
 
@@ -115,4 +124,229 @@ def _receiver_record(received: ReceivedSignal) -> dict[str, float | int | None]:
         "full_scale": received.full_scale,
         "step": received.step,
         "clipped": received.clipped,
+    }
+
+
+# -------------------------------------------------------------------------------------------------
+# Detections as CSV and JSON: ``csv``.
+# -------------------------------------------------------------------------------------------------
+
+
+@result_writer("csv", "_detections.csv", "_detections.json")
+def write_csv(result: FrameResult, folder: Path) -> list[Path]:
+    """Write what CFAR found in a frame; without CFAR nothing."""
+    if result.detections is None:
+        return []
+    unit = level_unit(result.echoes.amplitude_model)
+    return write_detections(frame_file(folder, result.frame, ""), result.detections, unit)
+
+
+def write_detections(stem: Path, found: Detections, unit: str = "dB") -> list[Path]:
+    """Write ``_detections.csv``, one target a row, and ``_detections.json``; return both paths.
+
+    `stem` is their path up to ``_detections``, `unit` that of levels.
+    """
+    table, record = (stem.with_name(f"{stem.name}_detections.{end}") for end in ("csv", "json"))
+    names = [field.name for field in dataclasses.fields(Detection)]
+    with replaced(table) as temporary, open(temporary, "w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow(names)
+        writer.writerows([getattr(target, name) for name in names] for target in found.targets)
+    write_json(
+        record,
+        {
+            "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "level_unit": unit,
+            **dataclasses.asdict(found),
+        },
+    )
+    return [table, record]
+
+
+# -------------------------------------------------------------------------------------------------
+# The paper's four products of a radar frame: amplitude and range, at t and at t + delta t.
+#
+#     products/frame_0001_amplitude_t0.exr      radiance L [W m^-2 sr^-1]
+#     products/frame_0001_range_t0.exr          one-way range, half the path's length [m]
+#     products/frame_0001_amplitude_t1.exr      the same at t + delta t
+#     products/frame_0001_range_t1.exr
+#
+# Float32 EXR, one channel a ring: "ring.000", "ring.001"... Where a pixel has no echo, both are 0;
+# no value is NaN.
+# -------------------------------------------------------------------------------------------------
+
+
+_QUANTITIES = ("amplitude", "range")
+
+
+@result_writer("exr", *(f"_{quantity}_t{n}.exr" for quantity in _QUANTITIES for n in (0, 1)))
+def write_ring_products(result: FrameResult, folder: Path) -> list[Path]:
+    """Write the ring products of a result; nothing where it comes from a path table."""
+    frame = result.source.frame
+    return write_products(frame, folder) if frame.sampling_mode == "rings" else []
+
+
+def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
+    """Write the products of one frame, two for each snapshot.
+
+    Parameters
+    ----------
+    frame
+        Radar frame with the sampling mode "rings".
+    folder
+        Existing folder.
+
+    Returns
+    -------
+    list of Path
+        Files written. One snapshot at a time is in memory.
+    """
+    written = []
+    for snapshot_index in range(frame.snapshots):
+        amplitude: dict[str, NDArray[np.float32]] = {}
+        range_m: dict[str, NDArray[np.float32]] = {}
+        grid: PixelGrid | None = None
+        for ring in range(frame.rings):
+            record, channels = frame.image(ring, snapshot_index)
+            grid = grid or pixel_grid(record.receiver, record.width_px, record.height_px)
+            decoded = decode(record, channels, grid)
+            channel = f"ring.{ring:03d}"  # three digits: any reader sorts rings by number
+            amplitude[channel] = decoded.radiance.astype(np.float32)
+            range_m[channel] = decoded.range_m.astype(np.float32)
+        for quantity, images in zip(_QUANTITIES, (amplitude, range_m), strict=True):
+            written.append(frame_file(folder, frame.number, f"_{quantity}_t{snapshot_index}.exr"))
+            write_exr(written[-1], images)
+    return written
+
+
+# -------------------------------------------------------------------------------------------------
+# Coverage diagram as npz, and its curve over height as CSV.
+# -------------------------------------------------------------------------------------------------
+
+
+_COLUMNS = (
+    "height_m",
+    "pattern_propagation_factor_f4",
+    "relative_to_free_space",
+    "flat_two_ray",
+    "zone",
+)
+
+
+def write_coverage_files(found: Coverage, curve: CoverageCurve, folder: Path) -> list[Path]:
+    """Write ``coverage.npz`` and ``coverage.csv``.
+
+    Parameters
+    ----------
+    found
+        Diagram.
+    curve
+        Its curve at one range.
+    folder
+        Existing folder.
+
+    Returns
+    -------
+    list of Path
+        Both files; see docs/coverage.md for their contents.
+    """
+    setup = found.setup
+    arrays = {
+        "range_m": found.range_m,
+        "height_m": found.height_m,
+        "pattern_propagation_factor_f4": found.factor,
+        "relative_to_free_space": found.ground_gain,
+        "zone": found.zone,
+        "transmitter_height_m": setup.transmitter.height_m,
+        "receiver_height_m": setup.receiver.height_m,
+        "wavelength_m": setup.wavelength_m,
+        "polarisation": setup.polarisation,
+        "ground_index": setup.ground.index,
+        "ground_rms_height_m": setup.ground.rms_height_m,
+        "earth_radius_m": setup.radius_m,
+        "curve_range_m": curve.range_m,
+    }
+    whole, table = folder / "coverage.npz", folder / "coverage.csv"
+    write_arrays(whole, arrays)
+    columns = (found.height_m, curve.factor, curve.ground_gain, curve.two_ray, curve.zone)
+    with replaced(table) as temporary, open(temporary, "w", encoding="utf-8", newline="") as out:
+        writer = csv.writer(out)
+        writer.writerow(_COLUMNS)
+        writer.writerows(np.stack(columns, axis=1).tolist())
+    return [whole, table]
+
+
+# -------------------------------------------------------------------------------------------------
+# Raw I/Q as a SigMF recording: ``.sigmf-data`` and ``.sigmf-meta`` (sigmf.org, 1.2).
+# -------------------------------------------------------------------------------------------------
+
+
+SIGMF_VERSION = "1.2.0"
+#: More rows than this are not annotated one by one.
+_MOST_ANNOTATIONS = 4096
+
+
+@result_writer("sigmf", ".sigmf-data", ".sigmf-meta")
+def write_sigmf_recording(result: FrameResult, folder: Path) -> list[Path]:
+    """Write the raw samples of a result as a SigMF recording."""
+    stem = frame_file(folder, result.frame, "")
+    return write_sigmf(stem, result.echoes, f"radarsim frame {result.frame}")
+
+
+def write_sigmf(stem: Path, echoes: Echoes, description: str = "") -> list[Path]:
+    """Write the samples of a burst, one pulse after the other, as complex (or real) float32.
+
+    `stem` is the path without suffix. Several channels are interleaved sample by sample, as SigMF's
+    ``core:num_channels`` says. Each pulse is an annotation; the pause between pulses is not
+    recorded, ``radarsim:prf_hz`` says how long it is.
+    """
+    data, meta = (stem.with_name(stem.name + s) for s in (".sigmf-data", ".sigmf-meta"))
+    waveform = echoes.radar.waveform
+    real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
+    samples = echoes.samples.real.astype("<f4") if real else echoes.samples.astype("<c8")
+    content = np.moveaxis(samples, 0, -1).tobytes()
+    with replaced(data) as temporary:
+        temporary.write_bytes(content)
+    write_json(meta, _metadata(echoes, real, hashlib.sha512(content).hexdigest(), description))
+    return [data, meta]
+
+
+def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict[str, Any]:
+    radar = echoes.radar
+    channels, rows, count = echoes.samples.shape
+    starts_s = line_times_s(radar) if radar.waveform.family == "line" else echoes.slow_time_s
+    annotations = [
+        {
+            "core:sample_start": row * count,
+            "core:sample_count": count,
+            "core:label": f"pulse {row}",
+            "radarsim:slow_time_s": float(starts_s[row]),
+        }
+        for row in range(min(rows, _MOST_ANNOTATIONS))
+    ]
+    waveform = waveform_to_dict(radar.waveform)
+    waveform.setdefault("kind", radar.waveform.kind)
+    waveform.pop("samples", None)
+    return {
+        "global": {
+            "core:datatype": "rf32_le" if real else "cf32_le",
+            "core:sample_rate": radar.waveform.sampling_rate_hz,
+            "core:version": SIGMF_VERSION,
+            "core:num_channels": channels,
+            "core:sha512": digest,
+            "core:description": description,
+            "core:recorder": f"radarsim {__version__}",
+            "core:extensions": [{"name": "radarsim", "version": "1.0.0", "optional": True}],
+            "radarsim:unit": "sqrt(W)" if echoes.amplitude_model == "radar-equation" else "B r^2",
+            "radarsim:sign_convention": "exp(-j 2 pi f0 tau): Doppler = -2 v / wavelength, "
+            "receding v > 0",
+            "radarsim:waveform": waveform,
+            "radarsim:prf_hz": radar.burst.prf_hz,
+            "radarsim:pulses": radar.burst.pulses,
+            "radarsim:samples_per_row": count,
+            "radarsim:first_sample_s": echoes.first_sample_s,
+            "radarsim:range_limits_m": list(echoes.range_limits_m),
+        },
+        "captures": [{"core:sample_start": 0, "core:frequency": radar.waveform.carrier_hz}],
+        "annotations": annotations,
     }

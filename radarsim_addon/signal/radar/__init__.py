@@ -6,10 +6,17 @@ their pulses. Gains are linear, angles in radians.
 """
 
 from ...contract import AntennaRecord, LinkBudget
-from .antennas import PATTERNS, ConstantGain, PeakedAntenna, make_antenna, self_contained
-from .channels import SINGLE_CHANNEL, Channel, Element
-from .config import MAX_SAMPLES, Burst, Radar
-from .continuous_wave import FmcwWaveform, LineWaveform, PmcwWaveform, SteppedWaveform
+from .antennas import (
+    PATTERNS,
+    ConstantGain,
+    PeakedAntenna,
+    cut_dbi,
+    half_power_width_rad,
+    make_antenna,
+    peak_direction,
+    self_contained,
+)
+from .config import MAX_SAMPLES, SINGLE_CHANNEL, AnyWaveform, Burst, Channel, Element, Radar
 from .coverage import (
     Coverage,
     CoverageCurve,
@@ -19,27 +26,35 @@ from .coverage import (
     coverage_curve,
     two_ray_gain,
 )
-from .link_budget import RadarSystem, make_system, read_system
-from .parameter_checks import find_suspicious_parameters, range_limit
-from .pattern_cuts import cut_dbi, half_power_width_rad, peak_direction
+from .link_budget import RadarSystem, Weather, make_system, read_system
 from .pulse_replicas import (
+    WINDOW_NAMES,
     band_window,
     frequencies_hz,
     matched_filter,
     replica,
     replica_spectrum,
+    slow_time_window,
+    window_at,
 )
-from .pulses import ArbitraryPulse, PhaseCodedPulse, Waveform
 from .radar_files import (
     WAVEFORM_KINDS,
     burst_from_dict,
+    find_suspicious_parameters,
     load_radar,
+    range_limit,
     waveform_from_dict,
     waveform_to_dict,
 )
-from .waveform import AnyWaveform
-from .weather import Weather
-from .windows import WINDOW_NAMES, slow_time_window, window_at
+from .waveforms import (
+    ArbitraryPulse,
+    FmcwWaveform,
+    LineWaveform,
+    PhaseCodedPulse,
+    PmcwWaveform,
+    SteppedWaveform,
+    Waveform,
+)
 
 __all__ = [
     "MAX_SAMPLES",

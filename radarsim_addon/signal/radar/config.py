@@ -11,12 +11,273 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, Protocol
 
+import numpy as np
+
+from ...arrays import Mask, Real
+from ...contract import AntennaRecord
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .channels import SINGLE_CHANNEL, Channel
-from .waveform import AnyWaveform
+
+# -------------------------------------------------------------------------------------------------
+# What all waveforms share: their numbers and the checks of them.
+# -------------------------------------------------------------------------------------------------
+
+
+#: More samples of one pulse, chirp or code than this is a unit error.
+MAX_WAVEFORM_SAMPLES = 1 << 22
+
+# Settings of several waveforms. Above 10 THz a carrier is a unit error, such as hertz in place of
+# gigahertz.
+CARRIER: dict[str, Any] = {
+    "label": "Carrier",
+    "help": "Set the middle of the band: wavelength, Doppler and the index of physical materials",
+    "shown_in": "GHz",
+    "above": 0.0,
+    "maximum": 1e13,
+    "soft_maximum": 300e9,
+    "initial": 5.3e9,
+    "hint": "Check the unit: the panel and --carrier-ghz take GHz.",
+}
+BANDWIDTH: dict[str, Any] = {
+    "label": "Bandwidth",
+    "help": "Set the swept bandwidth B; the range resolution is c / 2B",
+    "shown_in": "MHz",
+    "above": 0.0,
+    "initial": 50e6,
+}
+SAMPLING_RATE: dict[str, Any] = {
+    "label": "Sampling rate",
+    "help": "Set the complex samples per second; at least the bandwidth",
+    "shown_in": "MHz",
+    "above": 0.0,
+    "initial": 60e6,
+}
+
+
+def check_carrier(carrier_hz: float, bandwidth_hz: float) -> None:
+    """Raise a ConfigError unless the carrier is above half the bandwidth."""
+    if carrier_hz <= bandwidth_hz / 2:
+        raise ConfigError(
+            f"Carrier {carrier_hz:g} Hz is not above half the bandwidth "
+            f"{bandwidth_hz:g} Hz; check the units (the panel takes GHz and MHz)."
+        )
+
+
+class AnyWaveform(Protocol):
+    """What all waveforms have in common, see :mod:`.radar.pulses`,
+    :mod:`.radar.continuous_wave`.
+
+    Two families differ in what the receiver samples. "pulse": the echo against fast time, at
+    `sampling_rate_hz`; a matched filter makes the range profile. "line": the scene's response at
+    evenly spaced frequencies (de-chirped FMCW, stepped frequency, the spectrum of a periodic
+    code); a Fourier transform makes the profile, which repeats with `unambiguous_range_m`.
+    """
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind in files, such as "lfm"."""
+        ...
+
+    @property
+    def family(self) -> Literal["pulse", "line"]:
+        """See the class."""
+        ...
+
+    @property
+    def carrier_hz(self) -> float:
+        """Middle of the band [Hz]."""
+        ...
+
+    @property
+    def bandwidth_hz(self) -> float:
+        """Band that the waveform uses [Hz]."""
+        ...
+
+    @property
+    def sampling_rate_hz(self) -> float:
+        """Samples a second of the raw record [Hz]."""
+        ...
+
+    @property
+    def sample_count(self) -> int:
+        """Samples of one pulse, or of one row that the receiver samples."""
+        ...
+
+    @property
+    def duration_s(self) -> float:
+        """Time that one pulse, chirp, ramp or train of codes takes, pauses included [s]."""
+        ...
+
+    @property
+    def wavelength_m(self) -> float:
+        """c / f0 [m]."""
+        ...
+
+    @property
+    def range_resolution_m(self) -> float:
+        """c / 2B [m]."""
+        ...
+
+    @property
+    def sample_spacing_m(self) -> float:
+        """One-way range between two independent samples of the profile [m]."""
+        ...
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Range with which the profile repeats or ends [m]; infinite for single pulses."""
+        ...
+
+
+class WaveformNumbers:
+    """What follows for all waveforms from carrier and bandwidth."""
+
+    @property
+    def wavelength_m(self: AnyWaveform) -> float:
+        """Carrier wavelength c / f0 [m]."""
+        return SPEED_OF_LIGHT_MPS / self.carrier_hz
+
+    @property
+    def range_resolution_m(self: AnyWaveform) -> float:
+        """c / 2B [m]; the unweighted half-power width is 0.886 of it."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.bandwidth_hz)
+
+
+class PulseNumbers(WaveformNumbers):
+    """What follows for the family "pulse"."""
+
+    family: ClassVar[Literal["pulse", "line"]] = "pulse"
+
+    @property
+    def sample_spacing_m(self: AnyWaveform) -> float:
+        """One-way range between two samples, c / 2 fs [m]."""
+        return SPEED_OF_LIGHT_MPS / (2 * self.sampling_rate_hz)
+
+    @property
+    def unambiguous_range_m(self) -> float:
+        """Infinite: what limits it is the PRF, see `Radar.unambiguous_range_m`."""
+        return math.inf
+
+
+# -------------------------------------------------------------------------------------------------
+# Channels of a radar: pairs of a transmitting and a receiving antenna element, and their times.
+# -------------------------------------------------------------------------------------------------
+
+
+Vector = tuple[float, float, float]
+
+#: Largest departure of an orientation from a rotation.
+_ROTATION_SLACK = 1e-6
+
+
+@dataclass(frozen=True)
+class Element:
+    """One antenna element of the transmitter or of the receiver.
+
+    Attributes
+    ----------
+    position_m
+        Phase centre, from the antenna's origin and in its axes: x right, y up, z back [m].
+    orientation
+        Rotation (3, 3) from the element's axes to the antenna's.
+    antenna
+        Pattern of the element; None: that of the link budget.
+    polarisation
+        Label such as "H" or "V"; "" where polarisation is not modelled.
+
+    Raises
+    ------
+    ConfigError
+        A number is not finite, or the orientation is not a rotation.
+    """
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    orientation: tuple[Vector, Vector, Vector] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    antenna: AntennaRecord | None = None
+    polarisation: str = ""
+
+    def __post_init__(self) -> None:
+        if np.shape(self.position_m) != (3,) or not np.isfinite(self.position_m).all():
+            raise ConfigError(
+                f"Position of an antenna element is {self.position_m!r}; expected three finite "
+                "numbers of metres."
+            )
+        turn = np.asarray(self.orientation, dtype=np.float64)
+        if turn.shape != (3, 3) or not (
+            np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=_ROTATION_SLACK)
+            and np.linalg.det(turn) > 0
+        ):
+            raise ConfigError(
+                f"Orientation of an antenna element is {self.orientation!r}; expected a rotation "
+                "matrix of three rows."
+            )
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the phase centre is away from the antenna's origin."""
+        return any(self.position_m)
+
+    @property
+    def rotation(self) -> Real:
+        """The orientation, (3, 3)."""
+        return np.asarray(self.orientation, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One transmitting and one receiving element, and when they are used.
+
+    Attributes
+    ----------
+    tx, rx
+        Transmitting and receiving element.
+    start_offset_s
+        Start of each of the channel's pulses after that of the burst's pulse, 0 or more [s].
+    active
+        Whether the channel is used, one value per pulse; None: at every pulse.
+
+    Raises
+    ------
+    ConfigError
+        The offset is negative or not finite.
+    """
+
+    tx: Element = Element()
+    rx: Element = Element()
+    start_offset_s: float = 0.0
+    active: tuple[bool, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.start_offset_s) and self.start_offset_s >= 0):
+            raise ConfigError(
+                f"Start offset of a channel is {self.start_offset_s!r} s; expected 0 or more."
+            )
+
+    @property
+    def displaced(self) -> bool:
+        """Whether path lengths differ from those between the antennas' origins."""
+        return self.tx.displaced or self.rx.displaced
+
+    @property
+    def reference_gain(self) -> bool:
+        """Whether both elements have the gains of the antennas at their origins."""
+        return self.tx == Element(polarisation=self.tx.polarisation) and self.rx == Element(
+            polarisation=self.rx.polarisation
+        )
+
+    def active_mask(self, pulses: int) -> Mask:
+        """Whether the channel is used at each pulse, (pulses,)."""
+        if self.active is None:
+            return np.ones(pulses, dtype=bool)
+        return np.asarray(self.active, dtype=bool)
+
+
+#: The channel of a radar with one antenna each.
+SINGLE_CHANNEL = Channel()
+
 
 #: Relative slack when two numbers that should be equal come from a user interface in float32.
 _SLACK = 1e-6

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...array_types import Complex, Real
+from ...arrays import Complex, Real
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ...physics.antennas import Antenna, to_antenna_frame

@@ -5,8 +5,7 @@ In: echoes, profiles, maps and what was detected in them. Out: `FrameResult`; th
 files register their writers here.
 """
 
-from .frame_result import FrameResult
-from .writers import frame_file, remove_stale, result_writer, write_result
+from .frame_result import FrameResult, frame_file, remove_stale, result_writer, write_result
 
 __all__ = [
     "FrameResult",

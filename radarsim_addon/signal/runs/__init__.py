@@ -4,10 +4,8 @@
 In: a folder. Out: `Run` and `RadarFrame` records, and float32 images of radiance.
 """
 
-from .exr import exr_backend, read_exr, write_exr
-from .exr_header import CHUNK_LINES, ZIP, ExrHeader, read_header
-from .measured_findings import frame_findings
-from .run import MissingRender, RadarFrame, Run, open_run, shared_plan
+from .exr import CHUNK_LINES, ZIP, ExrHeader, exr_backend, read_exr, read_header, write_exr
+from .run import MissingRender, RadarFrame, Run, frame_findings, open_run, shared_plan
 
 __all__ = [
     "CHUNK_LINES",

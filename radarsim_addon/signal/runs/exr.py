@@ -10,20 +10,206 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
+import struct
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Single
+from ...arrays import Single
 from ...atomic_files import cannot_write, replaced
-from ...contract import CHANNELS
+from ...contract import CHANNELS, MAX_PIXELS
 from ...errors import FrameFileError, MissingDependencyError
-from .exr_header import read_header
+
+# -------------------------------------------------------------------------------------------------
+# Header and chunk table of an OpenEXR file, checked before a library allocates a single pixel.
+#
+# EXR libraries are lenient in different ways: a truncated file yields a warning on stderr and no
+# pixels, missing channels yield zeros, and a header of 2^31 x 2^31 is believed. A radar frame must
+# be complete, so this module reads header and chunk table with the standard library alone.
+# Format: "OpenEXR File Layout", openexr.com (single-part scan-line files, version 2).
+# -------------------------------------------------------------------------------------------------
+
+
+#: Compression of every file that radarsim writes.
+ZIP = 3
+#: A header is a few hundred bytes; a file that claims more is not a radar frame.
+_MAX_HEADER_BYTES = 1 << 20
+
+_MAGIC = b"\x76\x2f\x31\x01"
+_TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
+_PIXEL_TYPES = {0: "uint", 1: "half", 2: "float"}
+#: Scan lines in one chunk by the number of the compression.
+CHUNK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
+
+_RENDER_AGAIN = "Remove it and render the run again: radarsim render measures what is missing."
+
+
+@dataclass(frozen=True)
+class ExrHeader:
+    """Size, channels and chunks of an EXR file.
+
+    Attributes
+    ----------
+    width_px, height_px
+        Size of the image.
+    channels
+        Pixel type ("float", "half" or "uint") of each channel by name.
+    compression
+        Number of the compression.
+    chunks
+        First byte and length of the compressed pixels of each chunk, by its first row from 0.
+    """
+
+    width_px: int
+    height_px: int
+    channels: dict[str, str]
+    compression: int
+    chunks: dict[int, tuple[int, int]]
+
+
+def _damaged(path: Path, what: str) -> FrameFileError:
+    return FrameFileError(f"{path} is damaged or truncated: {what}. {_RENDER_AGAIN}")
+
+
+def _text(stream: BinaryIO, path: Path) -> str:
+    """Read a null-terminated name (at most 255 bytes in version 2)."""
+    name = b""
+    while (byte := stream.read(1)) != b"\0":
+        name += byte
+        if not byte or len(name) > 255:
+            raise _damaged(path, "the header ends inside a name")
+    return name.decode("utf-8", errors="replace")
+
+
+def _channels(data: bytes, path: Path) -> dict[str, str]:
+    """Parse a channel list: name, type, 4 bytes of linear flag and padding, x and y sampling."""
+    found: dict[str, str] = {}
+    at = 0
+    while at < len(data) and data[at] != 0:
+        end = data.find(b"\0", at)
+        if end < 0 or end + 17 > len(data):
+            raise _damaged(path, "the list of channels is cut off")
+        kind, _, x_step, y_step = struct.unpack_from("<iiii", data, end + 1)
+        name = data[at:end].decode("utf-8", errors="replace")
+        if (x_step, y_step) != (1, 1):
+            raise FrameFileError(
+                f"{path}: channel {name} is subsampled ({x_step} x {y_step}); expected every "
+                "pixel. Write it without chroma subsampling."
+            )
+        found[name] = _PIXEL_TYPES.get(kind, f"type {kind}")
+        at = end + 17
+    return found
+
+
+def read_header(path: Path) -> ExrHeader:
+    """Read the header and check that every chunk of pixels is inside the file.
+
+    Parameters
+    ----------
+    path
+        File to read.
+
+    Returns
+    -------
+    ExrHeader
+        Size, channels and chunks.
+
+    Raises
+    ------
+    FrameFileError
+        The file is missing, not a single-part scan-line EXR, larger than `MAX_PIXELS`, or
+        incomplete.
+    """
+    try:
+        with open(path, "rb") as stream:
+            return _read_header(stream, path)
+    except FileNotFoundError as error:
+        raise FrameFileError(
+            f"{path} is missing; the run's plan expects it. Render the run again: "
+            "radarsim render measures what is missing."
+        ) from error
+    except OSError as error:
+        raise FrameFileError(f"{path} cannot be read: {error.strerror or error}.") from error
+
+
+def _read_header(stream: BinaryIO, path: Path) -> ExrHeader:
+    size = os.fstat(stream.fileno()).st_size
+    start = stream.read(8)
+    if start[:4] != _MAGIC[: len(start[:4])] or (size and not start):
+        raise FrameFileError(f"{path} is not an OpenEXR file (it starts with {start[:4]!r}).")
+    if len(start) < 8:
+        raise _damaged(path, f"it holds {size} bytes")
+    version = struct.unpack("<I", start[4:])[0]
+    if version & 0xFF != 2 or version & (_TILED | _DEEP | _MULTIPART):
+        raise FrameFileError(
+            f"{path} is a tiled, deep, multi-part or unknown kind of EXR (version word "
+            f"{version:#x}); expected a single-part scan-line EXR. "
+            "Write it with media type Image, format OpenEXR."
+        )
+    attributes: dict[str, bytes] = {}
+    while name := _text(stream, path):
+        _text(stream, path)
+        raw = stream.read(4)
+        length = struct.unpack("<i", raw)[0] if len(raw) == 4 else -1
+        if not 0 <= length <= _MAX_HEADER_BYTES or stream.tell() > _MAX_HEADER_BYTES:
+            raise _damaged(path, f"header attribute {name!r} has no sensible length")
+        value = stream.read(length)
+        if len(value) < length:
+            raise _damaged(path, f"the header ends inside attribute {name!r}")
+        attributes[name] = value
+    window = attributes.get("dataWindow", b"")
+    display = attributes.get("displayWindow", window)
+    compression = attributes.get("compression", b"")
+    if len(window) != 16 or len(compression) != 1 or "channels" not in attributes:
+        raise _damaged(path, "the header lacks dataWindow, compression or channels")
+    x_min, y_min, x_max, y_max = struct.unpack("<iiii", window)
+    width, height = x_max - x_min + 1, y_max - y_min + 1
+    if width < 1 or height < 1:
+        raise _damaged(path, f"its data window is {width} x {height}")
+    if width * height > MAX_PIXELS:
+        raise FrameFileError(
+            f"{path} claims {width} x {height} pixels; at most {MAX_PIXELS} are read. "
+            "Render at a lower resolution."
+        )
+    if display != window:
+        raise FrameFileError(
+            f"{path} holds only a part of its frame (data window differs from display window). "
+            "Render without a border, or with Crop to Render Region."
+        )
+    lines = CHUNK_LINES.get(compression[0])
+    if lines is None:
+        raise FrameFileError(f"{path} has unknown compression {compression[0]}; expected ZIP.")
+    channels = _channels(attributes["channels"], path)
+    chunks = _chunks(stream, path, size, -(-height // lines))
+    chunks = {row - y_min: place for row, place in chunks.items()}
+    if chunks.keys() != set(range(0, height, lines)):
+        raise _damaged(path, f"{len(chunks)} of {-(-height // lines)} chunks are complete")
+    return ExrHeader(width, height, channels, compression[0], chunks)
+
+
+def _chunks(stream: BinaryIO, path: Path, size: int, count: int) -> dict[int, tuple[int, int]]:
+    """First byte and length of the pixels of each chunk, by its row in the data window."""
+    table = stream.read(8 * count)
+    if len(table) < 8 * count:
+        raise _damaged(path, "the file ends inside the table of chunks")
+    first = stream.tell()
+    found = {}
+    for offset in struct.unpack(f"<{count}Q", table):
+        if not first <= offset <= size - 8:
+            raise _damaged(path, f"a chunk starts at byte {offset} of {size}")
+        stream.seek(offset)
+        row, length = struct.unpack("<ii", stream.read(8))
+        if length < 0 or offset + 8 + length > size:
+            raise _damaged(path, f"the chunk of row {row} needs {length} bytes beyond the end")
+        found[row] = offset + 8, length
+    return found
 
 
 def inside_blender_program() -> bool:

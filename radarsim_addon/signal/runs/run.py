@@ -10,14 +10,15 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...array_types import Single
+from ... import contract
+from ...arrays import Single
 from ...contract import (
     CHANNELS,
     GROUND_TRUTH_FILE,
@@ -33,10 +34,8 @@ from ...contract import (
     render_stem,
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
-from ...findings import frames_text
-from ...sidecar import check_run, file_sha256, read_record
-from ...textfile import refusal_to_open
-from ...typed_json import from_json
+from ...findings import Finding, frames_text
+from ...typed_json import check_run, file_sha256, from_json, read_record, refusal_to_open
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
 
@@ -395,3 +394,31 @@ def _radar(record: RunRecord, where: Path) -> Radar:
         return Radar(waveform, burst_from_dict(dict(record.burst)))
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
+
+
+# -------------------------------------------------------------------------------------------------
+# Findings that a render left in the records of its frames.
+# -------------------------------------------------------------------------------------------------
+
+
+def frame_findings(folder: Path, frames: Iterable[int]) -> list[Finding]:
+    """Return the findings of these frames as far as they are done, by whatever session.
+
+    Parameters
+    ----------
+    folder
+        Of the run.
+    frames
+        Their numbers.
+
+    Returns
+    -------
+    list of Finding
+        None of rings, whose renders have no findings of their own.
+    """
+    found: list[Finding] = []
+    for frame in frames:
+        path = folder / contract.frame_dir(frame) / contract.PATHS_FILE
+        if path.is_file():
+            found += read_record(path, contract.PathsRecord).findings
+    return found

@@ -5,15 +5,18 @@ In: `Paths`, a channel, pulse times [s]. Out: complex amplitudes (path, pulse) i
 exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
 """
 
-from .amplitudes import amplitude, amplitude_history, path_amplitude
-from .antenna_gains import Link, antenna_motion
-from .clutter_surfaces import STILL_PLANE, ClutterSurfaces
-from .frame_speckle import FrameSpeckle, table_footprints
-from .interference import interference_factors
+from .amplitudes import (
+    Link,
+    amplitude,
+    amplitude_history,
+    antenna_motion,
+    path_amplitude,
+    path_phasors,
+)
+from .frame_speckle import STILL_PLANE, ClutterSurfaces, FrameSpeckle, table_footprints
 from .rain_volume import rain_paths, rain_rows
-from .random_phases import path_phasors
-from .reverse_paths import reverse_amplitudes, reverse_factors
-from .speckle_report import SpeckleReport
+from .reverse_paths import interference_factors, reverse_amplitudes, reverse_factors
+from .surface_speckle import SpeckleReport
 
 __all__ = [
     "STILL_PLANE",

@@ -14,20 +14,469 @@ dependence on distance is neglected, its dependence on direction is not.
 from __future__ import annotations
 
 import dataclasses
+import math
+from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Real
-from ...contract import AmplitudeModel
+from ...arrays import Complex, Indices, Mask, Real
+from ...contract import AmplitudeModel, ReceiverRecord, TransmitterRecord
 from ...errors import ConfigError
+from ...physics.antennas import to_antenna_frame
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..paths import Paths, path_power_w
-from ..radar import SINGLE_CHANNEL, Channel, Element
+from ..decoding import single_vertex_m
+from ..motion import (
+    AntennaMotion,
+    BodyMotion,
+    FrameMotion,
+    LinearMotion,
+    PathImages,
+    PathMotion,
+    axes_of,
+    places_m,
+)
+from ..paths import PathRows, Paths, images_of, motion_of_rows, path_power_w
+from ..radar import (
+    SINGLE_CHANNEL,
+    Channel,
+    ConstantGain,
+    Element,
+    PeakedAntenna,
+    RadarSystem,
+    make_antenna,
+)
 from ..spectrum import AmplitudeHistory
-from .antenna_gains import Link, PathEnds
-from .random_phases import path_phasors
+
+# -------------------------------------------------------------------------------------------------
+# Random phases of rough scatterers: seeded, one for each path, constant over the pulses.
+#
+# Paths of a table have scatterers that are tied to the surface, see
+# :mod:`.scattering.surface_speckle`; these here are for rings, whose pixels know no surface, and
+# for what is left.
+#
+# A pixel of a rough surface stands for many scatterers whose heights differ by more than a
+# wavelength: its phase is anything. Without that, neighbouring pixels of a smooth mesh add up in
+# phase, and the level of an echo grows with the number of pixels; with it, the mean power is the
+# sum of the powers, and the map shows speckle as a radar's does.
+# -------------------------------------------------------------------------------------------------
+
+
+_U64 = np.uint64
+
+
+def path_phasors(paths: Paths, seed: int) -> Complex:
+    """Return the complex factor of each path's amplitude.
+
+    It is that of the surface's scatterers where the paths have one (see
+    :mod:`.scattering.surface_speckle`). Else exp(j phi), phi uniform and independent from path to
+    path; phi depends on where the path was found (ring, row, column; the row of the table) and on
+    the seed alone, so it is the same however the paths are split into parts.
+
+    Parameters
+    ----------
+    paths
+        Paths.
+    seed
+        Any whole number; another one is another realisation of the speckle.
+
+    Returns
+    -------
+    ndarray
+        Complex, (paths,).
+    """
+    if paths.phasors is not None and not np.isnan(paths.phasors).any():
+        return paths.phasors
+    state = np.full(len(paths), seed % 2**64, dtype=_U64)
+    for part in (paths.ring, paths.row, paths.col):
+        state = hash_step(state ^ part.astype(np.int64).view(_U64))
+    random: Complex = np.exp(2j * np.pi * uniform(state))
+    if paths.phasors is None:
+        return random
+    # NaN: the paths of which the surface's scatterers are not known
+    return np.where(np.isnan(paths.phasors), random, paths.phasors)
+
+
+def uniform(state: NDArray[np.uint64]) -> NDArray[np.float64]:
+    """Hashes as numbers in [0, 1): 53 bits are what a float64 holds there."""
+    return np.asarray((state >> _U64(11)).astype(np.float64) / 2**53)
+
+
+def hash_step(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """One step of SplitMix64 (Steele, Lea, Flood 2014): every bit depends on every other."""
+    with np.errstate(over="ignore"):
+        state = state + _U64(0x9E3779B97F4A7C15)
+        state = (state ^ (state >> _U64(30))) * _U64(0xBF58476D1CE4E5B9)
+        state = (state ^ (state >> _U64(27))) * _U64(0x94D049BB133111EB)
+    return np.asarray(state ^ (state >> _U64(31)))
+
+
+# -------------------------------------------------------------------------------------------------
+# Antennas and power on paths: transmit gain at the last vertex, receive gain at the pixel.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Rows times times whose gains are computed at once: 12 MB for each array of vectors.
+_BLOCK = 1 << 19
+#: Pulses over which a mean gain is taken, at most.
+_MEAN_PULSES = 64
+#: Of these, so many tell the mean of gains whose polynomial through them has last two coefficients
+#: below these fractions of the gain: the next one is then below 1e-9.
+_MEAN_NODES, _MEAN_TAIL = 5, (1e-5, 1e-8)
+
+
+@dataclass(frozen=True)
+class PathEnds:
+    """What gains need of n paths: total lengths [m] and directions from the receiver to the first
+    vertex at t, first and last vertices at t [m], NaN where unknown, their motion, and images of
+    the antennas over which they go.
+    """
+
+    length_m: Real
+    direction: Real
+    first_scatterer_m: Real
+    last_scatterer_m: Real
+    motion: PathMotion
+    images: PathImages | None = None
+
+    @classmethod
+    def of_paths(cls, paths: Paths) -> PathEnds:
+        """Return the ends of paths, which must know their directions (`ConfigError`)."""
+        geometry = paths.geometry
+        if geometry is None:
+            raise ConfigError(
+                "These paths have no directions, so antennas cannot be applied to them. Render "
+                "the run again with this version, or process it without a link budget."
+            )
+        return cls(
+            paths.length_m,
+            geometry.direction,
+            geometry.first_scatterer_m,
+            geometry.last_scatterer_m,
+            paths.lengths,
+            geometry.images,
+        )
+
+    @classmethod
+    def of_rows(cls, rows: PathRows, scene: FrameMotion | None) -> PathEnds:
+        """Return the ends of rows of a table, which move as the scene does."""
+        motion: PathMotion = LinearMotion(rows["length_m"], rows["range_rate_mps"])
+        if scene is not None:
+            motion = motion_of_rows(rows, scene)
+        return cls(
+            rows["length_m"],
+            rows["direction"],
+            rows["first_scatterer_m"],
+            rows["last_scatterer_m"],
+            motion,
+            None if scene is None else images_of(rows, scene.images),
+        )
+
+    def select(self, rows: NDArray[np.intp]) -> PathEnds:
+        """Return the ends of these paths alone."""
+        return PathEnds(
+            self.length_m[rows],
+            self.direction[rows],
+            self.first_scatterer_m[rows],
+            self.last_scatterer_m[rows],
+            self.motion.select(rows),
+            None if self.images is None else self.images.select(rows),
+        )
+
+    def unfolded(self, end: int, points_m: Real) -> Real:
+        """Return first (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
+        return points_m if self.images is None else self.images.unfolded(end, points_m)
+
+
+@dataclass(frozen=True)
+class _MeanNodes:
+    """A few of many times [s] whose values tell the mean over all where they change smoothly.
+
+    `weights` (nodes,) are those of the mean, `tail` (2, nodes) those of the last two coefficients
+    of the Chebyshev polynomials through the nodes.
+    """
+
+    times_s: Real
+    weights: Real
+    tail: Real
+
+    @classmethod
+    def of(cls, times_s: Real) -> _MeanNodes | None:
+        """Of times in rising order; None: they are too few."""
+        if times_s.size < 2 * _MEAN_NODES:
+            return None
+        chosen = np.rint(np.linspace(0, times_s.size - 1, _MEAN_NODES)).astype(np.intp)
+        place = 2 * (times_s - times_s[0]) / (times_s[-1] - times_s[0]) - 1
+        basis = np.polynomial.chebyshev.chebvander(place, _MEAN_NODES - 1)
+        inverse = np.linalg.inv(basis[chosen])
+        return cls(times_s[chosen], basis.mean(axis=0) @ inverse, inverse[-2:])
+
+    def mean(self, values: Real) -> tuple[Real, Mask]:
+        """Means of values (n, nodes), and which change smoothly, (n,) each."""
+        tail = np.abs(np.einsum("nk,ck->cn", values, self.tail))
+        smooth = tail <= np.multiply.outer(_MEAN_TAIL, np.abs(values).max(axis=1))
+        return np.einsum("nk,k->n", values, self.weights), smooth.all(axis=0)
+
+
+class Link:
+    """What a radar system makes of paths between one receiver and one transmitter.
+
+    Parameters
+    ----------
+    system
+        Power budget.
+    camera, emitter
+        Receiver and transmitter at the frame's time, and the lamp's EIRP.
+    scene
+        Motion during the burst; None: the antennas are stationary.
+    times_s
+        Pulse times, over which the mean gains of `apply` and `mean_factor` are taken, (pulses,)
+        [s]; None: gains of the frame's time.
+    attenuation_db_per_km
+        What the air takes of a kilometre of path, one way, over the whole band [dB/km].
+
+    Raises
+    ------
+    ConfigError
+        The lamp has no power: there is nothing to scale.
+    """
+
+    def __init__(
+        self,
+        system: RadarSystem,
+        camera: ReceiverRecord,
+        emitter: TransmitterRecord,
+        scene: FrameMotion | None = None,
+        times_s: Real | None = None,
+        attenuation_db_per_km: float = 0.0,
+    ) -> None:
+        if not emitter.eirp_w > 0:
+            raise ConfigError(
+                f"The emitter's power is {emitter.eirp_w:g} W; expected more than 0. Render with "
+                "a lamp that shines: a system scales its power, it cannot make it."
+            )
+        self.system, self._scene = system, scene
+        self.antennas = antenna_motion(camera, emitter, scene)
+        self._neper_per_m = attenuation_db_per_km * math.log(10) / 1e4
+        self._scale = system.record.transmit_power_w / (system.loss * emitter.eirp_w)
+        self._mean_times_s = np.zeros(0)
+        if times_s is not None and times_s.size > 1:
+            places = np.linspace(0, times_s.size - 1, min(times_s.size, _MEAN_PULSES))
+            self._mean_times_s = times_s[np.rint(places).astype(np.intp)]
+        self._nodes = _MeanNodes.of(self._mean_times_s)
+        self._patterns: dict[int, PeakedAntenna] = {}
+        #: Mean gains of rows of the frame's table, NaN where unknown.
+        self._kept = np.zeros(0)
+        #: Paths given to `apply` whose last vertex was taken as that of a single reflection, their
+        #: power, and that of all [W].
+        self.guessed = 0
+        self.guessed_w = self.seen_w = 0.0
+
+    @property
+    def receiver_m(self) -> Real:
+        """Position of the receiver at the frame's time, (3,) [m]."""
+        return self.antennas.receiver.pose[:3, 3]
+
+    @property
+    def emitter_m(self) -> Real:
+        """Position of the transmitter at the frame's time, (3,) [m]."""
+        return self.antennas.transmitter.pose[:3, 3]
+
+    def transmit_gain(self, points_m: Real) -> Real:
+        """G_t towards points (n, 3) [m] at the frame's time, (n,)."""
+        return self.system.transmitter.gain(
+            to_antenna_frame(self.antennas.transmitter.pose, points_m - self.emitter_m)
+        )
+
+    def receive_gain(self, direction: Real) -> Real:
+        """G_r for rays that leave the receiver in these directions, (n, 3)."""
+        return self.system.receiver.gain(to_antenna_frame(self.antennas.receiver.pose, direction))
+
+    def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
+        """P_t G_t G_r / (L EIRP) of each path at the frame's time, less what the air takes, (n,).
+
+        Where the last vertex is unknown it is taken to be where a single reflection of that length
+        would lie.
+        """
+        if not np.size(length_m):
+            return np.ones(0)
+        last_scatterer_m = self._last_vertices(length_m, direction, last_scatterer_m)
+        gain = self.transmit_gain(last_scatterer_m) * self.receive_gain(direction)
+        return np.asarray(self._scale * gain * self._air_gain(length_m), dtype=np.float64)
+
+    def _air_gain(self, length_m: Real) -> Real:
+        """What the air leaves of the power of paths of these total lengths, (n,)."""
+        # a length that is not finite is refused where it is used, and not for its power
+        return np.exp(-self._neper_per_m * np.where(np.isfinite(length_m), length_m, 0.0))
+
+    def ends_factor(self, ends: PathEnds) -> Real:
+        """As `factor`, of path ends, (n,)."""
+        last_m = ends.unfolded(1, ends.last_scatterer_m)
+        return self.factor(ends.length_m, ends.direction, last_m)
+
+    def varies(self, ends: PathEnds) -> Mask:
+        """Whether gains of paths change when bodies move or antennas move or turn, (n,)."""
+        antennas, system = self.antennas, self.system
+        moves = ends.motion.moving_vertices
+        varies = np.zeros(ends.length_m.size, dtype=bool)
+        if not isinstance(system.receiver, ConstantGain) and not antennas.orthographic:
+            varies |= antennas.receiver.moving | moves[:, 0]
+        if not isinstance(system.transmitter, ConstantGain):
+            varies |= antennas.transmitter.moving | moves[:, 1]
+        return varies
+
+    def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
+        """P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n, times).
+
+        Unknown vertices are taken as for `factor`, and not to move.
+        """
+        count = ends.length_m.size
+        result = np.empty((count, times_s.size))
+        step = max(1, _BLOCK // max(times_s.size, 1))
+        for start in range(0, count, step):
+            rows = np.arange(start, min(start + step, count))
+            own = ends.select(rows)
+            gain = self._end_gain(own, times_s, 1, channel.tx, self.system.transmitter)
+            gain = gain * self._end_gain(own, times_s, 0, channel.rx, self.system.receiver)
+            result[rows] = self._scale * gain * self._air_gain(own.length_m)[:, None]
+        return result
+
+    def start_factor(self, ends: PathEnds, channel: Channel) -> Real:
+        """As `factors` at the frame's time, (n,)."""
+        return self.factors(ends, np.array([self.antennas.receiver.epoch_offset_s]), channel)[:, 0]
+
+    def _end_gain(
+        self, ends: PathEnds, times_s: Real, end: int, element: Element, antenna: PeakedAntenna
+    ) -> Real:
+        """Gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
+        body = (self.antennas.receiver, self.antennas.transmitter)[end]
+        if element.antenna is not None:
+            antenna = self._pattern(element)
+        axes = axes_of(body, times_s)
+        if end == 0 and self.antennas.orthographic:
+            # rays along the boresight, which turns with the receiver
+            towards = np.broadcast_to(-axes[:, :, 2], (ends.length_m.size, *axes.shape[:2]))
+        else:
+            points = self._vertices(ends, end)
+            moved = ends.motion.displacements_m(times_s, slice(None), end, points)
+            if ends.images is not None:
+                points = ends.unfolded(end, points)
+                moved = ends.images.unturned(end, moved)
+            place_m = places_m(body, times_s, np.array(element.position_m))
+            towards = points[:, None] + moved - place_m
+        local = np.einsum("nti,tij->ntj", towards, axes @ element.rotation)
+        return np.asarray(antenna.gain(local), dtype=np.float64)
+
+    def _vertices(self, ends: PathEnds, end: int) -> Real:
+        """First or last vertices at t, (n, 3) [m], guessed where unknown."""
+        if end == 1:
+            return self._last_vertices(ends.length_m, ends.direction, ends.last_scatterer_m)
+        first = ends.first_scatterer_m
+        known = np.isfinite(first).all(axis=-1, keepdims=True)
+        on_ray = self.receiver_m + ends.direction * ends.length_m[:, None] / 2
+        return np.where(known, first, on_ray)
+
+    def _last_vertices(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
+        """Last vertices, where unknown those of single reflections, (n, 3) [m]."""
+        unknown = ~np.isfinite(last_scatterer_m).all(axis=-1)
+        if unknown.any():
+            last_scatterer_m = np.array(last_scatterer_m)
+            last_scatterer_m[unknown] = single_vertex_m(
+                length_m[unknown], direction[unknown], self.receiver_m, self.emitter_m
+            )
+        if not np.isfinite(last_scatterer_m).all():
+            # Shorter than the baseline by rounding: the scatterer lies between the antennas.
+            bad = ~np.isfinite(last_scatterer_m).all(axis=-1)
+            last_scatterer_m = np.where(bad[:, None], self.receiver_m + direction, last_scatterer_m)
+        return last_scatterer_m
+
+    def _pattern(self, element: Element) -> PeakedAntenna:
+        record = element.antenna
+        key = id(record)
+        if key not in self._patterns and record is not None:
+            self._patterns[key] = make_antenna(record, self.system.wavelength_m, "Element's")
+        return self._patterns[key]
+
+    def mean_factor(self, ends: PathEnds) -> Real:
+        """Mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it; where nothing changes
+        gains it is `factor`, to the last bit.
+        """
+        gain = self.ends_factor(ends)
+        if self._mean_times_s.size:
+            rows = np.flatnonzero(self.varies(ends))
+            if self._nodes is not None and rows.size:
+                found = self.factors(ends.select(rows), self._nodes.times_s)
+                gain[rows], smooth = self._nodes.mean(found)
+                rows = rows[~smooth]
+            if rows.size:
+                gain[rows] = self.factors(ends.select(rows), self._mean_times_s).mean(axis=1)
+        return gain
+
+    def mean_factor_of_rows(self, rows: PathRows, number: Indices | None = None) -> Real:
+        """As `mean_factor`, of rows of the frame's table, (n,), which are kept by their rising
+        numbers in it, where given.
+        """
+        if number is None or not number.size:
+            return self.mean_factor(PathEnds.of_rows(rows, self._scene))
+        if number[-1] >= self._kept.size:
+            more = max(int(number[-1]) + 1 - self._kept.size, self._kept.size)
+            self._kept = np.concatenate([self._kept, np.full(more, np.nan)])
+        gain = self._kept[number]
+        new = np.isnan(gain)
+        if new.any():
+            own = rows if new.all() else rows[new]
+            gain[new] = self.mean_factor(PathEnds.of_rows(own, self._scene))
+            self._kept[number] = gain
+        return gain
+
+    def apply(self, paths: Paths, of_table: bool = False) -> Paths:
+        """Return the paths with their mean gain over the burst; they must know their directions
+        (`ConfigError`). Paths `of_table` have the gains that are kept of its rows.
+        """
+        ends, gain = PathEnds.of_paths(paths), np.full(1, np.nan)
+        straight = self._scene is not None or ends.images is None
+        if of_table and straight and paths.row.max(initial=0) < self._kept.size:
+            gain = self._kept[paths.row]
+        if np.isnan(gain).any():
+            gain = self.mean_factor(ends)
+        result = dataclasses.replace(paths, gain=gain)
+        power_w = path_power_w(result, self.system.wavelength_m)
+        unknown = ~np.isfinite(ends.last_scatterer_m).all(axis=-1)
+        self.guessed += int(np.count_nonzero(unknown))
+        self.guessed_w += float(power_w[unknown].sum())
+        self.seen_w += float(power_w.sum())
+        return result
+
+
+def antenna_motion(
+    camera: ReceiverRecord, emitter: TransmitterRecord, scene: FrameMotion | None = None
+) -> AntennaMotion:
+    """Return the motion of a frame's antennas.
+
+    Parameters
+    ----------
+    camera, emitter
+        Poses at the frame's time.
+    scene
+        Motion during the burst; None: stationary.
+
+    Returns
+    -------
+    AntennaMotion
+        Motion of receiver and transmitter.
+    """
+
+    def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:
+        if moving is not None and moving.moving:
+            return moving
+        return BodyMotion(np.asarray(matrix, dtype=np.float64))
+
+    return AntennaMotion(
+        body(camera.matrix_world, None if scene is None else scene.receiver),
+        body(emitter.matrix_world, None if scene is None else scene.emitter),
+        camera.kind == "orthographic",
+    )
 
 
 def path_amplitude(

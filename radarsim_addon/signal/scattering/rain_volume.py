@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...array_types import Real
+from ...arrays import Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
-from ...physics.rain_echo import rain_fall_speeds, rain_reflectivity_per_m
+from ...physics.weather import rain_fall_speeds, rain_reflectivity_per_m
 from ..decoding import FrameInput, pixel_rays
 from ..paths import PATH_DTYPE, PathRows, Paths, geometry_of, make_paths, radiance_of
 from ..radar import Weather
-from .random_phases import hash_step, uniform
+from .amplitudes import hash_step, uniform
 
 #: Directions along the longer side of the field of view, and points of a frame, at most.
 _DIRECTIONS, _MOST_POINTS = 32, 2_000_000

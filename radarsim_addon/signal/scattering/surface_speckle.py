@@ -32,32 +32,427 @@ be hit or missed by chance.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Indices, Integers, Real
+from ...arrays import Complex, Indices, Integers, Real, are_finite, distances, take_rows
 from ...contract import FluctuationRecord, PathsRecord
 from ...errors import ConfigError
+from ...findings import Finding, finding
+from ...physics.clutter import clutter_velocities, texture
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...vectors import are_finite, distances, take_rows
 from ..paths import (
     AnyRows,
     PathColumns,
     PathRows,
     TableFootprints,
     has_images,
+    images_of,
     iter_rows,
     scatterer_rows,
 )
-from .random_phases import hash_step
-from .speckle_report import ENOUGH_SCATTERERS, SpeckleReport
-from .surface_cells import Body, Hash, SurfaceCells, distinct
-from .surface_fluctuations import SurfaceFluctuations
-from .vertex_view import VertexView
+from .amplitudes import hash_step, uniform
+
+# -------------------------------------------------------------------------------------------------
+# Lengths and deflections of paths over given vertices, seen from the antennas of a table.
+# -------------------------------------------------------------------------------------------------
+
+
+class VertexView:
+    """The antennas of a table at its time, and their images."""
+
+    def __init__(self, record: PathsRecord) -> None:
+        self.receiver_m = np.asarray(record.receiver.matrix_world, dtype=np.float64)[:3, 3]
+        self.emitter_m = np.asarray(record.transmitter.matrix_world, dtype=np.float64)[:3, 3]
+        self.orthographic = record.receiver.kind == "orthographic"
+        self._images = record.images
+
+    def _antennas_m(self, rows: AnyRows) -> tuple[Real, Real]:
+        """Places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
+        images = images_of(rows, self._images)
+        if images is None:
+            return self.receiver_m, self.emitter_m
+        return images.places(0, self.receiver_m), images.places(1, self.emitter_m)
+
+    def length_m(
+        self, first_scatterer_m: Real, last_scatterer_m: Real, rows: AnyRows, images: bool = True
+    ) -> Real:
+        """Length over two points, or over one at order 1 [m]; without `images` straight to the
+        antennas.
+        """
+        order, direction = rows["order"], rows["direction"]
+        receiver_m, emitter_m = self.receiver_m, self.emitter_m
+        if images:
+            receiver_m, emitter_m = self._antennas_m(rows)
+        length_m = distances(last_scatterer_m, emitter_m)
+        two = np.flatnonzero(order == 2)
+        length_m[two] += distances(last_scatterer_m[two], first_scatterer_m[two])
+        if self.orthographic:
+            return length_m + np.sum(direction * (first_scatterer_m - self.receiver_m), axis=-1)
+        length_m += distances(first_scatterer_m, receiver_m)
+        return length_m
+
+    def turns(self, rows: AnyRows) -> tuple[Real, Real]:
+        """|u_in - u_out| at the first and at the last vertex."""
+        receiver_m, emitter_m = self._antennas_m(rows)
+        into_first = rows["direction"]
+        if receiver_m.ndim > 1:
+            over = rows["receiver_image"] != 0
+            straight = _unit(rows["first_scatterer_m"] - receiver_m)
+            into_first = np.where(over[:, None], straight, into_first)
+        out_last = _unit(emitter_m - rows["last_scatterer_m"])
+        between = _unit(rows["last_scatterer_m"] - rows["first_scatterer_m"])
+        two = (rows["order"] == 2)[:, None]
+        first = np.where(two, into_first - between, 0.0)
+        last = np.where(two, between, into_first) - out_last
+        return np.linalg.norm(first, axis=-1), np.linalg.norm(last, axis=-1)
+
+
+def _unit(vectors: Real) -> Real:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(length > 0, vectors / length, 0.0)
+
+
+# -------------------------------------------------------------------------------------------------
+# Cells of surfaces, fixed to bodies, each with a scatterer; see :mod:`.surface_speckle`.
+# -------------------------------------------------------------------------------------------------
+
+
+Hash = NDArray[np.uint64]
+
+#: Axes of the world, in which poses are at its origin.
+_WORLD = np.eye(3)
+#: Where the origin lies in its cell: at no simple fraction of it.
+_OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
+
+
+def distinct(keys: Hash) -> tuple[Hash, Indices, Indices]:
+    """The keys that there are, sorted, where each comes first, and the place of every key among
+    them: `numpy.unique`, without its stable sort.
+    """
+    order = np.argsort(keys)
+    ranked = keys[order]
+    starts = np.flatnonzero(np.append(True, ranked[1:] != ranked[:-1])[: keys.size])
+    place = np.empty(keys.size, dtype=np.intp)
+    place[order] = np.repeat(np.arange(starts.size), np.diff(starts, append=keys.size))
+    if not starts.size:
+        return ranked, starts, place
+    return ranked[starts], np.minimum.reduceat(order, starts), place
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body to which cells are fixed: its unique name, and its pose (4, 4) [m].
+
+    `box`: lowest and highest corner of its mesh in its own axes (2, 3) [m at scale 1]; None:
+    scatterers may lie anywhere in their cells. `turns`: its parts have different velocities.
+    """
+
+    name: str
+    pose: Real
+    box: Real | None = None
+    turns: bool = False
+
+    @property
+    def extent_m(self) -> Real:
+        """Lowest and highest coordinate along the axes of `rotation`, (2, 3) [m]."""
+        if self.box is None:
+            return np.array([[-np.inf] * 3, [np.inf] * 3])
+        corners = np.array(list(itertools.product(*self.box.T)))
+        corners_m = corners @ self.pose[:3, :3].T @ self.rotation
+        return np.array([corners_m.min(axis=0), corners_m.max(axis=0)])
+
+    @property
+    def rotation(self) -> Real:
+        """The nearest rotation to the pose's axes, (3, 3); a mirror stays one."""
+        left, _, right = np.linalg.svd(self.pose[:3, :3])
+        return np.asarray(left @ right, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of n vertices: hashes, bodies, poses and edges [m], (n,), numbers along the axes,
+    (3, n).
+    """
+
+    state: Hash
+    corner: Real
+    body: Integers
+    pose: Integers
+    edge_m: Real
+
+
+class SurfaceCells:
+    """Cells of an edge [m], or of their object's where that is larger (`lengths_m` by its number),
+    and at least of `coarse_m` on bodies that do not turn.
+
+    `bodies` go by the numbers in the table's columns `columns`, of first and last vertex.
+    """
+
+    def __init__(
+        self,
+        bodies: Mapping[int, Body],
+        columns: tuple[str, str],
+        lengths_m: Real,
+        seed: int,
+        edge_m: float,
+        coarse_m: float = 0.0,
+    ) -> None:
+        self._columns, self._lengths_m = columns, lengths_m
+        # numbers of no body are in world space, at 0 and at the end
+        self._most = max(bodies, default=0) + 1
+        self._starts = np.full(self._most + 1, np.uint64(seed % 2**64))
+        self._pose = np.zeros(self._most + 1, dtype=np.intp)
+        self._poses = [(_WORLD, np.zeros(3))]
+        self._edges_m = np.full(self._most + 1, max(edge_m, coarse_m))
+        self._extents_m = np.tile(np.array([-np.inf, np.inf])[:, None, None], (3, self._most + 1))
+        known = {self._poses[0][0].tobytes() + self._poses[0][1].tobytes(): 0}
+        for number, body in bodies.items():
+            name = hashlib.sha256(body.name.encode()).digest()[:8]
+            self._starts[number] ^= np.uint64(int.from_bytes(name))
+            self._extents_m[:, :, number] = body.extent_m
+            if body.turns:
+                self._edges_m[number] = edge_m
+            pose = body.rotation, np.ascontiguousarray(body.pose[:3, 3])
+            key = pose[0].tobytes() + pose[1].tobytes()
+            if key not in known:
+                known[key] = len(self._poses)
+                self._poses.append(pose)
+            self._pose[number] = known[key]
+        # Mixed before the cells come in: seed 1 must not be seed 0 with its cells swapped.
+        self._starts = hash_step(self._starts)
+
+    def of(self, rows: AnyRows, first: bool) -> Cells:
+        """Cells of a vertex of rows whose vertices are all known."""
+        body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
+        length_m = self._lengths_m[rows["first_object" if first else "last_object"]]
+        edge_m = np.maximum(self._edges_m[body], length_m)
+        pose, state = self._pose[body], self._starts[body]
+        corner = np.array(rows["first_scatterer_m" if first else "last_scatterer_m"].T, order="C")
+        for mine, rotation, origin_m in self._by_pose(pose):
+            if rotation is _WORLD:
+                continue
+            arm_m = corner[:, mine] - origin_m[:, None]
+            if not np.array_equal(rotation, _WORLD):
+                arm_m = (np.ascontiguousarray(arm_m.T) @ rotation).T
+            corner[:, mine] = arm_m
+        corner /= edge_m
+        # Faces lie on round coordinates more often than not: no border of cells may.
+        corner += _OFFSET[:, None]
+        np.floor(corner, out=corner)
+        for place in corner:
+            state = hash_step(state ^ place.astype(np.int64).view(np.uint64))
+        return Cells(state, corner, body, pose, edge_m)
+
+    def _by_pose(self, pose: Integers) -> Iterator[tuple[Integers | slice, Real, Real]]:
+        """Rows, rotation and origin of each pose."""
+        found = np.flatnonzero(np.bincount(pose))
+        for number in found.tolist():
+            mine = slice(None) if found.size == 1 else np.flatnonzero(pose == number)
+            yield mine, *self._poses[number]
+
+    def local_m(self, cells: Cells) -> Real:
+        """Scatterers of cells in the axes of their bodies, within those, (n, 3) [m]."""
+        draw, points_m = cells.state, np.empty((cells.state.size, 3))
+        held = np.flatnonzero(np.isfinite(self._extents_m[0, 0, cells.body]))
+        for axis, corner in enumerate(cells.corner):
+            draw = hash_step(draw)
+            starts_m = corner - _OFFSET[axis]
+            points_m[:, axis] = cells.edge_m * (uniform(draw) + starts_m)
+            if held.size:
+                within_m = np.stack([starts_m[held], starts_m[held] + 1]) * cells.edge_m[held]
+                low_m, high_m = np.clip(within_m, *self._extents_m[:, axis, cells.body[held]])
+                points_m[held, axis] = low_m + uniform(draw[held]) * (high_m - low_m)
+        return points_m
+
+    @property
+    def largest_m(self) -> float:
+        """Largest edge of a cell [m]."""
+        return float(max(self._edges_m.max(), self._lengths_m.max()))
+
+    def centres_m(self, cells: Cells) -> Real:
+        """Centres of cells, (n, 3) [m]."""
+        return self._in_world(cells, ((cells.corner - _OFFSET[:, None] + 0.5) * cells.edge_m).T)
+
+    def _in_world(self, cells: Cells, points_m: Real) -> Real:
+        """Points in the axes of the cells' bodies in world space, in place."""
+        for mine, rotation, origin_m in self._by_pose(cells.pose):
+            if rotation is _WORLD:
+                continue
+            if not np.array_equal(rotation, _WORLD):
+                points_m[mine] = points_m[mine] @ rotation.T
+            points_m[mine] += origin_m
+        return points_m
+
+    def scatterers(self, cells: Cells) -> tuple[Real, Real]:
+        """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
+        return self._in_world(cells, self.local_m(cells)), self.heights(cells.state)
+
+    @staticmethod
+    def heights(states: Hash) -> Real:
+        """Unit Gaussian heights from hashes, (n,)."""
+        first_draw = hash_step(states ^ np.uint64(0x5851F42D4C957F2D))
+        second_draw = hash_step(first_draw)
+        # Box and Muller; 1 - u is never 0
+        return np.asarray(
+            np.sqrt(-2 * np.log(1 - uniform(first_draw))) * np.cos(2 * np.pi * uniform(second_draw))
+        )
+
+    def keys(self, rows: AnyRows) -> Hash:
+        """One number for all paths over the same cells, in the same way."""
+        apart, last = self.apart(rows), self.of(rows, False).state
+        first = last.copy()
+        if apart.size:
+            first[apart] = self.of(rows[apart], True).state
+        way = rows["order"].astype(np.uint64) << np.uint64(32)
+        way |= rows["transparent_depth"].astype(np.uint64)
+        return hash_step(hash_step(first ^ way) ^ last)
+
+    def apart(self, rows: AnyRows) -> Indices:
+        """Rows whose first vertex is another than the last: none of those of one reflection."""
+        same = rows["first_object"] == rows["last_object"]
+        same &= rows[self._columns[0]] == rows[self._columns[1]]
+        for first_m, last_m in zip(rows["first_scatterer_m"].T, rows["last_scatterer_m"].T):
+            same &= first_m == last_m
+        return np.flatnonzero(~same)
+
+
+# -------------------------------------------------------------------------------------------------
+# Texture and velocities of the scatterers of surfaces whose clutter fluctuates.
+#
+# Both belong to the surface, as its scatterers do (:mod:`.surface_speckle`): texture is a field in
+# the object's own coordinates, and a scatterer keeps its velocity from frame to frame.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Tells these draws from those of places and heights.
+_DRAWS = np.uint64(0xD1B54A32D192ED03)
+
+
+def grazing_cosines(rows: AnyRows) -> Real:
+    """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,).
+
+    Surfaces of clutter's models are level: the grazing angle is the ray's elevation.
+    """
+    return np.asarray(np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0)))
+
+
+class SurfaceFluctuations:
+    """Draws texture and velocities; `surfaces` goes by the number of the object, from 1."""
+
+    def __init__(
+        self,
+        cells: SurfaceCells,
+        surfaces: Mapping[int, FluctuationRecord],
+        seed: int,
+        wavelength_m: float,
+    ) -> None:
+        self._cells, self._surfaces = cells, surfaces
+        self._seed, self._wavelength_m = seed, wavelength_m
+
+    def __bool__(self) -> bool:
+        return bool(self._surfaces)
+
+    def of_vertex(self, rows: AnyRows, cells: Cells, first: bool) -> tuple[Real, Real]:
+        """Factors on the power, and velocities along the line of sight [m/s], of the cells of a
+        vertex of rows, (n,) each; 1 and 0 at surfaces that do not fluctuate.
+        """
+        factors, rates_mps = np.ones(rows.size), np.zeros(rows.size)
+        objects = rows["first_object" if first else "last_object"]
+        counts = (rows["order"] > 1) if first else np.ones(rows.size, dtype=bool)
+        own_m = self._cells.local_m(cells)
+        draw = hash_step(cells.state ^ _DRAWS)
+        draws = uniform(draw), uniform(hash_step(draw))
+        cosine = grazing_cosines(rows)
+        for number, surface in self._surfaces.items():
+            mine = np.flatnonzero((objects == number) & counts)
+            if not mine.size:
+                continue
+            factors[mine] = texture(
+                own_m[mine],
+                surface.texture,
+                surface.texture_shape,
+                surface.texture_length_m,
+                self._seed + number,
+            )
+            rates_mps[mine] = clutter_velocities(
+                surface.motion,
+                surface.motion_speed_mps,
+                surface.motion_fraction,
+                (draws[0][mine], draws[1][mine]),
+                cosine[mine],
+                self._wavelength_m,
+            )
+        return factors, rates_mps
+
+
+# -------------------------------------------------------------------------------------------------
+# What the scatterers of a frame's surfaces are like, and what to know of them.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Scatterers in a resolution cell from which its intensity is taken to be exponential.
+ENOUGH_SCATTERERS = 40
+
+
+@dataclass(frozen=True)
+class SpeckleReport:
+    """What the cells of a frame are like.
+
+    Attributes
+    ----------
+    cell_m
+        Edge of a cell [m]; larger where a material's correlation length is.
+    cells
+        Cells that paths hit.
+    median_scatterers
+        Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
+        median over the power.
+    undersampled_power_fraction
+        Fraction of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
+    coherent_power_fraction
+        Fraction of the power that the roughness leaves coherent, mean of m^2: not formed as such.
+    coherent_objects
+        Names of the objects of which more than 1 % of the power is.
+    """
+
+    cell_m: float
+    cells: int
+    median_scatterers: float
+    undersampled_power_fraction: float
+    coherent_power_fraction: float = 0.0
+    coherent_objects: tuple[str, ...] = ()
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Too few scatterers for speckle, and coherent parts left out, where it is so."""
+        found = []
+        if self.undersampled_power_fraction >= 0.2:
+            found.append(
+                finding(
+                    "few-scatterers",
+                    fraction=self.undersampled_power_fraction,
+                    enough=ENOUGH_SCATTERERS,
+                    median=self.median_scatterers,
+                )
+            )
+        if self.coherent_objects:
+            found.append(
+                finding(
+                    "coherent-part-not-formed",
+                    *self.coherent_objects,
+                    fraction=self.coherent_power_fraction,
+                )
+            )
+        return found
+
 
 #: Footprints in the edge of a cell, at least: a cell then holds two paths or more.
 _FOOTPRINTS = 1.5

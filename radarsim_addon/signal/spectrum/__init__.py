@@ -17,9 +17,8 @@ from .accumulator import (
     SynthesisReport,
 )
 from .amplitudes import AmplitudeHistory
-from .grid import check_finite, repeat_orders
+from .grid import CodeShape, check_finite, repeat_orders
 from .nufft import Backend, nufft1, smooth_size
-from .pulse_shape import CodeShape
 
 __all__ = [
     "TOLERANCE",

@@ -44,28 +44,24 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ...array_types import Complex, Real
+from ...arrays import Complex, Real
 from ...errors import ConfigError, PathDataError
 from ..motion import JoinedMotion, PathMotion
 from .amplitudes import AmplitudeHistory
 from .grid import (
     ExtraCycles,
     FrequencyGrid,
+    PulseShape,
     Ramp,
     ReceiveWindow,
     SynthesisContext,
     Weights,
     check_finite,
 )
-from .moving import MovingPathAccumulator
+from .moving import MovingPathAccumulator, VaryingPathAccumulator
 from .nufft import Backend, choose_backend
-from .ordered_executor import OrderedExecutor, available_threads
-from .pulse_blocks import PulseBlock, TransformPool
-from .pulse_shape import PulseShape
-from .pulse_sums import Method
-from .report import SynthesisReport, Transform
-from .transform import ErrorSum, PulseTransform
-from .varying import VaryingPathAccumulator
+from .pulse_sums import Method, OrderedExecutor, PulseBlock, TransformPool, available_threads
+from .transform import ErrorSum, PulseTransform, SynthesisReport, Transform
 
 __all__ = [
     "TOLERANCE",

@@ -14,7 +14,7 @@ pytest.importorskip("bpy")
 
 from radarsim_addon.__main__ import main
 from radarsim_addon.blender.headless import coverage, render, selfcheck
-from radarsim_addon.blender.run.devices import Verdict
+from radarsim_addon.blender.run.scene_state import Verdict
 
 pytestmark = pytest.mark.blender
 

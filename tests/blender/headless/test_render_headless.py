@@ -21,9 +21,9 @@ from radarsim_addon import contract, signal
 from radarsim_addon.__main__ import render_command
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import render
-from radarsim_addon.blender.run.leases import Leases
-from radarsim_addon.sidecar import file_sha256, read_record
+from radarsim_addon.blender.run.shared_folder import Leases
 from radarsim_addon.signal.pipeline import main
+from radarsim_addon.typed_json import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]

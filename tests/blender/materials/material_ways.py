@@ -14,7 +14,7 @@ from radarsim_addon.blender.materials import (
     assigned_materials,
 )
 from radarsim_addon.blender.materials import physical_materials as pm
-from radarsim_addon.blender.nodes.group_search import group_input
+from radarsim_addon.blender.nodes.groups import group_input
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
 

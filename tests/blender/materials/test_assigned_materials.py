@@ -23,12 +23,12 @@ from radarsim_addon.blender.materials import (
 )
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.nodes import attributes, groups
-from radarsim_addon.blender.nodes.group_search import find_group, group_input
+from radarsim_addon.blender.nodes.groups import find_group, group_input
 from radarsim_addon.blender.scene import check_meshes
 from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
-from radarsim_addon.physics.slab import excess_path_m, slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh

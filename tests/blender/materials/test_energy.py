@@ -20,10 +20,8 @@ from mathutils import Matrix
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import EXACT_FACETS
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.physics.fresnel import unpolarised_reflectance
-from radarsim_addon.physics.rough import albedo
-from radarsim_addon.physics.rough_transmission import transmission_factors
-from radarsim_addon.physics.slab import slab_power
+from radarsim_addon.physics.fresnel import slab_power, unpolarised_reflectance
+from radarsim_addon.physics.rough import albedo, transmission_factors
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
 

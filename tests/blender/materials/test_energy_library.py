@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials.library import ASSETS
+from radarsim_addon.blender.materials.physical_materials import ASSETS
 from scripts.validation.case import Bench, Check
 from scripts.validation.energy_slabs import (
     SUM,

@@ -17,14 +17,14 @@ from mathutils import Matrix, Vector
 from radarsim_addon.blender.materials import (
     Interiors,
     interior_losses_db,
-    interior_rounding,
+    interiors,
     make_physical_material,
     set_layer_normals,
     settle_interiors_far_away,
 )
 from radarsim_addon.blender.nodes import attributes, make_material
 from radarsim_addon.blender.state import SettingsRestorer
-from radarsim_addon.physics.slab import excess_path_m, slab_power
+from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.signal.radar import Waveform
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -131,7 +131,7 @@ def test_faces_and_rim_do_what_the_volume_does(
                 )
             )
         if at_faces:
-            monkeypatch.setattr(interior_rounding, "_TOLERANCE_DB", 0.0)
+            monkeypatch.setattr(interiors, "_TOLERANCE_DB", 0.0)
         run = ph.run_paths(tmp_path / str(at_faces), width_px=32, height_px=32)
         tables.append(run.table())
     volume, faces = tables

@@ -12,7 +12,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.physics.slab import slab_power
+from radarsim_addon.physics.fresnel import slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.paths.test_paths_walls import WAVELENGTH_M, medium

@@ -17,14 +17,15 @@ from mathutils import Matrix
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.materials import media_beyond_their_band
 from radarsim_addon.blender.materials import physical_materials as pm
-from radarsim_addon.blender.materials.layer_faces import LayerFaces, layer_normals
-from radarsim_addon.blender.materials.material_limits import limits_of
+from radarsim_addon.blender.materials.physical_materials import limits_of
+from radarsim_addon.blender.materials.wall_faces import LayerFaces, layer_normals
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.blender.nodes.materials import group_node, lets_nothing_through
+from radarsim_addon.blender.nodes.groups import group_node
+from radarsim_addon.blender.nodes.materials import lets_nothing_through
 from radarsim_addon.errors import ConfigError
+from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.rough import sigma0
-from radarsim_addon.physics.slab import excess_path_m, slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh

@@ -13,8 +13,8 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material
-from radarsim_addon.physics.slab import excess_path_m, slab_power
 from tests.blender import render_helpers as rh
 from tests.blender import slab_scene as ss
 

@@ -13,12 +13,12 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import (
-    convex_bodies,
     convex_objects,
     interior_losses_db,
     layers,
     total_reflection,
     total_reflections,
+    wall_faces,
 )
 from radarsim_addon.blender.materials.wall_faces import find_walls
 from radarsim_addon.blender.nodes import attributes
@@ -151,7 +151,7 @@ def stacked(*meshes: tuple[Any, Any], flip: float = 1.0) -> Any:
     """Those of meshes that are convex bodies, named by their place."""
     points, corners = (np.stack(parts) for parts in zip(*meshes, strict=True))
     poses = np.stack([np.diag([flip, 1.0, 1.0, 1.0])] * len(points))
-    return convex_bodies._stacked(tuple(range(len(points))), points, corners, poses)
+    return wall_faces._stacked(tuple(range(len(points))), points, corners, poses)
 
 
 def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
@@ -226,7 +226,7 @@ def test_compact_bodies_have_no_walls() -> None:
         bpy.context.object.data.materials.append(physical_material(2.3, 0.0))
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    (bodies,) = convex_bodies.convex_parts(depsgraph)
+    (bodies,) = wall_faces.convex_parts(depsgraph)
     compact = set(bodies.without_walls())
     assert 3 < len(compact) < 27
     assert not any(find_walls(item, depsgraph).wall.any() for item in compact)

@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
-from radarsim_addon.physics.slab import excess_path_m
+from radarsim_addon.physics.fresnel import excess_path_m
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.paths.test_paths_walls import medium, slab

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from radarsim_addon.blender.motion import burst_motion, fits
-from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.contract import MOTION_FILE, MotionRecord, frame_dir
 from radarsim_addon.findings import Finding
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import read_record
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 

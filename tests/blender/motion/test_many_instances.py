@@ -12,17 +12,16 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.motion import body_records, samples
-from radarsim_addon.blender.paths.still_frames import StillFrames
+from radarsim_addon.blender.motion import bodies, samples
+from radarsim_addon.blender.paths.path_job import StillFrames
 from radarsim_addon.blender.plan import Extent
-from radarsim_addon.blender.scene.boxes import Boxes, extent_of_boxes
+from radarsim_addon.blender.scene.ground_truth import Boxes, extent_of_boxes
 from radarsim_addon.blender.state import take_snapshot
 from radarsim_addon.blender.state.snapshot import walk
-from radarsim_addon.contract import MOTION_FILE, STILL_BODIES_FILE, frame_dir
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import file_sha256, read_record
+from radarsim_addon.contract import MOTION_FILE, STILL_BODIES_FILE, MotionRecord, frame_dir
 from radarsim_addon.signal.motion import FrameMotion, read_motion
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import file_sha256, read_record
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -89,7 +88,7 @@ def test_stationary_bodies_in_a_file_are_those_of_records(
 ) -> None:
     field()
     run = measured(tmp_path / "records")
-    monkeypatch.setattr(body_records, "MANY", 20)
+    monkeypatch.setattr(bodies, "MANY", 20)
     field()
     other = measured(tmp_path / "file")
     alike(run, other)
@@ -103,7 +102,7 @@ def test_stationary_bodies_in_a_file_are_those_of_records(
 def test_a_frame_without_its_file_of_bodies_is_rendered_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(body_records, "MANY", 20)
+    monkeypatch.setattr(bodies, "MANY", 20)
     field()
     measured(tmp_path)
     field()
@@ -120,7 +119,7 @@ def test_a_frame_without_its_file_of_bodies_is_rendered_again(
 def test_frames_without_motion_have_the_file_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(body_records, "MANY", 20)
+    monkeypatch.setattr(bodies, "MANY", 20)
     field(moves=False)
     run = measured(tmp_path / "still")
     assert run.record(FRAMES[-1]).renders == 0
@@ -160,7 +159,7 @@ def test_the_extent_is_that_of_all_corners() -> None:
 
 
 def test_the_motion_file_stays_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(body_records, "MANY", 20)
+    monkeypatch.setattr(bodies, "MANY", 20)
     field()
     run = measured(tmp_path)
     text = (run.folder / frame_dir(1) / MOTION_FILE).read_text()
@@ -174,7 +173,7 @@ def test_instances_have_the_name_of_now() -> None:
     rows = np.flatnonzero(layout.instancer >= 0)
     for name in ("Field", "Field", "Other"):
         bpy.data.objects[layout.instancers[0].name].name = name
-        found = body_records._instance_names(layout, rows[::2])
+        found = bodies._instance_names(layout, rows[::2])
         assert len(found) == 18
         assert all(one.split("/")[0] == name for one in found)
         assert len(set(found)) == 18

@@ -12,14 +12,14 @@ from PIL import Image
 
 from radarsim_addon import contract, signal
 from radarsim_addon.blender.motion.burst_motion import _approximated
-from radarsim_addon.blender.run.output_folder import clear_run
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.blender.run.shared_folder import clear_run
+from radarsim_addon.contract import MotionRecord
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.echoes import render_times_s
-from radarsim_addon.signal.pictures.animation import FRAMES_PER_SECOND
+from radarsim_addon.signal.pictures.frame_pictures import FRAMES_PER_SECOND
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import read_record
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs

@@ -13,10 +13,9 @@ import pytest
 from mathutils import Matrix
 
 from radarsim_addon import contract
-from radarsim_addon.contract import MOTION_FILE, frame_dir
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.contract import MOTION_FILE, MotionRecord, frame_dir
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import read_record
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs

@@ -13,12 +13,11 @@ import pytest
 
 from radarsim_addon import signal
 from radarsim_addon.blender.motion import burst_motion
-from radarsim_addon.contract import MOTION_FILE, frame_dir
+from radarsim_addon.contract import MOTION_FILE, MotionRecord, frame_dir
 from radarsim_addon.errors import SceneError
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.decoding import frame_paths
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import read_record
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs

@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.array_types import Real
-from radarsim_addon.blender.motion import near_bodies as module
-from radarsim_addon.blender.motion.near_bodies import pairs_near
+from radarsim_addon.arrays import Real
+from radarsim_addon.blender.motion import bodies as module
+from radarsim_addon.blender.motion.bodies import pairs_near
 from radarsim_addon.blender.state import Layout
 
 MARGIN_M = 0.05

@@ -10,10 +10,10 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.motion.near_bodies import pairs_near
+from radarsim_addon.blender.motion.bodies import pairs_near
 from radarsim_addon.errors import MissingDependencyError
 from radarsim_addon.signal.motion import smooth_poses
-from radarsim_addon.signal.paths.triangle_cells import sorted_places
+from radarsim_addon.signal.paths.triangles import sorted_places
 from tests.blender.motion.test_near_bodies import layout
 
 

@@ -19,7 +19,7 @@ from mathutils import Euler, Matrix
 
 from radarsim_addon.blender.materials import set_clutter, set_clutter_tables
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
-from radarsim_addon.blender.nodes.materials import group_node
+from radarsim_addon.blender.nodes.groups import group_node
 from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.physics.rough import sigma0 as kirchhoff
 from tests.blender import render_helpers as rh

@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender.nodes.build import TreeBuilder
-from radarsim_addon.blender.nodes.fresnel import cos_incidence, reflectance, transmittance
+from radarsim_addon.blender.nodes.interface import cos_incidence, reflectance, transmittance
 from radarsim_addon.physics.fresnel import unpolarised_reflectance
 from tests.blender import render_helpers as rh
 

@@ -14,8 +14,8 @@ from mathutils import Matrix
 
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
-from radarsim_addon.physics.slab import excess_path_m, slab_power
 from tests.blender import render_helpers as rh
 
 pytestmark = pytest.mark.blender

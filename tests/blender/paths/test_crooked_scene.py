@@ -17,8 +17,8 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import read_record
 from tests.blender import crooked_scene as cs
 from tests.blender import path_helpers as ph
 

@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.scene import reads_context
-from radarsim_addon.blender.views import empty_scene
+from radarsim_addon.blender.views import view_setup
 from radarsim_addon.contract import PATHS_TABLE, burst_dir
 from radarsim_addon.signal.paths import open_table
 from radarsim_addon.signal.radar import Burst
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.blender
 @pytest.fixture
 def seen(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """Scenes of the context at each render; any number of objects is many."""
-    monkeypatch.setattr(empty_scene, "_MANY", 0)
+    monkeypatch.setattr(view_setup, "_MANY", 0)
     scenes: list[str] = []
 
     @bpy.app.handlers.persistent  # a new file would end it
@@ -56,7 +56,7 @@ def test_results_have_the_same_bits(
 ) -> None:
     tables = []
     for many in (0, 10**9):
-        monkeypatch.setattr(empty_scene, "_MANY", many)
+        monkeypatch.setattr(view_setup, "_MANY", many)
         moving_scene()
         run = run_paths(
             tmp_path / str(many), frames=(1, 5), burst=Burst(20.0, 16), options=IN_BURST

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.blender.state import evaluated, snapshot
+from radarsim_addon.blender.state import snapshot
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -38,7 +38,7 @@ def test_each_mesh_is_read_once_and_never_evaluated_again(
 
     def count(mesh: Any) -> Any:
         read.append(len(mesh.vertices))
-        return evaluated.read_triangles(mesh)
+        return snapshot.read_triangles(mesh)
 
     def note(_scene: Any, depsgraph: Any) -> None:
         changed = (one.id.name for one in depsgraph.updates if one.is_updated_geometry)

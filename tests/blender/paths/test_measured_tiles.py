@@ -16,11 +16,14 @@ from radarsim_addon.errors import OutputError
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths.background import Background
 from radarsim_addon.blender.paths.error_budget import CellGrid, ErrorBudget
-from radarsim_addon.blender.paths.measured_tiles import MeasuredTiles, NewTile
-from radarsim_addon.blender.paths.quality import QualitySums
-from radarsim_addon.blender.paths.tile_checkpoints import TileCheckpoints
+from radarsim_addon.blender.paths.measured_tiles import (
+    Background,
+    MeasuredTiles,
+    NewTile,
+    QualitySums,
+    TileCheckpoints,
+)
 from radarsim_addon.blender.paths.tiles import Tile
 from radarsim_addon.blender.views import TracedReplicate, View, ViewWindow
 from radarsim_addon.contract import ReceiverRecord
@@ -127,7 +130,7 @@ def test_rows_that_cannot_be_written_are_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, threaded: bool
 ) -> None:
     """With the disk full the frame ends with a named error, and no tile that lacks rows is left."""
-    monkeypatch.setattr("radarsim_addon.blender.paths.tile_checkpoints._MOST_HELD", 0)
+    monkeypatch.setattr("radarsim_addon.blender.paths.measured_tiles._MOST_HELD", 0)
     tiles, parts, budget = measured_tiles(tmp_path / "missing" / "frame", threaded)
     new = NewTile(0, TILE, "key")
     with pytest.raises(OutputError):

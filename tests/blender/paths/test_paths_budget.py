@@ -18,7 +18,7 @@ from radarsim_addon.blender.paths.error_budget import (
     ErrorBudget,
     uncertain_objects,
 )
-from radarsim_addon.blender.paths.quality import QualitySums
+from radarsim_addon.blender.paths.measured_tiles import QualitySums
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import PowerBeyond
 from radarsim_addon.contract import ReceiverRecord

@@ -166,7 +166,7 @@ def test_rings_ask_for_a_perspective_camera(tmp_path: Path) -> None:
 
 def test_edges_of_a_window_far_off_the_axis() -> None:
     """Blender shifts a lens in widths of the frame, also in a low one and a portrait."""
-    from radarsim_addon.blender.scene.projections import aim
+    from radarsim_addon.blender.scene.poses import aim
 
     for edges, size in (((-0.1, 0.5, 0.2, 0.5), (40, 20)), ((0.3, 0.4, -0.9, -0.5), (10, 40))):
         camera = bpy.data.cameras.new("Window")

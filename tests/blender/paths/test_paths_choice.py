@@ -13,8 +13,8 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
 from radarsim_addon.blender.paths import frame as path_frame
-from radarsim_addon.blender.paths.screen_boxes import projected_bounds
-from radarsim_addon.blender.paths.small_object_ranking import rank_by_error, small_boxes
+from radarsim_addon.blender.paths.error_budget import rank_by_error, small_boxes
+from radarsim_addon.blender.paths.tiles import projected_bounds
 from radarsim_addon.blender.scene import InstancePose, Poses
 from radarsim_addon.blender.views import ViewWindow
 from tests.blender import path_helpers as ph

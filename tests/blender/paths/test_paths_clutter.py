@@ -24,10 +24,9 @@ from radarsim_addon.blender.materials import (
     set_clutter_fluctuation,
 )
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
-from radarsim_addon.blender.nodes.clutter_lobe import table_angles_rad
-from radarsim_addon.blender.paths.body_meshes import BodyMeshes
-from radarsim_addon.blender.paths.hit_points import Normals
-from radarsim_addon.blender.paths.surface_lobes import ClutterLobe
+from radarsim_addon.blender.nodes.physical_material import table_angles_rad
+from radarsim_addon.blender.paths.clutter_weights import ClutterLobe
+from radarsim_addon.blender.paths.hit_points import BodyMeshes, Normals
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.clutter import clutter_model
 from radarsim_addon.signal import open_run

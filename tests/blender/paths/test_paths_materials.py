@@ -222,7 +222,7 @@ def test_coloured_and_textured_materials(tmp_path: Path) -> None:
     original = view_tracer.rows_of_replicate
 
     def spy(traced: TracedReplicate, shared: TileReplicate, *rest: object) -> object:
-        from radarsim_addon.blender.views.rows import _coloured_ratio
+        from radarsim_addon.blender.views.path_classes import _coloured_ratio
 
         for layer in traced.layers:
             index = np.nonzero(layer.amplitude > 0)

@@ -14,9 +14,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.blender.paths import row_finisher
+from radarsim_addon.blender.paths import frame
 from radarsim_addon.blender.paths.tiles import Tile
-from radarsim_addon.blender.views import PathClass, RenderRequest, ViewWindow, window
+from radarsim_addon.blender.views import PathClass, RenderRequest, ViewWindow, requests
 from radarsim_addon.blender.views import view_scene as path_scene
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
@@ -53,7 +53,7 @@ def test_rows_of_replicates_together_or_one_by_one(
     """The same table and errors, whether rows are finished view by view or of all at once."""
     found = []
     for name, pixels in (("each", 1), ("some", 2 * 40 * 40), ("all", 1 << 15)):
-        monkeypatch.setattr(row_finisher, "_PIXELS_TOGETHER", pixels)
+        monkeypatch.setattr(frame, "_PIXELS_TOGETHER", pixels)
         ps.furnished_scene(clutter=True)
         options = {"max_reflections": 2, "replicates": 3}
         run = ph.run_paths(tmp_path / name, options=options, width_px=40, height_px=40)
@@ -69,7 +69,7 @@ def test_a_small_render_between_large_ones_keeps_their_threads(
 ) -> None:
     """Another number of threads costs Cycles a new scene, so only many small renders get one."""
     monkeypatch.setattr(path_scene, "_ONE_THREAD_BELOW_PX", 100)
-    monkeypatch.setattr(window, "_ENOUGH_RAYS", 16)
+    monkeypatch.setattr(requests, "_ENOUGH_RAYS", 16)
     rs.new_scene()
     ph.plate_at(10, 4, ph.rough_metal())
     render = bpy.context.scene.render

@@ -10,8 +10,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths.inset_tiles import add_inset_tiles, pixels_across
-from radarsim_addon.blender.paths.tiles import Area, Tile, lay_in
+from radarsim_addon.blender.paths.tiles import Area, Tile, add_inset_tiles, lay_in, pixels_across
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import ViewWindow, replicate_seed
 

@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.nodes import radar_material
 from radarsim_addon.blender.nodes.groups import KIND_PROPERTY
-from radarsim_addon.blender.paths.path_job import PathScene
+from radarsim_addon.blender.views import PathScene
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.tree_text import dump

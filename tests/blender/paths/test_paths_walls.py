@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.materials.wall_faces import find_walls
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.physics.slab import slab_power
+from radarsim_addon.physics.fresnel import slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

@@ -19,7 +19,7 @@ from radarsim_addon.blender.paths.tiles import Tile
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.signal.detection import object_echoes
 from radarsim_addon.signal.paths import tiles_by_replicate
-from radarsim_addon.signal.paths.pixel_spacing import grid_places
+from radarsim_addon.signal.paths.footprints import grid_places
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths.quality import QualitySums
+from radarsim_addon.blender.paths.measured_tiles import QualitySums
 from radarsim_addon.blender.views import (
     PowerBeyond,
     TracedReplicate,

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths.same_point import add_reverse_paths, alike_in_both, in_view
+from radarsim_addon.blender.paths.mirrors import add_reverse_paths, alike_in_both, in_view
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.motion import PathImages
 from tests.signal.scattering.test_images import FLOOR, SLOPE, rows_over

@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.blender.paths.still_frames import StillFrames
+from radarsim_addon.blender.paths.path_job import StillFrames
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

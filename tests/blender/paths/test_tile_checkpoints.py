@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.blender.paths import tile_checkpoints
-from radarsim_addon.blender.paths.tile_checkpoints import TileCheckpoints, TileRecord
+from radarsim_addon.blender.paths import measured_tiles
+from radarsim_addon.blender.paths.measured_tiles import TileCheckpoints, TileRecord
 from radarsim_addon.signal.paths import PATH_DTYPE
 
 COUNTS = (3, 0, 4)
@@ -55,7 +55,7 @@ def test_stopped_frames_leave_their_tiles(
 ) -> None:
     """In memory until the frame is stopped, or on disk at once where there is no memory for them;
     the next session finds the same rows either way."""
-    monkeypatch.setattr(tile_checkpoints, "_MOST_HELD", most)
+    monkeypatch.setattr(measured_tiles, "_MOST_HELD", most)
     tiles = TileCheckpoints(tmp_path, "stamp")
     keys = [add(tiles, seed) for seed in (1, 2)]
     assert files(tmp_path) == (0 if most else 4)
@@ -97,8 +97,8 @@ def test_no_tile_is_in_memory_alone_for_long(
     assert files(tmp_path) == 0
     add(tiles, 2, seconds=60.0)
     assert files(tmp_path) == 2
-    now_s = tile_checkpoints.time.monotonic()
-    monkeypatch.setattr(tile_checkpoints.time, "monotonic", lambda: now_s + 21.0)
+    now_s = measured_tiles.time.monotonic()
+    monkeypatch.setattr(measured_tiles.time, "monotonic", lambda: now_s + 21.0)
     add(tiles, 3)
     assert files(tmp_path) == 4
 
@@ -106,7 +106,7 @@ def test_no_tile_is_in_memory_alone_for_long(
 def test_the_oldest_tiles_go_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is in memory stays below the limit."""
     size = sum(COUNTS) * PATH_DTYPE.itemsize
-    monkeypatch.setattr(tile_checkpoints, "_MOST_HELD", 2 * size)
+    monkeypatch.setattr(measured_tiles, "_MOST_HELD", 2 * size)
     tiles = TileCheckpoints(tmp_path, "stamp")
     keys = [add(tiles, seed) for seed in (1, 2, 3)]
     assert files(tmp_path) == 2
@@ -119,7 +119,7 @@ def test_a_tile_that_is_measured_takes_the_room_of_older_ones(
 ) -> None:
     """The limit is that of both: the older one goes to disk before the new one is whole."""
     size = sum(COUNTS) * PATH_DTYPE.itemsize
-    monkeypatch.setattr(tile_checkpoints, "_MOST_HELD", size + 3 * PATH_DTYPE.itemsize)
+    monkeypatch.setattr(measured_tiles, "_MOST_HELD", size + 3 * PATH_DTYPE.itemsize)
     tiles = TileCheckpoints(tmp_path, "stamp")
     key = add(tiles, 1)
     with tiles.writer("new") as part:

@@ -13,10 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.plan import merged
-from radarsim_addon.blender.rig_settings.groups import (
-    Settings,
-    property_group,
-)
+from radarsim_addon.blender.rig_settings.radar import Settings, property_group
 from radarsim_addon.errors import ConfigError, SettingNameError
 from radarsim_addon.options import declared, setting
 from tests.package.test_options import Example

@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon import contract
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.scene import active_radar, pattern_mesh
+from radarsim_addon.blender.scene import active_radar, rig
 from radarsim_addon.blender.ui import link_budget_panel as system_panel
 from radarsim_addon.contract import AntennaRecord, LinkBudget
 from radarsim_addon.errors import ConfigError, SettingNameError
@@ -175,7 +175,7 @@ def test_patterns_are_drawn_and_removed(scene: Any) -> None:
 def test_pattern_surface_is_the_gain(kind: str, parameters: dict[str, Any]) -> None:
     record = LinkBudget(transmitter=AntennaRecord(kind, parameters))
     antenna = make_system(record, WAVELENGTH_M).transmitter
-    vertices, faces = pattern_mesh.pattern_surface(antenna)
+    vertices, faces = rig.pattern_surface(antenna)
     radius = np.linalg.norm(vertices, axis=1)
     assert radius.max() == pytest.approx(1.0, abs=1e-6)
     seen = radius > 0

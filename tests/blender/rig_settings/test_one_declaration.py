@@ -25,8 +25,7 @@ from radarsim_addon.blender.plan import (
 from radarsim_addon.blender.rig_settings import RADAR_SETTINGS, settings
 from radarsim_addon.blender.scene import setup_rig
 from radarsim_addon.contract import AntennaRecord, LinkBudget
-from radarsim_addon.option_arguments import add_arguments, given
-from radarsim_addon.options import Declared, declared
+from radarsim_addon.options import Declared, add_arguments, declared, given
 from radarsim_addon.signal import Cfar, ProcessOptions, Receiver
 from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst, Weather
 from radarsim_addon.typed_json import from_json

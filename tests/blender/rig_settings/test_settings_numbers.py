@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon import progress
+from radarsim_addon import terminal
 from radarsim_addon.blender.plan import (
     Extent,
     Measurement,
@@ -27,8 +27,8 @@ from radarsim_addon.blender.plan import (
     parse_frames,
 )
 from radarsim_addon.blender.plan.run_plan import range_encoding_length_m
-from radarsim_addon.blender.rings.exr_check import verify_exr
-from radarsim_addon.blender.scene.nearest import nearest_distances
+from radarsim_addon.blender.rings.ring_job import verify_exr
+from radarsim_addon.blender.scene.ground_truth import nearest_distances
 from radarsim_addon.errors import ConfigError, OutputError, RenderError
 from radarsim_addon.signal.radar import Burst, Waveform
 
@@ -369,7 +369,7 @@ def test_other_size_or_compression_is_told(tmp_path: Path) -> None:
     ],
 )
 def test_progress_text(done: int, left: float | None, expected: str) -> None:
-    assert progress.progress_text(done, 42, left) == expected
+    assert terminal.progress_text(done, 42, left) == expected
 
 
 def test_max_rings_is_the_limit_of_file_names() -> None:

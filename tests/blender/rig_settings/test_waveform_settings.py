@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
-from radarsim_addon.blender.ui.results import ProcessingJob
+from radarsim_addon.blender.ui.shown_results import ProcessingJob
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.options import declared
 from radarsim_addon.signal import (

@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.nodes import assign_radar_material, make_material
 from radarsim_addon.blender.rings import ring_job
-from radarsim_addon.blender.rings.shells import Shells
+from radarsim_addon.blender.rings.ring_job import Shells
 from radarsim_addon.blender.views import ViewWindow
 from tests.blender import radar_scenes as rs
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import set_clutter, set_clutter_fluctuation
-from radarsim_addon.blender.scene.isolation import animation_curves
+from radarsim_addon.blender.scene.visibility import animation_curves
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs

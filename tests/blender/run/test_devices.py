@@ -16,10 +16,10 @@ pytest.importorskip("bpy")
 import bpy
 
 from radarsim_addon import blender as radarsim
-from radarsim_addon.blender.headless import cycles_facts, selfcheck
+from radarsim_addon.blender.headless import selfcheck
 from radarsim_addon.blender.nodes import make_material
-from radarsim_addon.blender.run import devices
-from radarsim_addon.blender.run.devices import Device, Verdict
+from radarsim_addon.blender.run import scene_state
+from radarsim_addon.blender.run.scene_state import Device, Verdict
 from radarsim_addon.blender.views import PathScene, View
 from radarsim_addon.errors import RadarSimError
 
@@ -39,7 +39,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_all_facts_hold_on_the_cpu() -> None:
     """In a process of its own, as for any device."""
-    verdict = devices.check(Device())
+    verdict = scene_state.check(Device())
     assert verdict.failed == ()
     assert len(verdict.facts) == 27
 
@@ -74,8 +74,8 @@ def test_a_device_that_spoils_a_fact(
 ) -> None:
     end = PathScene.end
     monkeypatch.setattr(PathScene, "end", lambda self: _spoil(end(self), **change))
-    monkeypatch.setattr(cycles_facts, "CASES", cycles_facts.CASES[:1])
-    found = {one.name: one.holds for one in cycles_facts.measure_facts(tmp_path)}
+    monkeypatch.setattr(selfcheck, "CASES", selfcheck.CASES[:1])
+    found = {one.name: one.holds for one in selfcheck.measure_facts(tmp_path)}
     assert not found[fact]
     assert not all(found.values())
 
@@ -118,8 +118,8 @@ def _simulate(monkeypatch: pytest.MonkeyPatch, verdict: Verdict) -> list[Device]
         checks.append(device)
         return verdict
 
-    monkeypatch.setattr(devices, "chosen_device", lambda scene: GPU)
-    monkeypatch.setattr(devices, "check", check)
+    monkeypatch.setattr(scene_state, "chosen_device", lambda scene: GPU)
+    monkeypatch.setattr(scene_state, "check", check)
     return checks
 
 
@@ -149,37 +149,37 @@ def test_a_passing_device_is_used_and_checked_once(
 
 def test_what_the_cache_distinguishes(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _simulate(monkeypatch, PASSED)
-    files = {devices.cache_file(one) for one in (GPU, Device("OPTIX", GPU.ids), Device("CUDA"))}
-    monkeypatch.setattr(devices, "__version__", "99")
-    files.add(devices.cache_file(GPU))
+    files = {scene_state.cache_file(one) for one in (GPU, Device("OPTIX", GPU.ids), Device("CUDA"))}
+    monkeypatch.setattr(scene_state, "__version__", "99")
+    files.add(scene_state.cache_file(GPU))
     assert len(files) == 4 and all(cache in file.parents for file in files)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"facts": {"a": 1}, "failed": []}'])
 def test_a_cache_that_cannot_be_read(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     checks = _simulate(monkeypatch, FAILED)
-    file = devices.cache_file(GPU)
+    file = scene_state.cache_file(GPU)
     file.parent.mkdir(parents=True)
     file.write_text(text)
-    assert devices.failed_facts(bpy.context.scene) == (GPU, ("pixel centres",))
-    assert devices.failed_facts(bpy.context.scene) == (GPU, ("pixel centres",))
+    assert scene_state.failed_facts(bpy.context.scene) == (GPU, ("pixel centres",))
+    assert scene_state.failed_facts(bpy.context.scene) == (GPU, ("pixel centres",))
     assert len(checks) == 1
 
 
 def test_a_check_that_crashes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.executable", "/bin/false")
-    (failed,) = devices.check(GPU).failed
-    assert failed.startswith(devices.NO_ANSWER)
+    (failed,) = scene_state.check(GPU).failed
+    assert failed.startswith(scene_state.NO_ANSWER)
 
 
 def test_no_choice_is_the_cpu(empty_scene: Any) -> None:
-    assert devices.failed_facts(empty_scene) == (Device(), ())
+    assert scene_state.failed_facts(empty_scene) == (Device(), ())
     empty_scene.cycles.device = "GPU"  # no device is chosen in the preferences
-    assert devices.chosen_device(empty_scene) == Device()
+    assert scene_state.chosen_device(empty_scene) == Device()
 
 
 def test_a_device_that_is_not_there(capsys: pytest.CaptureFixture[str], empty_scene: Any) -> None:
     with pytest.raises(RadarSimError, match=r"CUDA.*(driver|Choose)"):
-        devices.choose_device(empty_scene, Device("CUDA"))
+        scene_state.choose_device(empty_scene, Device("CUDA"))
     assert selfcheck.main(["--device", "cuda"]) != 0
     assert "CUDA" in capsys.readouterr().err

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from radarsim_addon.blender.run.leases import Lease, Leases
+from radarsim_addon.blender.run.shared_folder import Lease, Leases
 from radarsim_addon.errors import OutputError
 from radarsim_addon.processes import identity, process_began
 
@@ -199,7 +199,7 @@ def process(code: str, *arguments: object) -> Iterator[Any]:
 HOLD = """
 import sys, time
 from pathlib import Path
-from radarsim_addon.blender.run.leases import Leases
+from radarsim_addon.blender.run.shared_folder import Leases
 lease = Leases(Path(sys.argv[1]), beat_s=0.05).claim("frame_0001")
 print("held", file=sys.stderr, flush=True)
 sys.stdin.read() if len(sys.argv) < 3 else time.sleep(float(sys.argv[2]))
@@ -238,7 +238,7 @@ def test_a_stopped_process_finds_itself_late(tmp_path: Path) -> None:
 WORK = """
 import os, sys, time
 from pathlib import Path
-from radarsim_addon.blender.run.leases import Leases
+from radarsim_addon.blender.run.shared_folder import Leases
 folder = Path(sys.argv[1])
 leases = Leases(folder)
 todo = [f"frame_{n:04d}" for n in range(40)]

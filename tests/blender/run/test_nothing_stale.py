@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon import contract, signal
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.typed_json import read_record
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.run.stale_cases import CASES

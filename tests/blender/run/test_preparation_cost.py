@@ -10,7 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.nodes import group_search
+from radarsim_addon.blender.nodes import groups
 from radarsim_addon.blender.paths import mirrors
 from scripts.make_canyon import add_box
 from tests.blender import path_helpers as ph
@@ -29,8 +29,8 @@ def cost(folder: Path, count: int, monkeypatch: pytest.MonkeyPatch) -> tuple[int
         box.data.materials.append(material)
     searches: list[Any] = []
     reflections: list[Any] = []
-    follow, bright = group_search._follow, mirrors.MirrorMaterial.reflection
-    monkeypatch.setattr(group_search, "_follow", lambda at: (searches.append(at), follow(at))[1])
+    follow, bright = groups._follow, mirrors.MirrorMaterial.reflection
+    monkeypatch.setattr(groups, "_follow", lambda at: (searches.append(at), follow(at))[1])
     monkeypatch.setattr(
         mirrors.MirrorMaterial,
         "reflection",

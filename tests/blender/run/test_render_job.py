@@ -23,10 +23,10 @@ from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.rings import RingJob, ring_job
-from radarsim_addon.blender.run import output_folder
+from radarsim_addon.blender.run import shared_folder
 from radarsim_addon.errors import OutputError, RenderError, SceneError, SchemaError
-from radarsim_addon.sidecar import file_sha256, read_record
 from radarsim_addon.signal.radar import Burst
+from radarsim_addon.typed_json import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 from tests.blender.path_helpers import run_paths
 
@@ -237,7 +237,7 @@ def test_a_clearing_that_is_killed_leaves_no_mixture(
     """The plan goes last: what is left is of the run before, which is incomplete."""
     rs.run(tmp_path, frames=(1, 2))
     earlier, left = signal.open_run(tmp_path).record, [survive]
-    remove = output_folder.remove_file
+    remove = shared_folder.remove_file
 
     def killed(path: Path) -> None:
         if not left[0]:
@@ -245,7 +245,7 @@ def test_a_clearing_that_is_killed_leaves_no_mixture(
         left[0] -= 1
         remove(path)
 
-    monkeypatch.setattr(output_folder, "remove_file", killed)
+    monkeypatch.setattr(shared_folder, "remove_file", killed)
     with pytest.raises(KeyboardInterrupt):
         rs.run(tmp_path, frames=(1, 2), samples=2)
     monkeypatch.undo()
@@ -405,8 +405,8 @@ def test_scaled_later_in_the_animation(plate: Any, tmp_path: Path) -> None:
 def test_done_only_where_bytes_match(plate: Any, tmp_path: Path) -> None:
     job = rendered(tmp_path, limit=1)
     first, second = list(job.plan.tasks())[:2]
-    assert output_folder.is_done(tmp_path, first, job.fingerprint)
-    assert not output_folder.is_done(tmp_path, second, job.fingerprint)
+    assert shared_folder.is_done(tmp_path, first, job.fingerprint)
+    assert not shared_folder.is_done(tmp_path, second, job.fingerprint)
 
 
 def test_a_frame_of_another_run_is_refused_and_rendered_again(plate: Any, tmp_path: Path) -> None:

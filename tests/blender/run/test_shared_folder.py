@@ -16,12 +16,11 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.blender.run import output_folder
-from radarsim_addon.blender.run.leases import Lease, Leases
-from radarsim_addon.blender.run.shared_folder import SharedFolder
+from radarsim_addon.blender.run import shared_folder
+from radarsim_addon.blender.run.shared_folder import Lease, Leases, SharedFolder
 from radarsim_addon.errors import OutputError
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.runs.exr import read_exr
+from radarsim_addon.typed_json import read_record
 from tests.blender import radar_scenes as rs
 from tests.signal.synthetic import Setup, run_record
 
@@ -104,7 +103,7 @@ def test_a_claim_that_the_opener_did_not_see_is_kept(
 ) -> None:
     """It was made after the opener had looked, and its owner looked after the opener had ended."""
     first, second = opened(tmp_path), SharedFolder(tmp_path)
-    claim, open_folder = first._leases.claim, output_folder.open_folder
+    claim, open_folder = first._leases.claim, shared_folder.open_folder
     leases: list[Lease | None] = []
 
     def opened_meanwhile(name: str) -> Lease | None:
@@ -114,7 +113,7 @@ def test_a_claim_that_the_opener_did_not_see_is_kept(
             leases.append(claim(name))
             open_folder(*arguments)
 
-        monkeypatch.setattr(output_folder, "open_folder", claimed_meanwhile)
+        monkeypatch.setattr(shared_folder, "open_folder", claimed_meanwhile)
         second.open(PLAN, False)
         return leases[0]
 
@@ -208,7 +207,7 @@ def test_a_frame_that_was_taken_over_is_not_written(tmp_path: Path) -> None:
                 os.utime(lease, (1.0, 1.0))
                 assert Leases(tmp_path).claim("frame_0001") is not None
             job.finish(task)
-            done.append((task.frame, output_folder.is_done(tmp_path, task, job.fingerprint)))
+            done.append((task.frame, shared_folder.is_done(tmp_path, task, job.fingerprint)))
     assert done[0] == (1, False)
     assert [frame for frame, _ in done].count(1) == 1
     assert {frame for frame, whole in done if whole} == {2}

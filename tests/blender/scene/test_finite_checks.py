@@ -12,7 +12,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.scene.isolation import animation_curves
+from radarsim_addon.blender.scene.visibility import animation_curves
 from radarsim_addon.errors import SceneError
 from radarsim_addon.signal.radar import Burst
 from tests.blender import path_helpers as ph

@@ -18,8 +18,8 @@ from mathutils import Matrix
 from radarsim_addon import contract
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.scene import echoing_boxes, measure_pixel_spans
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import open_run
+from radarsim_addon.typed_json import read_record
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

@@ -12,10 +12,10 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.plan import parse_frames
-from radarsim_addon.blender.plan.coverage_arguments import parse_axis
+from radarsim_addon.blender.plan.render_arguments import parse_axis
 from radarsim_addon.blender.scene.finite_checks import check_pose
-from radarsim_addon.blender.scene.radar_ground import ground_below
 from radarsim_addon.blender.scene.rig import check_scale
+from radarsim_addon.blender.scene.view_checks import ground_below
 from radarsim_addon.errors import ConfigError, SceneError
 from tests.blender import radar_scenes as rs
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.scene.no_echo import surrounds
+from radarsim_addon.blender.scene.view_checks import surrounds
 from radarsim_addon.findings import Finding
 from radarsim_addon.signal import FrameResult, ProcessOptions, process_run
 from tests.blender import path_helpers as ph

@@ -14,7 +14,7 @@ from radarsim_addon import blender as radarsim
 from radarsim_addon.blender import rig_settings
 from radarsim_addon.blender.materials import media_beyond_their_band
 from radarsim_addon.blender.materials import physical_materials as pm
-from radarsim_addon.blender.materials.library import READY, suggest_material
+from radarsim_addon.blender.materials.physical_materials import READY, suggest_material
 from radarsim_addon.blender.nodes.materials import has_interior, is_radar_material
 from radarsim_addon.blender.scene import replace_material, suggest_materials
 from tests.blender import path_helpers as ph

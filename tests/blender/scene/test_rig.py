@@ -14,7 +14,7 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender.scene import rig, rigid_pose
-from radarsim_addon.blender.scene.projections import frame_edges
+from radarsim_addon.blender.scene.poses import frame_edges
 from radarsim_addon.errors import SceneError
 from tests.blender import radar_scenes as rs
 

@@ -12,7 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import read_record
+from radarsim_addon.typed_json import read_record
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

@@ -14,8 +14,8 @@ from radarsim_addon.blender.state import (
     Snapshot,
     evaluated_mesh,
     evaluated_objects,
-    evaluations,
     read_triangles,
+    snapshot,
     take_snapshot,
 )
 from tests.blender import motion_helpers as mh
@@ -169,7 +169,7 @@ def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch)
     moving()
     first = checked()
     walks: list[Any] = []
-    monkeypatch.setattr(evaluations, "walk", lambda *given: walks.append(given))
+    monkeypatch.setattr(snapshot, "walk", lambda *given: walks.append(given))
     for frame in (2, 3, 4):
         bpy.context.scene.frame_set(frame)
         bpy.context.scene["setting"] = frame

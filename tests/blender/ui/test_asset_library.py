@@ -11,9 +11,9 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import physical_materials as pm
-from radarsim_addon.blender.materials.library import ASSETS
+from radarsim_addon.blender.materials.physical_materials import ASSETS
 from radarsim_addon.blender.nodes import groups
-from radarsim_addon.blender.ui import asset_library as al
+from radarsim_addon.blender.ui import material_panel as al
 from radarsim_addon.errors import SceneError
 
 pytestmark = pytest.mark.blender

@@ -16,9 +16,9 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.materials import clutter_of, fluctuation_of, set_clutter
 from radarsim_addon.blender.materials.physical_materials import make_physical_material
-from radarsim_addon.blender.ui import clutter_panel
-from radarsim_addon.blender.ui import sigma0_plot as plot
-from radarsim_addon.blender.ui.clutter_panel import RADARSIM_PT_material_clutter as panel
+from radarsim_addon.blender.ui import material_panel
+from radarsim_addon.blender.ui import material_panel as plot
+from radarsim_addon.blender.ui.material_panel import RADARSIM_PT_material_clutter as panel
 from radarsim_addon.contract import FluctuationRecord
 from radarsim_addon.physics import clutter
 from radarsim_addon.physics.clutter import clutter_model
@@ -36,7 +36,7 @@ def material() -> Iterator[Any]:
     try:
         yield make_physical_material("Sea", "sea_water", carrier_hz=9.65e9)
     finally:
-        clutter_panel.forget_plots()
+        material_panel.forget_plots()
         properties.unregister()
 
 
@@ -150,7 +150,7 @@ def test_plot_is_drawn_again_only_after_a_change(
     drawn_pictures = []
     real = plot.draw_sigma0
     monkeypatch.setattr(
-        clutter_panel, "draw_sigma0", lambda *given: drawn_pictures.append(1) or real(*given)
+        material_panel, "draw_sigma0", lambda *given: drawn_pictures.append(1) or real(*given)
     )
     reads: list[Any] = []
     read = clutter.read_clutter_table  # type: ignore[attr-defined]

@@ -10,8 +10,8 @@ import pytest
 
 Image = pytest.importorskip("PIL.Image")
 
-from radarsim_addon.blender.ui.gif_file import GifWriter
 from radarsim_addon.blender.ui.pictures import picture_palette
+from radarsim_addon.blender.ui.result_files import GifWriter
 
 pytestmark = pytest.mark.blender
 

@@ -12,8 +12,8 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.state import SettingsRestorer
-from radarsim_addon.blender.ui import interactive, operators
-from radarsim_addon.blender.ui.interactive import InteractiveRender
+from radarsim_addon.blender.ui import operators
+from radarsim_addon.blender.ui.operators import InteractiveRender
 from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
@@ -79,7 +79,7 @@ def test_the_end_waits_for_icons_that_cycles_draws(
 ) -> None:
     """To set the render engine meanwhile blocks Blender for good."""
     busy = True
-    monkeypatch.setattr(interactive, "_icons_are_drawn", lambda: busy)
+    monkeypatch.setattr(operators, "_icons_are_drawn", lambda: busy)
     if stopped:
         interactive_run.request_stop("stopped by Esc")
     for _ in range(50):
@@ -145,10 +145,10 @@ def test_cancelled_render_stops_the_run(
 def test_a_render_that_vanishes_is_named(
     interactive_run: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(interactive, "_PATIENCE_TICKS", 3)
+    monkeypatch.setattr(operators, "_PATIENCE_TICKS", 3)
     assert not interactive_run.tick()
     interactive_run._ended = ""
-    with pytest.raises(interactive.RenderError, match="without a message"):
+    with pytest.raises(operators.RenderError, match="without a message"):
         for _ in range(10):
             interactive_run.tick()
 

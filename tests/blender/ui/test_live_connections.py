@@ -22,7 +22,7 @@ from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.ui.live_scene import LiveReader, LiveScene
 from radarsim_addon.errors import SceneError
 from radarsim_addon.signal.draft import DraftLevel, DraftMesh, SceneTriangles, make_draft
-from radarsim_addon.signal.draft.scene_messages import mesh_of, scene_of
+from radarsim_addon.signal.draft.draft import mesh_of, scene_of
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps

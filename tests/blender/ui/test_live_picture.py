@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 from radarsim_addon.blender.ui.live_picture import (
+    BACK,
     SPAN_DB,
     Box,
     LivePicture,
+    Quads,
+    filled,
     lay_out_draft,
     level_colours,
+    picture_quads,
+    pixels,
 )
-from radarsim_addon.blender.ui.live_quads import BACK, Quads, filled, picture_quads, pixels
 from radarsim_addon.blender.ui.pictures import viridis
 
 RANGE_M = np.arange(0.0, 100.5, 0.5)

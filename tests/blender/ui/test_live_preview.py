@@ -18,7 +18,7 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import make_physical_material, set_clutter, set_scattered_lobe
 from radarsim_addon.blender.rig_settings import read_measurement
 from radarsim_addon.blender.ui import live_preview
-from radarsim_addon.blender.ui.live_materials import live_material
+from radarsim_addon.blender.ui.live_scene import live_material
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 

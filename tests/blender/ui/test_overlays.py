@@ -14,10 +14,9 @@ from mathutils import Vector
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon.blender.plan import PRESETS
-from radarsim_addon.blender.ui import overlay_lines as ol
 from radarsim_addon.blender.ui import overlays
-from radarsim_addon.physics.antennas import Aperture, Gaussian
-from radarsim_addon.physics.arrays import PlanarArray
+from radarsim_addon.blender.ui import overlays as ol
+from radarsim_addon.physics.antennas import Aperture, Gaussian, PlanarArray
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 

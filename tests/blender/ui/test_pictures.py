@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.ui import pictures, smooth_lines
+from radarsim_addon.blender.ui import pictures
 
 pytestmark = pytest.mark.blender
 
@@ -104,8 +104,8 @@ def test_text_is_as_wide_as_its_letters() -> None:
 def test_a_line_covers_what_a_strip_of_its_width_covers(slope: float) -> None:
     """Of a strip of width w and slope m a column holds w sqrt(1 + m^2), a row this by m."""
     area = np.ones((200, 40, 3), dtype=np.float32)
-    columns = (np.arange(40 * smooth_lines.FINE) + 0.5) / smooth_lines.FINE
-    smooth_lines.draw_curve(area, 100.3 + slope * (columns - 20), (0.0, 0.0, 0.0), 2.5)
+    columns = (np.arange(40 * pictures.FINE) + 0.5) / pictures.FINE
+    pictures.draw_curve(area, 100.3 + slope * (columns - 20), (0.0, 0.0, 0.0), 2.5)
     cover = 1 - area[..., 0]
     chord = 2.5 * np.hypot(1, slope)
     inner = cover[:, 18:23] if slope < 20 else cover[:, 20:21]
@@ -133,10 +133,10 @@ def test_smaller_pictures_keep_thin_lines() -> None:
     picture = np.ones((80, 120, 3), dtype=np.float32)
     picture[:, 7::16] = 0.0
     for width, height in ((75, 50), (41, 27), (119, 79)):
-        small = smooth_lines.resized(picture, width, height)
+        small = pictures.resized(picture, width, height)
         assert small.shape == (height, width, 3)
         dark = (1 - small).sum(axis=1)
         np.testing.assert_allclose(dark, 8 * width / 120, rtol=1e-5)
     ramp = np.broadcast_to(np.linspace(0, 1, 20, dtype=np.float32)[:, None, None], (20, 5, 3))
-    steps = np.diff(smooth_lines.resized(ramp, 5, 40)[2:-2, 0, 0])
+    steps = np.diff(pictures.resized(ramp, 5, 40)[2:-2, 0, 0])
     np.testing.assert_allclose(steps, 1 / 38, rtol=1e-4)

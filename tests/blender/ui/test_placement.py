@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix, Vector
 
-from radarsim_addon.blender.ui.placement import radar_pose
+from radarsim_addon.blender.ui.operators import radar_pose
 from tests.blender import render_helpers as rh
 
 pytestmark = pytest.mark.blender

@@ -14,7 +14,7 @@ from bl_ui.utils import PresetPanel
 from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.scene import active_radar
-from radarsim_addon.blender.ui.preset_menu import RADARSIM_PT_presets
+from radarsim_addon.blender.ui.panels import RADARSIM_PT_presets
 from tests.blender import recording
 
 OPERATORS = {"apply_preset", "load_preset", "save_preset"}

@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.ui import worker_process
 from radarsim_addon.blender.ui.result_pictures import KINDS, Shown
-from radarsim_addon.blender.ui.results import ProcessingJob
+from radarsim_addon.blender.ui.shown_results import ProcessingJob
 from radarsim_addon.errors import FrameFileError, OutputError
 from radarsim_addon.signal import pipeline
 from tests.blender import radar_scenes as rs

@@ -25,10 +25,18 @@ from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import active_radar
 from radarsim_addon.blender.ui import results_panel as rp
 from radarsim_addon.blender.ui import shown_results as sr
-from radarsim_addon.blender.ui.frame_views import COLUMNS, ROWS, read_view, shrunk_axis, write_view
 from radarsim_addon.blender.ui.overlays import overlay_lines
 from radarsim_addon.blender.ui.pictures import HEIGHT, WIDTH, cell_edges
-from radarsim_addon.blender.ui.result_pictures import KINDS, FrameProfile, Shown
+from radarsim_addon.blender.ui.result_pictures import (
+    COLUMNS,
+    KINDS,
+    ROWS,
+    FrameProfile,
+    Shown,
+    read_view,
+    shrunk_axis,
+    write_view,
+)
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 from tests.signal import path_runs

@@ -19,9 +19,7 @@ from radarsim_addon.blender import addon as addon_module
 from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.rig_settings import WAVEFORMS, read_measurement, settings
 from radarsim_addon.blender.scene import active_radar
-from radarsim_addon.blender.ui.fixes import fixes_of
-from radarsim_addon.blender.ui.run_time import time_text
-from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene
+from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene, fixes_of, time_text
 from radarsim_addon.blender.ui.scene_reading import quick_findings, scene_record
 from radarsim_addon.findings import Finding, finding
 from tests.blender import radar_scenes as rs

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.ui.shown_findings import (
+from radarsim_addon.blender.ui.fields import (
     draw_findings,
     findings_text,
     read_findings,

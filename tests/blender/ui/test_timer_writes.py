@@ -9,7 +9,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.ui import timer_writes
+from radarsim_addon.blender.ui import fields
 
 pytestmark = pytest.mark.blender
 
@@ -17,28 +17,28 @@ pytestmark = pytest.mark.blender
 @pytest.fixture(autouse=True)
 def registered() -> Iterator[None]:
     before = hasattr(bpy.types.WindowManager, "radarsim_timer")
-    timer_writes.register_timer_writes()
+    fields.register_timer_writes()
     yield
     if not before:
-        timer_writes.unregister_timer_writes()
+        fields.unregister_timer_writes()
 
 
 @pytest.mark.parametrize("pause_s", [None, 0.25])
 def test_a_timer_runs_in_the_update_of_a_property(pause_s: float | None) -> None:
     seen = []
 
-    @timer_writes.may_write
+    @fields.may_write
     def timer() -> float | None:
         seen.append(bpy.context.window_manager.radarsim_timer)
         return pause_s
 
     assert timer() == timer() == pause_s
     assert seen == [not seen[1], seen[1]]  # the property was set before
-    assert not timer_writes._calls
+    assert not fields._calls
 
 
 def test_its_error_is_raised() -> None:
-    @timer_writes.may_write
+    @fields.may_write
     def timer() -> float | None:
         raise RuntimeError("no file")
 
@@ -56,7 +56,7 @@ def test_its_error_is_raised() -> None:
 def test_what_blender_refuses_is_done_again_in_the_update(words: str) -> None:
     seen = []
 
-    @timer_writes.may_write_at_need
+    @fields.may_write_at_need
     def timer() -> float | None:
         seen.append(bpy.context.window_manager.radarsim_timer)
         if words and len(seen) == 1:

@@ -13,9 +13,9 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from radarsim_addon.blender.materials.library import READY
+from radarsim_addon.blender.materials.physical_materials import READY
 from radarsim_addon.blender.rig_settings.material import MaterialSettings
-from radarsim_addon.blender.ui import translations
+from radarsim_addon.blender.ui import fields
 from radarsim_addon.blender.ui.overlays import overlay_lines
 from radarsim_addon.errors import ConfigError
 from scripts import make_translation
@@ -66,7 +66,7 @@ def test_all_texts_of_the_tab_come_from_the_dictionary(
 
     app = SimpleNamespace(translations=SimpleNamespace(pgettext_iface=pgettext_iface))
     with monkeypatch.context() as patch:
-        patch.setattr(translations, "bpy", SimpleNamespace(app=app))
+        patch.setattr(fields, "bpy", SimpleNamespace(app=app))
         for kind in ("paths", "rings"):
             rs.radar().sampling_mode = kind
             rs.radar().use_link_budget = kind == "rings"
@@ -83,16 +83,16 @@ def test_dictionaries_are_read_and_checked(tmp_path: Path) -> None:
 
     write({"about {time}": "etwa {time}", "Radar": ""})
     expected = {(context, "about {time}"): "etwa {time}" for context in ("*", "Operator")}
-    assert translations.read_dictionaries(tmp_path) == {"de_DE": expected}
+    assert fields.read_dictionaries(tmp_path) == {"de_DE": expected}
     write({"about {time}": "etwa {zeit}"})
     with pytest.raises(ConfigError, match=r"\['zeit'\]; expected those of 'about \{time\}'"):
-        translations.read_dictionaries(tmp_path)
+        fields.read_dictionaries(tmp_path)
     write(["about {time}"])
     with pytest.raises(ConfigError, match="not a JSON object of texts"):
-        translations.read_dictionaries(tmp_path)
+        fields.read_dictionaries(tmp_path)
     (tmp_path / "de_DE.json").write_text("{")
     with pytest.raises(ConfigError, match="is no JSON"):
-        translations.read_dictionaries(tmp_path)
+        fields.read_dictionaries(tmp_path)
 
 
 def test_the_german_dictionary_has_the_texts_of_the_code(addon: None) -> None:
@@ -100,14 +100,14 @@ def test_the_german_dictionary_has_the_texts_of_the_code(addon: None) -> None:
 
     `python scripts/make_translation.py de_DE` removes the former and lists the latter.
     """
-    path = translations.LOCALES / "de_DE.json"
+    path = fields.LOCALES / "de_DE.json"
     german = json.loads(path.read_text(encoding="utf-8"))
     known = make_translation.source_texts() | make_translation.declared_texts()
     assert set(german) <= known, set(german) - known
     media = MaterialSettings.bl_rna.properties["medium"].enum_items_static
     sources = {one.description for one in media} | {one.description for one in READY.values()}
     assert {text for text, translated in german.items() if not translated} <= sources
-    registered = translations.read_dictionaries()["de_DE"]
+    registered = fields.read_dictionaries()["de_DE"]
     assert registered["*", "Range Profile"] == "Entfernungsprofil"
     assert registered["Operator", "Set Up Radar"] == "Radar einrichten"
     assert len(registered) > 1600

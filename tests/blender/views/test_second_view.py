@@ -15,7 +15,7 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender.nodes import attributes, make_material
-from radarsim_addon.blender.views import PathClass, RenderRequest, second_view
+from radarsim_addon.blender.views import PathClass, RenderRequest, joint_render
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -27,7 +27,7 @@ SIZE = {"width_px": 32, "height_px": 32}
 
 @pytest.fixture(autouse=True)
 def few_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(second_view, "MANY_INSTANCES", 1000)
+    monkeypatch.setattr(joint_render, "MANY_INSTANCES", 1000)
 
 
 def metal() -> Any:
@@ -91,7 +91,7 @@ def test_paths_stay_and_the_power_beyond_agrees(
     """All rows bit by bit; the power beyond the last order within its standard error."""
     runs = {}
     for name, many in (("two renders", 10**6), ("two views", 1000)):
-        monkeypatch.setattr(second_view, "MANY_INSTANCES", many)
+        monkeypatch.setattr(joint_render, "MANY_INSTANCES", many)
         field()
         prepare()
         before = settings()
@@ -178,7 +178,7 @@ def test_a_second_view_that_is_none_is_not_taken_for_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without its camera Blender renders the first one again, with all echoes."""
-    monkeypatch.setattr(second_view, "_UPSIDE_DOWN", Matrix.Identity(4))
+    monkeypatch.setattr(joint_render, "_UPSIDE_DOWN", Matrix.Identity(4))
     field(moves=False)
     run = ph.run_paths(tmp_path, **SIZE)
     assert run.record().renders == 2
@@ -190,7 +190,7 @@ def test_frames_in_which_nothing_moves_are_written_again(
 ) -> None:
     """As without a second view."""
     for many in (10**6, 1000):
-        monkeypatch.setattr(second_view, "MANY_INSTANCES", many)
+        monkeypatch.setattr(joint_render, "MANY_INSTANCES", many)
         field(moves=False)
         run = ph.run_paths(tmp_path / str(many), frames=FRAMES, **SIZE)
         renders = [run.record(frame).renders for frame in FRAMES]

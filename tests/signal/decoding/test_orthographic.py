@@ -15,7 +15,7 @@ from radarsim_addon.physics.radar_equation import bistatic_power_w
 from radarsim_addon.signal.detection import object_echoes
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.runs import open_run
-from radarsim_addon.terminal_text import printable
+from radarsim_addon.terminal import printable
 from tests.signal import path_runs as pr
 
 RANGE_M = 500.0

@@ -32,10 +32,10 @@ from radarsim_addon.signal import (
     range_doppler,
     synthesize,
 )
-from radarsim_addon.signal.detection.cfar_thresholds import noise_correlation
+from radarsim_addon.signal.detection.cfar import noise_correlation
 from radarsim_addon.signal.echoes import synthesizer_for
 from radarsim_addon.signal.maps import map_noise_gain, range_process
-from radarsim_addon.signal.products.detection_files import write_detections
+from radarsim_addon.signal.products.frame_products import write_detections
 from tests.signal.oracle import unit_paths
 
 pytestmark = pytest.mark.slow

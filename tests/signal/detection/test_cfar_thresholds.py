@@ -11,7 +11,7 @@ import pytest
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import Cfar, cfar_threshold
 from radarsim_addon.signal.detection import cfar
-from radarsim_addon.signal.detection.cfar_thresholds import (
+from radarsim_addon.signal.detection.cfar import (
     Calibration,
     ca_factor,
     ca_factor_exact,

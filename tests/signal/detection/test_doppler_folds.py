@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import (
     Burst,
     Cfar,

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("distributed")
 
 from radarsim_addon.errors import WorkerError
-from radarsim_addon.signal.distributed import dask_workers
-from radarsim_addon.signal.distributed.dask_workers import DaskWorkers
+from radarsim_addon.signal.distributed import workers as worker_module
+from radarsim_addon.signal.distributed.workers import DaskWorkers
 from scripts.benchmarks.worker_costs import dask_cluster
 
 #: Ends its process at the first calls, as many as the file "lives" has characters.
@@ -60,7 +60,7 @@ def test_a_cluster_without_workers_ends_the_run(
     cluster: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "lives").write_text("")
-    monkeypatch.setattr(dask_workers, "_PATIENCE_S", 3.0)
+    monkeypatch.setattr(worker_module, "_PATIENCE_S", 3.0)
     with DaskWorkers(cluster, "mortal", str(tmp_path), ()) as workers:
         with pytest.raises(WorkerError, match="had no worker for 3 s"):
             workers.open()

@@ -14,8 +14,11 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import LinkBudget, ReceiverRecord, TransmitterRecord
-from radarsim_addon.physics.noise import noise_power_w
-from radarsim_addon.physics.radar_equation import lambert_plate_rcs_m2, monostatic_power_w
+from radarsim_addon.physics.radar_equation import (
+    lambert_plate_rcs_m2,
+    monostatic_power_w,
+    noise_power_w,
+)
 from radarsim_addon.physics.rough import facet_brightness, sigma0
 from radarsim_addon.signal.draft import (
     DRAFT,
@@ -34,7 +37,7 @@ from radarsim_addon.signal.draft import (
     scene_message,
     write_message,
 )
-from radarsim_addon.signal.draft.scene_messages import scene_of
+from radarsim_addon.signal.draft.draft import scene_of
 from radarsim_addon.signal.draft.worker import serve
 from radarsim_addon.signal.radar import Burst, Radar, Waveform, Weather
 

@@ -22,12 +22,12 @@ from radarsim_addon.signal.echoes import (
     synthesizer_for,
 )
 from radarsim_addon.signal.echoes.echoes import EchoOptions
-from radarsim_addon.signal.echoes.frequency_synthesis import StretchSynthesizer
+from radarsim_addon.signal.echoes.synthesis import StretchSynthesizer
 from radarsim_addon.signal.maps import mti_cancel, range_doppler, range_process
 from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.paths import PATH_DTYPE, geometry_of, make_paths, motion_of_rows
-from radarsim_addon.signal.products.sigmf import write_sigmf
+from radarsim_addon.signal.products.frame_products import write_sigmf
 from radarsim_addon.signal.radar import (
     AnyWaveform,
     Burst,

@@ -12,7 +12,7 @@ from radarsim_addon.signal import FmcwWaveform, Waveform, range_doppler, synthes
 from radarsim_addon.signal.echoes import line_times_s
 from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.motion import LinearMotion
-from radarsim_addon.signal.motion.path_motion import Rows
+from radarsim_addon.signal.motion.kinematics import Rows
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths
 from tests.signal.waveform_kinds import FMCW, PMCW, STEPPED, burst_of

@@ -24,8 +24,8 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.echoes import line_times_s, synthesizer_for
 from radarsim_addon.signal.radar import AnyWaveform, LineWaveform, range_limit
 from radarsim_addon.signal.spectrum import FrequencyGrid, Ramp, ReceiveWindow, SpectrumAccumulator
+from radarsim_addon.signal.spectrum.grid import nodes_for
 from radarsim_addon.signal.spectrum.nufft import has_finufft
-from radarsim_addon.signal.spectrum.pulse_shape import nodes_for
 from tests.signal.oracle import unit_paths
 from tests.signal.spectrum_oracle import LIGHT, Function, relative
 

@@ -26,8 +26,7 @@ from radarsim_addon.signal import (
     range_doppler,
 )
 from radarsim_addon.signal.echoes import EchoOptions, synthesizer_for
-from radarsim_addon.signal.echoes.phase_noise import PhaseTrack
-from radarsim_addon.signal.echoes.receiver import quantise
+from radarsim_addon.signal.echoes.receiver import PhaseTrack, quantise
 from radarsim_addon.signal.maps import map_noise_gain, range_process
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal.oracle import unit_paths

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.physics.clutter_statistics import clutter_velocities
+from radarsim_addon.physics.clutter import clutter_velocities
 from radarsim_addon.signal import Burst, Radar, Waveform, open_run
 from radarsim_addon.signal.decoding import FrameInput, open_frame
 from radarsim_addon.signal.detection import FrameBudget

@@ -19,7 +19,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import object_echoes
-from radarsim_addon.signal.maps import expected_power, smearing
+from radarsim_addon.signal.maps import expected_power, expected_power_map
 from radarsim_addon.signal.paths import PATH_DTYPE
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal import path_runs as pr
@@ -114,10 +114,10 @@ def test_few_rows_of_doppler_are_smeared_as_by_a_transform(
     random = np.random.default_rng(1)
     rows, held = random.uniform(size=(5, 9)), np.array([0, 3, 31, 40, 63])
     response = 10.0 ** random.uniform(-20, 0, 64)
-    found = smearing._smear_doppler(rows, held, response, step)
+    found = expected_power_map._smear_doppler(rows, held, response, step)
     direct = [sum(rows[n] * response[(i - h) % 64] for n, h in enumerate(held)) for i in range(64)]
     assert found == pytest.approx(np.array(direct)[::step], rel=1e-14)
-    monkeypatch.setattr(smearing, "_FEW_ROWS", 0)
-    transformed = smearing._smear_doppler(rows, held, response, step)
+    monkeypatch.setattr(expected_power_map, "_FEW_ROWS", 0)
+    transformed = expected_power_map._smear_doppler(rows, held, response, step)
     assert transformed == pytest.approx(found, abs=1e-14)
-    assert not smearing._smear_doppler(rows[:0], held[:0], response, step).any()
+    assert not expected_power_map._smear_doppler(rows[:0], held[:0], response, step).any()

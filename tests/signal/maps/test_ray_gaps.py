@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.maps.ray_gaps import RayGaps
+from radarsim_addon.signal.maps.expected_power_map import RayGaps
 
 
 @pytest.mark.parametrize(

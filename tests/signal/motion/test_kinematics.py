@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
+from radarsim_addon.contract import MotionRecord
 from radarsim_addon.errors import ConfigError, FrameFileError, SchemaError
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.motion import (
     BodyMotion,
     FrameMotion,
@@ -27,6 +26,7 @@ from radarsim_addon.signal.motion import (
 from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.motion.kinematics import leg_change
 from radarsim_addon.signal.paths import PATH_DTYPE, motion_of_rows
+from radarsim_addon.typed_json import file_sha256, write_record
 
 SPAN_S = 0.02
 TIMES_S = np.linspace(0, SPAN_S, 7)

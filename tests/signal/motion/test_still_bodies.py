@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
+from radarsim_addon.contract import MotionRecord
 from radarsim_addon.errors import FrameFileError, SchemaError
-from radarsim_addon.motion_record import MotionRecord
-from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.motion import (
     BodyMotion,
     FrameMotion,
@@ -22,6 +21,7 @@ from radarsim_addon.signal.motion import (
     write_still_bodies,
 )
 from radarsim_addon.signal.motion.body_motion import Segment
+from radarsim_addon.typed_json import file_sha256, write_record
 
 SPAN_S = 0.02
 #: Which of the six bodies move.

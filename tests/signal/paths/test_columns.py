@@ -15,7 +15,6 @@ from numpy.lib import format as npy_format
 
 from radarsim_addon import contract
 from radarsim_addon.errors import FrameFileError
-from radarsim_addon.sidecar import file_sha256, read_record, write_record
 from radarsim_addon.signal import PathFlag, Paths, frame_paths, make_paths, open_run
 from radarsim_addon.signal.decoding import table_paths
 from radarsim_addon.signal.motion import LinearMotion, PathImages
@@ -29,6 +28,7 @@ from radarsim_addon.signal.paths import (
     open_table,
     write_table,
 )
+from radarsim_addon.typed_json import file_sha256, read_record, write_record
 from tests.signal.path_runs import camera, plate, pose, trace, write_run
 from tests.signal.paths.test_table import random_rows
 

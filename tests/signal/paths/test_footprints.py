@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import (
     Burst,
     Radar,
@@ -33,7 +33,7 @@ from radarsim_addon.signal.paths import (
     steps_of,
     tiles_by_replicate,
 )
-from radarsim_addon.signal.paths.pixel_points import PixelPoints, along_steps
+from radarsim_addon.signal.paths.footprints import PixelPoints, along_steps
 from tests.signal import path_runs as pr
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 4))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon import sidecar
+from radarsim_addon import typed_json
 from radarsim_addon.errors import ConfigError, SchemaError
 from radarsim_addon.signal import (
     PathFlag,
@@ -122,9 +122,9 @@ def test_mixed_pixel_is_flagged(tmp_path: Path) -> None:
         spread = (10.0 / SETUP.range_encoding_length_m) ** 2  # 10 m rms of the path's length
         channels["G"][2, 2] *= 1 + spread
         write_exr(path, channels)
-        sidecar.write_record(
+        typed_json.write_record(
             path.with_suffix(".json"),
-            dataclasses.replace(record, exr_sha256=sidecar.file_sha256(path)),
+            dataclasses.replace(record, exr_sha256=typed_json.file_sha256(path)),
         )
     paths = frame_paths(run.frame(1))
     assert paths.flags.tolist() == [0, PathFlag.MIXED]
@@ -135,7 +135,7 @@ def test_passes_at_times_that_do_not_fit(tmp_path: Path) -> None:
     run = open_run(write_run(tmp_path, SETUP, points(SETUP, [])))
     for ring in range(SETUP.rings):
         record = dataclasses.replace(run.frame(1).image(ring, 1)[0], time_s=99.0)
-        sidecar.write_record(run.frame(1).path / f"ring_{ring:03d}_t1.json", record)
+        typed_json.write_record(run.frame(1).path / f"ring_{ring:03d}_t1.json", record)
     with pytest.raises(SchemaError, match=r"the run's plan has 0\.01 s"):
         frame_paths(run.frame(1))
 

@@ -13,7 +13,7 @@ import pytest
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths import PATH_DTYPE, edge_variances, steps_of
-from radarsim_addon.signal.paths import pixel_spacing as ps
+from radarsim_addon.signal.paths import footprints as ps
 
 SIZE = 64
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from radarsim_addon.errors import FrameFileError, OutputError
-from radarsim_addon.sidecar import file_sha256
 from radarsim_addon.signal.paths import (
     PATH_DTYPE,
     PathRows,
@@ -23,6 +22,7 @@ from radarsim_addon.signal.paths import (
     write_table,
 )
 from radarsim_addon.signal.paths.table import MAX_ROWS, open_table
+from radarsim_addon.typed_json import file_sha256
 
 
 def random_rows(count: int, seed: int = 0) -> PathRows:

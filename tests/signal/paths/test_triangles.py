@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.paths import Spaces, TriangleMesh
-from radarsim_addon.signal.paths.triangle_cells import sorted_places
+from radarsim_addon.signal.paths.triangles import sorted_places
 
 Array = np.ndarray[Any, Any]
 

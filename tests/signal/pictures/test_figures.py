@@ -35,10 +35,8 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.detection import Detection, LeadingEdge, Peak, target_count
 from radarsim_addon.signal.maps import expected_power_profile, range_process
 from radarsim_addon.signal.pictures import MapFile, animate_maps, common_scale, decimals_for, fixed
-from radarsim_addon.signal.pictures.cells import cell_axis, strongest
-from radarsim_addon.signal.pictures.labelled_targets import foremost
-from radarsim_addon.signal.pictures.map import map_axes, picture_floor_db
-from radarsim_addon.signal.pictures.numbers import frequency_unit, range_unit
+from radarsim_addon.signal.pictures.figure import cell_axis, frequency_unit, range_unit, strongest
+from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor_db
 from radarsim_addon.signal.pipeline.console import detection_lines, map_digits
 from tests.signal.synthetic import Setup, points, write_run
 

@@ -29,8 +29,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.maps import ExpectedPower, Spectrogram
 from radarsim_addon.signal.pictures import frame_pictures, plot_coverage
-from radarsim_addon.signal.pictures.clutter import plot_clutter
-from radarsim_addon.signal.pictures.spectrogram import plot_spectrogram
+from radarsim_addon.signal.pictures.map import plot_clutter, plot_spectrogram
 from radarsim_addon.signal.radar import (
     ConstantGain,
     CoverageSetup,

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from radarsim_addon.png import png_bytes
+from radarsim_addon.movie_file import png_bytes
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -24,7 +24,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.pictures import draw_results, echo, new_figure, profile
 from radarsim_addon.signal.pictures import map as maps
-from radarsim_addon.signal.pictures.sheet import TALL_TEXT, Sheet
+from radarsim_addon.signal.pictures.figure import TALL_TEXT, Sheet
 from tests.signal.synthetic import Setup, points, write_run
 
 SETUP = Setup(

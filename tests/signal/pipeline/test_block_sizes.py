@@ -14,7 +14,7 @@ import pytest
 
 from radarsim_addon.contract import AntennaRecord, LinkBudget, TransmitterRecord
 from radarsim_addon.errors import ConfigError, FrameFileError
-from radarsim_addon.physics.clutter_table import read_clutter_table
+from radarsim_addon.physics.clutter import read_clutter_table
 from radarsim_addon.signal import (
     Burst,
     Cfar,

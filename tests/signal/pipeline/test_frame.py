@@ -14,7 +14,6 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.sidecar import file_sha256
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -34,6 +33,7 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.paths import table_files
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.spectrum import accumulator
+from radarsim_addon.typed_json import file_sha256
 from tests.signal import path_runs as pr
 from tests.signal.synthetic import Setup, points
 from tests.signal.synthetic import write_run as write_rings

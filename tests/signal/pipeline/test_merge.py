@@ -16,8 +16,8 @@ from radarsim_addon.contract import (
     RunRecord,
 )
 from radarsim_addon.findings import finding
-from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.pipeline import main
+from radarsim_addon.typed_json import read_record, write_record
 from tests.fuzz.corpus import make_corpus
 from tests.signal.synthetic import Setup, points, write_run
 

@@ -12,11 +12,11 @@ import pytest
 from radarsim_addon.blender.plan import given_settings, parse_render_arguments
 from radarsim_addon.contract import AntennaRecord, RenderRecord, RunRecord
 from radarsim_addon.errors import ConfigError, FrameFileError, MissingDependencyError
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal import Burst, Cfar, ProcessOptions, Radar, Waveform, process_run
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar.antennas import make_antenna
 from radarsim_addon.signal.runs import open_run
+from radarsim_addon.typed_json import read_record
 from tests.signal.synthetic import Setup, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))

@@ -141,7 +141,7 @@ def test_more_frames_and_another_version(folder: Path, monkeypatch: pytest.Monke
     (folder / RUN_FILE).write_text(json.dumps(plan))
     assert processed(folder) == [5]
     monkeypatch.setattr(
-        "radarsim_addon.signal.pipeline.kept_frames._software", lambda: {"radarsim": "9.9.9"}
+        "radarsim_addon.signal.pipeline.process._software", lambda: {"radarsim": "9.9.9"}
     )
     assert processed(folder) == [*FRAMES, 5]
 

@@ -21,7 +21,7 @@ from radarsim_addon.signal import (
     process_frame,
 )
 from radarsim_addon.signal.echoes import Echoes
-from radarsim_addon.signal.echoes.burst_interpolation import interpolate_renders
+from radarsim_addon.signal.echoes.echoes import interpolate_renders
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.radar import Channel, Weather
 from tests.signal import path_runs as pr

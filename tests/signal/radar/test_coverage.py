@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.antennas import Gaussian
 from radarsim_addon.physics.mirrors import MirrorMaterial

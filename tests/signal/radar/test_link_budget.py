@@ -15,7 +15,6 @@ from radarsim_addon.contract import AntennaRecord, LinkBudget, RunRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.options import declared
 from radarsim_addon.physics.antennas import direction_from_angles, sphere_mean
-from radarsim_addon.sidecar import read_record, write_record
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.signal.radar import (
     cut_dbi,
@@ -25,6 +24,7 @@ from radarsim_addon.signal.radar import (
     self_contained,
 )
 from radarsim_addon.signal.radar.antennas import PATTERNS, make_antenna
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal.synthetic import Setup, points, run_record, write_run
 
 WAVELENGTH_M = 0.0565

@@ -29,7 +29,7 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.echoes import Receiver, apply_receiver
 from radarsim_addon.signal.maps import range_process
 from radarsim_addon.signal.radar import AnyWaveform
-from radarsim_addon.signal.radar.codes import BARKER, barker, m_sequence
+from radarsim_addon.signal.radar.waveforms import BARKER, barker, m_sequence
 from tests.signal.oracle import unit_paths
 from tests.signal.waveform_kinds import ALL, BARKER13, PMCW, STEPPED, burst_of
 

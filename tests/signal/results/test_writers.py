@@ -11,12 +11,12 @@ from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.results import (
     frame_file,
+    frame_result,
     remove_stale,
     result_writer,
     write_result,
-    writers,
 )
-from radarsim_addon.signal.results.writers import writer_names
+from radarsim_addon.signal.results.frame_result import writer_names
 from tests.signal.synthetic import Setup, points, write_run
 
 
@@ -30,7 +30,7 @@ def result(tmp_path: Path) -> FrameResult:
 
 @pytest.fixture(autouse=True)
 def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(writers, "_WRITERS", dict(writers._WRITERS))
+    monkeypatch.setattr(frame_result, "_WRITERS", dict(frame_result._WRITERS))
 
 
 def test_every_format_has_a_writer() -> None:

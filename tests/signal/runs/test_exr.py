@@ -12,7 +12,7 @@ import pytest
 
 from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
 from radarsim_addon.signal.runs import exr
-from radarsim_addon.signal.runs.exr_header import read_header
+from radarsim_addon.signal.runs.exr import read_header
 
 OpenEXR = pytest.importorskip("OpenEXR")
 

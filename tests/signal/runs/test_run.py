@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon import contract, sidecar
+from radarsim_addon import contract, typed_json
 from radarsim_addon.errors import ConfigError, FrameFileError, RadarSimError, SchemaError
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.runs import exr
@@ -54,7 +54,7 @@ def test_run_gives_plan_radar_and_frames(folder: Path) -> None:
 
 def test_scene_record_is_found(folder: Path) -> None:
     scene = contract.GroundTruthRecord(1, 0.0, [contract.ObjectRecord("Wall", 100.0, 120.0, None)])
-    sidecar.write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, scene)
+    typed_json.write_record(folder / contract.frame_dir(1) / contract.GROUND_TRUTH_FILE, scene)
     assert open_run(folder).frame(1).scene() == scene
 
 
@@ -172,7 +172,7 @@ def test_negative_radiance(folder: Path) -> None:
 def test_plan_that_does_not_fit(
     folder: Path, changes: dict[str, Any], kind: type[RadarSimError], words: str
 ) -> None:
-    sidecar.write_record(folder / "run.json", dataclasses.replace(run_record(SETUP), **changes))
+    typed_json.write_record(folder / "run.json", dataclasses.replace(run_record(SETUP), **changes))
     with pytest.raises(kind, match=words):
         open_run(folder)
 

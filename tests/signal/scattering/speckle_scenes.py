@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import read_record
 from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.signal.paths.table import open_table
-from radarsim_addon.signal.scattering.surface_cells import Body
-from radarsim_addon.signal.scattering.surface_speckle import Roughness, SurfaceSpeckle
+from radarsim_addon.signal.scattering.surface_speckle import Body, Roughness, SurfaceSpeckle
+from radarsim_addon.typed_json import read_record
 from tests.signal import path_runs as pr
 
 CARRIER_HZ = pr.WAVEFORM.carrier_hz

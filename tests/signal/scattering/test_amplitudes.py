@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
+from radarsim_addon.contract import MotionRecord
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.motion_record import MotionRecord
 from radarsim_addon.physics.antennas import direction_from_angles
-from radarsim_addon.sidecar import file_sha256, write_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import FrameBudget
 from radarsim_addon.signal.echoes import pulse_times_s, synthesize
@@ -33,8 +32,9 @@ from radarsim_addon.signal.radar import (
     make_system,
 )
 from radarsim_addon.signal.scattering import Link, amplitude
-from radarsim_addon.signal.scattering.antenna_gains import PathEnds
+from radarsim_addon.signal.scattering.amplitudes import PathEnds
 from radarsim_addon.signal.spectrum import TOLERANCE
+from radarsim_addon.typed_json import file_sha256, write_record
 from tests.signal import path_runs as pr
 
 #: 30 degrees in 63 pulse intervals.
@@ -258,7 +258,7 @@ def turning_run(folder: Path, name: str) -> Path:
         deforming_surfaces_file="", deforming_surfaces_sha256="",
     )  # fmt: skip
     write_record(frame / contract.MOTION_FILE, motion)
-    from radarsim_addon.sidecar import read_record
+    from radarsim_addon.typed_json import read_record
 
     record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
     record = dataclasses.replace(

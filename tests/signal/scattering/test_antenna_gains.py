@@ -24,7 +24,7 @@ from radarsim_addon.signal.paths import PATH_DTYPE, Paths, make_paths, path_powe
 from radarsim_addon.signal.radar import Channel, Element, make_system
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import Link
-from radarsim_addon.signal.scattering.antenna_gains import PathEnds
+from radarsim_addon.signal.scattering.amplitudes import PathEnds
 from tests.signal import path_runs as pr
 from tests.signal import synthetic
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import make_paths, open_run
 from radarsim_addon.signal.decoding import FrameInput, frame_paths, open_frame
 from radarsim_addon.signal.maps import expected_power

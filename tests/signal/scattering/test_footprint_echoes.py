@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.signal import (
     Burst,
     Radar,

@@ -12,13 +12,13 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.findings import merge
-from radarsim_addon.sidecar import write_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
 from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_findings
+from radarsim_addon.typed_json import write_record
 from tests.signal import path_runs as pr
 from tests.signal.scattering.speckle_scenes import WAVELENGTH_M, scene, speckle
 

@@ -29,7 +29,7 @@ from radarsim_addon.signal.paths import (
 )
 from radarsim_addon.signal.radar import Channel, Element, make_system
 from radarsim_addon.signal.scattering import Link
-from radarsim_addon.signal.scattering.antenna_gains import PathEnds
+from radarsim_addon.signal.scattering.amplitudes import PathEnds
 from tests.signal.scattering.test_images import FLOOR, rows_over
 
 

@@ -14,7 +14,6 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
-from radarsim_addon.sidecar import file_sha256, read_record, write_record
 from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.detection import (
     BudgetReport,
@@ -27,6 +26,7 @@ from radarsim_addon.signal.paths.table import column_groups, open_table
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar
 from radarsim_addon.signal.runs import open_run
+from radarsim_addon.typed_json import file_sha256, read_record, write_record
 from tests.signal import path_runs as pr
 from tests.signal import synthetic
 
@@ -192,9 +192,9 @@ def test_groups_and_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
     folder = two_plates(tmp_path / "run")
     record_folder = folder / contract.frame_dir(1)
-    from radarsim_addon.sidecar import file_sha256, read_record, write_record
     from radarsim_addon.signal.paths import write_table
     from radarsim_addon.signal.paths.table import open_table
+    from radarsim_addon.typed_json import file_sha256, read_record, write_record
 
     rows = np.array(open_table(record_folder / contract.PATHS_TABLE))
     rows["order"][0], rows["first_object"][0] = 2, 2

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.physics.rain_echo import rain_reflectivity_per_m
+from radarsim_addon.physics.weather import rain_reflectivity_per_m
 from radarsim_addon.signal import (
     Burst,
     Radar,

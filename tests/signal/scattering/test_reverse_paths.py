@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radarsim_addon.array_types import Real
+from radarsim_addon.arrays import Real
 from radarsim_addon.contract import ImageRecord, TransmitterRecord
 from radarsim_addon.signal import open_run, synthesize
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.maps import expected_power, range_process
 from radarsim_addon.signal.motion import BodyMotion, PathImages
-from radarsim_addon.signal.motion.antenna_motion import AntennaMotion
+from radarsim_addon.signal.motion.body_motion import AntennaMotion
 from radarsim_addon.signal.paths import (
     IMAGE_DTYPE,
     PATH_DTYPE,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
-from radarsim_addon.signal.scattering.surface_cells import Body, SurfaceCells
+from radarsim_addon.signal.scattering.surface_speckle import Body, SurfaceCells
 
 COLUMNS = ("first_object", "last_object")
 #: A rotor's blade, 0.3 by 0.024 by 0.002 m, and twice as large in the world.

@@ -19,8 +19,12 @@ from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.signal.paths.paths import make_paths
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
-from radarsim_addon.signal.scattering.surface_cells import Body, distinct
-from radarsim_addon.signal.scattering.surface_speckle import Roughness, SurfaceSpeckle
+from radarsim_addon.signal.scattering.surface_speckle import (
+    Body,
+    Roughness,
+    SurfaceSpeckle,
+    distinct,
+)
 from tests.signal import path_runs as pr
 from tests.signal.scattering.speckle_scenes import (
     RESOLUTION_M,

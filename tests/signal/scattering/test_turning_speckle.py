@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.sidecar import write_record
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
@@ -20,6 +19,7 @@ from radarsim_addon.signal.paths.paths import Paths, path_power_w
 from radarsim_addon.signal.radar import Radar
 from radarsim_addon.signal.runs import RadarFrame, open_run
 from radarsim_addon.signal.scattering import FrameSpeckle
+from radarsim_addon.typed_json import write_record
 from tests.signal import path_runs as pr
 from tests.signal.scattering.speckle_scenes import WAVELENGTH_M, WAVENUMBER, scene
 

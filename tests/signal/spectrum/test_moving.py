@@ -21,7 +21,7 @@ from radarsim_addon.signal.spectrum import (
     SpectrumAccumulator,
 )
 from radarsim_addon.signal.spectrum.grid import SynthesisContext
-from radarsim_addon.signal.spectrum.ramp import RampTransform
+from radarsim_addon.signal.spectrum.transform import RampTransform
 from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
 Body = Callable[[np.longdouble], np.ndarray]

@@ -11,7 +11,7 @@ import pytest
 from radarsim_addon.errors import ConfigError, MissingDependencyError
 from radarsim_addon.signal import nufft1
 from radarsim_addon.signal.spectrum import nufft, smooth_size
-from radarsim_addon.signal.spectrum.mixed_nufft import LEAST_ERROR, nufft_lines
+from radarsim_addon.signal.spectrum.nufft import LEAST_ERROR, nufft_lines
 
 ENGINES = [
     pytest.param(

@@ -1,0 +1,378 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ground straight below a radar."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import Real
+from ...errors import SceneError
+from ...findings import Finding, finding
+from ..materials import SURFACE_TYPES, assigned_materials
+from ..state import EvaluatedObject, evaluated_mesh, evaluated_objects, read_numbers, read_triangles
+from .ground_truth import Boxes, antenna_positions
+from .rig import Rig
+
+# -------------------------------------------------------------------------------------------------
+# What a pixel spans of range on flat surfaces in view, and how small objects in view are.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Thickness of a flat surface over the shorter of its sides.
+_FLAT = 0.2
+#: Places at which a surface is looked at: distances from the foot of the radar, and directions.
+_PLACES = 64
+#: Flat surfaces that are looked at: the largest.
+_MOST_SURFACES = 16
+
+
+@dataclass(frozen=True)
+class PixelSpans:
+    """What pixels meet, for a frame whose pixels are `width` / pixels across wide at distance 1.
+
+    Attributes
+    ----------
+    width
+        Width of the frame at distance 1.
+    surfaces
+        By the name of a flat surface: places (2, n), their range and the range that a pixel spans
+        there over its width at distance 1, both [m].
+    sizes
+        Largest angular size of each object, as a width at distance 1, by name.
+    """
+
+    width: float = 0.0
+    surfaces: Mapping[str, Real] = field(default_factory=lambda: MappingProxyType({}))
+    sizes: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+    def longest_m(self, width_px: int, limit_m: float) -> dict[str, tuple[float, float]]:
+        """Return the largest range step of a pixel on each surface, and its range, up to a range.
+
+        Both in metres; surfaces without a place up to `limit_m` are left out.
+        """
+        found = {}
+        for name, (range_m, span_m) in self.surfaces.items():
+            near = range_m <= limit_m
+            if near.any():
+                worst = int(np.argmax(np.where(near, span_m, 0.0)))
+                step_m = float(span_m[worst]) * self.width / width_px
+                found[name] = step_m, float(range_m[worst])
+        return found
+
+
+def measure_pixel_spans(
+    boxes: Boxes, matrix: Real, edges: tuple[float, ...], metres: float
+) -> PixelSpans:
+    """Measure boxes as a perspective receiver sees them.
+
+    Parameters
+    ----------
+    boxes
+        Of what can echo.
+    matrix
+        Pose of the receiver, (4, 4) [Blender units]; it looks along -Z.
+    edges
+        Left, right, bottom and top of its frame at distance 1.
+    metres
+        Metres per Blender unit.
+
+    Returns
+    -------
+    PixelSpans
+    """
+    if not boxes.rows.size:
+        return PixelSpans(edges[1] - edges[0])
+    turned = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+    corners = (boxes.corners - matrix[:3, 3]) @ turned * metres  # in the receiver's axes [m]
+    centres = corners.mean(axis=1)
+    radius_m = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    seen = np.flatnonzero(_in_view(centres, edges) & (radius_m > 0))
+    labels = [boxes.snapshot.label(row) for row in boxes.rows.tolist()]
+    sizes: dict[str, float] = {}
+    for row in seen.tolist():
+        size = float(2 * radius_m[row] / np.linalg.norm(centres[row]))
+        sizes[labels[row]] = max(size, sizes.get(labels[row], 0.0))
+    surfaces = {}
+    sides = np.stack([corners[:, corner] - corners[:, 0] for corner in (4, 3, 1)], axis=1)
+    lengths = np.linalg.norm(sides, axis=2)
+    thin = np.sort(lengths, axis=1)
+    flat = np.flatnonzero((thin[:, 0] <= _FLAT * thin[:, 1]) & (thin[:, 1] > 0))
+    for row in flat[np.argsort(-radius_m[flat])][:_MOST_SURFACES].tolist():
+        places = _places(centres[row], sides[row], lengths[row], edges)
+        if places.size:
+            surfaces[labels[row]] = places
+    return PixelSpans(edges[1] - edges[0], surfaces, sizes)
+
+
+def _in_view(
+    points: Real, edges: tuple[float, ...]
+) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Whether points in the receiver's axes (n, 3) are in its frame, (n,)."""
+    left, right, bottom, top = edges
+    ahead = -points[:, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x, y = points[:, 0] / ahead, points[:, 1] / ahead
+    inside = (x >= left) & (x <= right) & (y >= bottom) & (y <= top)
+    return np.asarray((ahead > 0) & inside)
+
+
+def _places(centre: Real, sides: Real, lengths: Real, edges: tuple[float, ...]) -> Real:
+    """Ranges of places in view on a flat box, and what a pixel spans there, (2, n) [m]."""
+    long = np.argsort(lengths)[1:].tolist()
+    first, second = (sides[axis] / lengths[axis] for axis in long)
+    normal = np.cross(first, second)
+    normal /= np.linalg.norm(normal)
+    height = abs(float(centre @ normal))
+    foot = (centre @ normal) * normal
+    far = np.linalg.norm(centre - foot) + np.linalg.norm(lengths) / 2
+    away = np.geomspace(max(far * 1e-4, 1e-6), far, _PLACES)
+    turn = np.linspace(0, 2 * np.pi, _PLACES, endpoint=False)
+    along = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(normal, first)
+    points = (foot + away[:, None, None] * along).reshape(-1, 3)
+    from_centre = points - centre
+    on_it = np.all(
+        [abs(from_centre @ side) <= lengths[axis] / 2 for axis, side in zip(long, (first, second))],
+        axis=0,
+    )
+    kept = on_it & _in_view(points, edges)
+    if height <= 1e-9 * far or not kept.any():  # seen edge-on: it is in no pixel
+        return np.zeros((2, 0))
+    points = points[kept]
+    range_m = np.linalg.norm(points, axis=1)
+    tangent = (
+        np.sqrt(np.maximum(range_m**2 - height**2, 0.0)) / height
+    )  # of the angle to the normal
+    # A pixel of width w at distance 1 turns the ray by w cos(angle off the axis), at most.
+    span_m = range_m * tangent * (-points[:, 2] / range_m)
+    return np.stack([range_m, span_m])
+
+
+# -------------------------------------------------------------------------------------------------
+# Why a frame has no echo: an antenna inside a mesh, nothing in view, shaders that reflect nothing.
+#
+# Called for such frames alone, because it looks at every triangle of what may surround an antenna.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Directions that no modelled face is parallel to; a point inside has an odd number of faces in
+#: each of them, forwards and backwards.
+_DIRECTIONS = np.array([[0.71, 0.23, 0.66], [-0.37, 0.83, 0.42], [0.19, -0.58, -0.79]])
+
+
+def no_echo_findings(depsgraph: Any, rig: Rig, seen: Sequence[str]) -> list[Finding]:
+    """Find why no echo was received.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        At the frame's time.
+    rig
+        Antennas.
+    seen
+        Names of the objects that rays of the receiver met.
+
+    Returns
+    -------
+    list of Finding
+        At least one, each an error.
+    """
+    surrounding = _surrounding(depsgraph, rig)
+    if surrounding:
+        return [finding("antenna-inside-mesh", *surrounding)]
+    assigned = {one.item.name_full: one.materials for one in assigned_materials(depsgraph)}
+    if not seen:
+        return [finding("nothing-in-view", *sorted(assigned)) if assigned else finding("no-echo")]
+    reflects = cache(_reflects)  # the links of a socket take a walk over all links of its tree
+    dark = [n for n in seen if n in assigned and not any(map(reflects, assigned[n] or (None,)))]
+    found = [finding("shaders-reflect-nothing", *dark)] if dark else []
+    others = [name for name in seen if name not in dark]
+    return found + ([finding("surfaces-return-nothing", *others)] if others else [])
+
+
+def _surrounding(depsgraph: Any, rig: Rig) -> list[str]:
+    """Return the closed meshes that contain one of the antennas, but not the other."""
+    antennas = np.stack(antenna_positions(depsgraph, rig))
+    found = []
+    for one in evaluated_objects(depsgraph):
+        shown = one.visible and not one.original.hide_render
+        if shown and one.original.type in SURFACE_TYPES and one.original != rig.emitter:
+            inside = [_contains(one, point) for point in antennas]
+            if inside[0] != inside[1]:
+                found.append(one.label)
+    return found
+
+
+def _contains(one: EvaluatedObject, point: Real) -> bool:
+    corners = one.box @ one.matrix[:3, :3].T + one.matrix[:3, 3]
+    if (point < corners.min(axis=0)).any() or (point > corners.max(axis=0)).any():
+        return False
+    with evaluated_mesh(one.evaluated) as mesh:
+        if mesh is None:
+            return False
+        vertices, triangles = read_triangles(mesh)
+    world = vertices.astype(np.float64) @ one.matrix[:3, :3].T + one.matrix[:3, 3]
+    return surrounds(world, triangles, point)
+
+
+def surrounds(vertices: Real, triangles: NDArray[np.int32], point: Real) -> bool:
+    """Return whether triangles (m, 3) of vertices (n, 3) close around a point (3,)."""
+    a, b, c = (vertices[triangles[:, k]] - point for k in range(3))
+    along, across = b - a, c - a
+    for direction in _DIRECTIONS:
+        # Moeller and Trumbore, Journal of Graphics Tools 2, 21, 1997
+        p = np.cross(direction, across)
+        q = np.cross(-a, along)
+        scale = (along * p).sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = (-a * p).sum(axis=1) / scale
+            v = (q @ direction) / scale
+            t = (across * q).sum(axis=1) / scale
+        hit = (u >= 0) & (v >= 0) & (u + v < 1)
+        if any(np.count_nonzero(hit & side) % 2 == 0 for side in (t > 0, t < 0)):
+            return False
+    return True
+
+
+def _reflects(material: Any) -> bool:
+    """Return whether a material, or Blender's own where there is none, has a reflecting shader."""
+    tree = None if material is None else material.node_tree
+    if tree is None:
+        return True
+    output = tree.get_output_node("CYCLES")
+    waiting = [] if output is None else [link.from_node for link in output.inputs["Surface"].links]
+    met = set()
+    while waiting:
+        node = waiting.pop()
+        if node in met:
+            continue
+        met.add(node)
+        kind = node.bl_idname
+        if kind == "ShaderNodeSubsurfaceScattering" or (
+            kind.startswith("ShaderNodeBsdf") and kind != "ShaderNodeBsdfTransparent"
+        ):
+            return True
+        inner = getattr(node, "node_tree", None)
+        waiting += [] if inner is None else list(inner.nodes)
+        waiting += [link.from_node for socket in node.inputs for link in socket.links]
+    return False
+
+
+#: Largest tilt of the ground that counts as level.
+_LEVEL_RAD = math.radians(1.0)
+
+
+@dataclass(frozen=True)
+class GroundBelow:
+    """A level surface straight below a point, Blender units.
+
+    Attributes
+    ----------
+    name
+        Name of the object.
+    material : bpy.types.Material or None
+        Of the face below the point.
+    height
+        World z of the surface.
+    corners
+        Bounding box in the world, (8, 3).
+    """
+
+    name: str
+    material: Any
+    height: float
+    corners: Real
+
+
+def ground_below(depsgraph: Any, point: Real, name: str | None = None) -> GroundBelow:
+    """Find the ground: of the objects straight below a point the one with the largest area.
+
+    Parameters
+    ----------
+    depsgraph : bpy.types.Depsgraph
+        Up to date.
+    point
+        World coordinates, Blender units, (3,).
+    name
+        Name of the object that is the ground; None: search it.
+
+    Returns
+    -------
+    GroundBelow
+        The highest face of the object below the point.
+
+    Raises
+    ------
+    SceneError
+        Nothing, or not the named object, is below the point, or its face there is not level.
+    """
+    found: list[tuple[float, float, GroundBelow, float]] = []
+    for item in evaluated_objects(depsgraph):
+        hidden = not item.visible or item.original.hide_render
+        named = name in (None, item.original.name)
+        if hidden or not named or item.evaluated.type not in SURFACE_TYPES:
+            continue
+        corners = item.box @ item.matrix[:3, :3].T + item.matrix[:3, 3]
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        if np.all(low[:2] <= point[:2]) and np.all(point[:2] <= high[:2]):
+            face = _face_below(item, point)
+            if face is not None:
+                height, slot, tilt_rad = face
+                area = float(np.prod(high[:2] - low[:2]))
+                ground = GroundBelow(
+                    item.original.name, _material(item.evaluated, slot), height, corners
+                )
+                found.append((area, height, ground, tilt_rad))
+    if not found:
+        what = "No surface" if name is None else f"No face of {name!r}"
+        raise SceneError(
+            f"{what} is straight below the radar at ({', '.join(f'{x:g}' for x in point)}), so "
+            "there is no ground to reflect. Put a ground under the radar, or name it by --ground."
+        )
+    _, _, ground, tilt_rad = max(found, key=lambda one: one[:2])
+    if tilt_rad > _LEVEL_RAD:
+        raise SceneError(
+            f"The ground {ground.name!r} is tilted by {math.degrees(tilt_rad):.3g} degrees below "
+            "the radar; expected a level one. Name a level object by --ground, such as a plane "
+            "at the mean height of waves."
+        )
+    return ground
+
+
+def _face_below(item: EvaluatedObject, point: Real) -> tuple[float, int, float] | None:
+    """Height, material slot and tilt [rad] of the highest face below a point; None without one."""
+    with evaluated_mesh(item.evaluated) as mesh:
+        if mesh is None:
+            return None
+        vertices, triangles = read_triangles(mesh)
+        slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
+    corners = (vertices @ item.matrix[:3, :3].T + item.matrix[:3, 3])[triangles]
+    sides = corners[:, 1:] - corners[:, :1]
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    flat = corners[:, :, :2] - point[:2]
+    after = np.roll(flat, -1, axis=1)
+    turns = flat[..., 0] * after[..., 1] - flat[..., 1] * after[..., 0]
+    inside = (np.all(turns >= 0, axis=1) | np.all(turns <= 0, axis=1)) & (normals[:, 2] != 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = np.einsum("ij,ij->i", corners[:, 0] - point, normals) / normals[:, 2]
+    below = np.flatnonzero(inside & (away < 0))
+    if not below.size:
+        return None
+    top = below[np.argmax(away[below])]
+    cosine = abs(normals[top, 2]) / np.linalg.norm(normals[top])
+    return float(point[2] + away[top]), int(slots[top]), math.acos(min(1.0, float(cosine)))
+
+
+def _material(evaluated: Any, slot: int) -> Any:
+    slots = evaluated.material_slots
+    if not slots:
+        return None
+    material = slots[min(slot, len(slots) - 1)].material
+    return None if material is None else material.original

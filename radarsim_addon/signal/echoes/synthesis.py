@@ -1,0 +1,576 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which engine makes the raw samples of which waveform."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import Complex, Mask, Real
+from ...contract import AmplitudeModel
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..motion import AntennaMotion, PathMotion
+from ..paths import Paths, channel_lengths
+from ..radar import Channel, FmcwWaveform, PmcwWaveform, Radar, replica, replica_spectrum
+from ..scattering import Link, reverse_amplitudes
+from ..spectrum import (
+    TOLERANCE,
+    AmplitudeHistory,
+    Backend,
+    CodeShape,
+    FrequencyGrid,
+    Method,
+    PulseShape,
+    ReceiveWindow,
+    Spectrum,
+    SpectrumAccumulator,
+    SynthesisReport,
+    check_finite,
+    smooth_size,
+)
+from .echoes import (
+    DEFAULT_OPTIONS,
+    Echoes,
+    EchoOptions,
+    Oscillator,
+    check_window,
+    line_grid,
+    line_ramp,
+    line_times_s,
+    line_waveform,
+    pulse_times_s,
+    window_samples,
+)
+from .receiver import LineOscillator, PhaseNoise, takes_phase_noise_by_path
+
+# -------------------------------------------------------------------------------------------------
+# One sum of spectra for each channel of a radar.
+# -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ChannelPaths:
+    """What makes lengths and amplitudes of paths in the channels of a radar. `link`: gains at every
+    pulse, None: those that the paths have; `antennas`: their motion, None: the link's; `wanted`:
+    pulses whose echoes are formed, (pulses,), None: all.
+    """
+
+    radar: Radar
+    options: EchoOptions
+    link: Link | None = None
+    antennas: AntennaMotion | None = None
+    wanted: Mask | None = None
+
+    def rows_of(self, channel: Channel, rows: int) -> Mask:
+        """Return which of the rows of samples are formed: of wanted pulses with the channel."""
+        pulses = self.radar.burst.pulses
+        used = channel.active_mask(pulses)
+        if self.wanted is not None:
+            used = used & self.wanted
+        if not used.any():
+            used = np.arange(pulses) == 0  # a sum needs a pulse
+        return np.repeat(used, rows // pulses)
+
+    def times_of(self, channel: Channel, times_s: Real) -> Real:
+        """Return the times of the rows that are formed, out of those of all rows [s]."""
+        return np.asarray(times_s[self.rows_of(channel, times_s.size)])
+
+    def lengths_of(self, paths: Paths, channel: Channel) -> PathMotion:
+        """Return the lengths of paths in a channel."""
+        antennas = self.antennas or (None if self.link is None else self.link.antennas)
+        return channel_lengths(paths, channel, antennas)
+
+    def amplitudes_of(self, paths: Paths, channel: Channel) -> AmplitudeHistory:
+        """Return the amplitudes of paths in a channel."""
+        found = self.options.history(paths, channel, self.radar, self.link)
+        antennas = self.antennas or (None if self.link is None else self.link.antennas)
+        if antennas is None or self.options.speckle_seed is None:
+            return found  # without speckle, rows add up coherently as they are
+        waveform = self.radar.waveform
+        factors = reverse_amplitudes(
+            paths, channel, antennas, waveform.carrier_hz, waveform.range_resolution_m
+        )
+        return found if factors is None else found.select(slice(None), factors)
+
+
+class ChannelSums:
+    """Adds up the spectra of paths in every channel, by a sum for each from `make`."""
+
+    def __init__(
+        self, source: ChannelPaths, make: Callable[[Channel], SpectrumAccumulator]
+    ) -> None:
+        self._source = source
+        self._sums = [(channel, make(channel)) for channel in source.radar.channels]
+
+    def add(self, paths: Paths) -> None:
+        """Add paths to all channels."""
+        for channel, total in self._sums:
+            total.add(
+                self._source.lengths_of(paths, channel), self._source.amplitudes_of(paths, channel)
+            )
+
+    def results(self, times_s: Real) -> list[Spectrum]:
+        """Spectra of all channels for rows at these times; those of rows not formed are 0."""
+        return [self._in_rows(channel, total.result(), times_s) for channel, total in self._sums]
+
+    def _in_rows(self, channel: Channel, formed: Spectrum, times_s: Real) -> Spectrum:
+        used = self._source.rows_of(channel, times_s.size)
+        if formed.moving is None or used.all():
+            return replace(formed, times_s=times_s)
+        moving = np.zeros((times_s.size, formed.grid.count), dtype=np.complex128)
+        moving[used] = formed.moving
+        return replace(formed, moving=moving, times_s=times_s)
+
+
+def silence_unformed(samples: Complex, source: ChannelPaths) -> Complex:
+    """Set the rows (channels, rows, samples) that are not formed to 0, in place."""
+    for values, channel in zip(samples, source.radar.channels, strict=True):
+        values[~source.rows_of(channel, values.shape[0])] = 0
+    return samples
+
+
+def joined_report(reports: list[SynthesisReport]) -> SynthesisReport:
+    """Return the report of the channel of the largest error, with the time of all."""
+    worst = max(reports, key=lambda report: report.error_estimate)
+    return replace(worst, wall_s=sum(report.wall_s for report in reports))
+
+
+# -------------------------------------------------------------------------------------------------
+# Complex baseband echoes of a burst (Eq. 9-14 of the paper, with the carrier phase).
+#
+#     s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
+#
+# is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by
+# :mod:`.spectrum.accumulator`. t_m = m/PRF from the frame's time t. The pulse that comes back is
+# scaled in time by the range rate, see :mod:`.spectrum.pulse_motion`.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
+_GUARD_SAMPLES = 64
+
+
+class EchoSynthesizer:
+    """Adds up the echoes of paths that come in parts (ring by ring); see :func:`synthesize`.
+
+    Memory: one complex matrix (pulses, frequencies) and some 100 MB, however many paths.
+
+    Parameters
+    ----------
+    radar
+        With a waveform of the family "pulse".
+    range_limits_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m].
+    options
+        See :class:`EchoOptions`.
+    link
+        Antenna gains at every pulse; None: those that the paths have.
+    antennas
+        Motion of the antennas, for channels of elements away from their origins; None: the link's.
+    wanted
+        Pulses whose echoes are formed, (pulses,); those of the others are 0. None: all.
+
+    Raises
+    ------
+    ConfigError
+        The window is empty or reversed, or the matrix of echoes too large.
+    """
+
+    def __init__(
+        self,
+        radar: Radar,
+        range_limits_m: tuple[float, float],
+        options: EchoOptions = DEFAULT_OPTIONS,
+        *,
+        link: Link | None = None,
+        antennas: AntennaMotion | None = None,
+        wanted: Mask | None = None,
+    ) -> None:
+        self.range_limits_m = check_window(range_limits_m)
+        self.radar = radar
+        self._options = options
+        rate_hz = radar.waveform.sampling_rate_hz
+        chirp = radar.waveform.sample_count
+        start_s, stop_s = (2 * r / SPEED_OF_LIGHT_MPS for r in self.range_limits_m)
+        self._count = window_samples(radar, self.range_limits_m)
+        # An echo that only just reaches into the window needs a chirp's length of room before and
+        # behind it; with that, the circular transform wraps nothing into the window.
+        needed = self._count + 2 * chirp + _GUARD_SAMPLES
+        radar.check_size(needed)
+        size = smooth_size(needed)
+        self._half_s = (chirp - 1) / 2 / rate_hz
+        self._first_s = start_s - self._half_s
+        self._grid = FrequencyGrid.centred(radar.waveform.carrier_hz, rate_hz / size, size)
+        self._pulse: PulseShape | None = None
+        if options.motion_within_pulse:
+            self._pulse = PulseShape(replica(radar.waveform), rate_hz, size)
+        self._window = ReceiveWindow(
+            start_s - 2 * self._half_s,
+            stop_s + 2 * self._half_s,
+            1 / radar.burst.prf_hz if options.range_folding else None,
+            radar.waveform.carrier_hz,
+        )
+        self._source = ChannelPaths(radar, options, link, antennas, wanted)
+        self._sums = ChannelSums(self._source, self._accumulator)
+
+    def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
+        options = self._options
+        return SpectrumAccumulator(
+            self._grid,
+            self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s,
+            tolerance=options.tolerance,
+            method=options.slow_time_transform,
+            backend=options.nufft_backend,
+            listening=self._window,
+            pulse=self._pulse,
+            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
+            chunk=options.chunk,
+        )
+
+    def add(self, paths: Paths) -> None:
+        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
+        self._sums.add(paths)
+
+    def result(self) -> Echoes:
+        """Echoes of all paths added so far."""
+        spectra = self._sums.results(pulse_times_s(self.radar))
+        size, pulses = self._grid.count, self.radar.burst.pulses
+        # S has delays from the middle of the pulse; sample 0 is at first_s
+        k = np.fft.fftfreq(size, 1 / size)
+        turns = self._grid.step_hz * self._first_s
+        shift = np.exp(2j * np.pi * (k * (turns - round(turns)) % 1.0))
+        filter_ = shift
+        if self._pulse is None:
+            filter_ = replica_spectrum(self.radar.waveform, size) * shift
+        samples = np.empty((len(spectra), pulses, self._count), dtype=np.complex128)
+        for channel, spectrum in zip(samples, spectra, strict=True):
+            if spectrum.moving is None:
+                line = np.fft.ifft(np.fft.ifftshift(spectrum.still) * filter_)
+                channel[:] = line[: self._count]
+                continue
+            for pulse, moving in enumerate(spectrum.moving):
+                line = np.fft.ifftshift(moving + spectrum.still) * filter_
+                channel[pulse] = np.fft.ifft(line)[: self._count]
+        report = joined_report([spectrum.report for spectrum in spectra])
+        return Echoes(
+            silence_unformed(samples, self._source),
+            self._first_s,
+            self.range_limits_m,
+            self.radar,
+            self._options.amplitude_model,
+            report.outside,
+            report,
+        )
+
+
+# -------------------------------------------------------------------------------------------------
+# Echoes of waveforms whose receiver samples frequencies (family "line").
+#
+# Sample k of a pulse that begins at t_m is taken at t = t_m + u_k, when the transmitter is at
+# f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
+#
+#     s_k = a exp(-j 2 pi [f_k tau - K tau^2 / 2]),      K = df / (time between samples)
+#
+# with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
+# 3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs,
+# see :mod:`.spectrum.ramp`; PMCW holds all frequencies at once, and paths move while a code is
+# received, see :class:`.spectrum.pulse_shape.CodeShape`. The sums are those of
+# :mod:`.spectrum.accumulator`; only phase noise, which differs from path to path, is put on here.
+#
+# Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
+# -------------------------------------------------------------------------------------------------
+
+
+#: A delay of 0 is received, too.
+_JUST_BEFORE_S = 1e-30
+
+
+class StretchSynthesizer:
+    """Adds up the samples of paths that come in parts; parameters as of
+    :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
+
+    Every echo within the waveform's own range is in the samples, whatever the window.
+    `oscillators`, one for each channel, put phase noise on (not for PMCW); with them all pulses are
+    formed.
+
+    FMCW: beats beyond the ADC's band are taken out by an ideal anti-alias filter, and counted in
+    ``outside``. Stepped frequency and PMCW: what is beyond the unambiguous range folds back.
+    """
+
+    def __init__(
+        self,
+        radar: Radar,
+        range_limits_m: tuple[float, float],
+        options: EchoOptions = DEFAULT_OPTIONS,
+        *,
+        oscillators: Sequence[Oscillator] | None = None,
+        link: Link | None = None,
+        antennas: AntennaMotion | None = None,
+        wanted: Mask | None = None,
+    ) -> None:
+        self.radar = radar
+        self.range_limits_m = check_window(range_limits_m)
+        self._waveform = line_waveform(radar)
+        self._options = options
+        self._grid = line_grid(self._waveform)
+        self._filtered = isinstance(self._waveform, FmcwWaveform)
+        self._code: CodeShape | None = None
+        if isinstance(self._waveform, PmcwWaveform) and options.motion_within_pulse:
+            self._code = CodeShape(replica(self._waveform), self._waveform.sampling_rate_hz)
+        self._oscillators = oscillators
+        self._source = ChannelPaths(radar, options, link, antennas, wanted)
+        self._sums = ChannelSums(self._source, self._accumulator)
+        rows = line_times_s(radar).size
+        self._noisy = [NoisyPathAccumulator(rows, self._grid.count) for _ in oscillators or ()]
+        self._added, self._beyond = 0, 0
+
+    def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
+        waveform = self._waveform
+        ends_s = (-np.inf, np.inf)
+        if self._filtered:
+            ends_s = (-_JUST_BEFORE_S, 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS)
+        middle_s = waveform.grid_start_s + (self._grid.count // 2) * waveform.grid_interval_s
+        if self._code is not None:
+            middle_s = self._code.half_s
+        return SpectrumAccumulator(
+            self._grid,
+            self._source.times_of(channel, line_times_s(self.radar))
+            + middle_s
+            + channel.start_offset_s,
+            tolerance=self._options.tolerance,
+            method=self._options.slow_time_transform,
+            backend=self._options.nufft_backend,
+            listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
+            ramp=line_ramp(waveform),
+            pulse=self._code,
+            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
+            chunk=self._options.chunk,
+        )
+
+    def add(self, paths: Paths) -> None:
+        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
+        beyond = paths.range_m >= self._waveform.unambiguous_range_m
+        if not self._noisy:
+            self._sums.add(paths)
+        for channel, oscillator, noisy in zip(
+            self.radar.channels, self._oscillators or (), self._noisy, strict=False
+        ):
+            self._add_noisy(paths, channel, oscillator, noisy)
+        self._added += len(paths)
+        self._beyond += int(np.count_nonzero(beyond))
+
+    def _add_noisy(
+        self, paths: Paths, channel: Channel, oscillator: Oscillator, noisy: NoisyPathAccumulator
+    ) -> None:
+        """Each path between the two nearest delays for which there is a factor."""
+        rows = slice(0, len(paths))
+        lengths = self._source.lengths_of(paths, channel)
+        amplitudes = self._source.amplitudes_of(paths, channel)
+        check_finite(amplitudes.constant, rows, "amplitude", self._added)
+        check_finite(paths.length_m, rows, "length", self._added)
+        position = paths.length_m / SPEED_OF_LIGHT_MPS / oscillator.step_s
+        low = np.floor(position)
+        for order in np.unique(np.concatenate([low, low + 1])):
+            share = 1 - np.abs(position - order)
+            near = np.flatnonzero(share > 0)
+            accumulator = self._accumulator(channel)
+            accumulator.add(lengths.select(near), amplitudes.select(near, share[near]))
+            noisy.add(accumulator.result(), oscillator.factor(int(order)))
+
+    def result(self) -> Echoes:
+        """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
+        waveform = self._waveform
+        # (channels, rows, N), for PMCW with the code's spectrum where paths move within it
+        spectra = self._sums.results(line_times_s(self.radar))
+        report = joined_report([spectrum.report for spectrum in spectra])
+        samples = np.stack([part.values for part in self._noisy or spectra])
+        if self._noisy:
+            report = joined_report([noisy.report(report, self._added) for noisy in self._noisy])
+            # every path was added for two delays, but is lost only once
+            report.outside = float(self._beyond) if self._filtered else 0.0
+        report.range_ambiguous_count = 0 if self._filtered else self._beyond
+        if isinstance(waveform, PmcwWaveform):
+            code = 1.0 if self._code is not None else np.fft.fft(replica(waveform))
+            samples = np.fft.ifft(np.fft.ifftshift(samples, axes=-1) * code)
+        return Echoes(
+            silence_unformed(samples, self._source),
+            waveform.grid_start_s,
+            self.range_limits_m,
+            self.radar,
+            self._options.amplitude_model,
+            report.outside,
+            report,
+        )
+
+
+class NoisyPathAccumulator:
+    """Spectra times factors of modulus 1, one for each delay of an oscillator's phase."""
+
+    def __init__(self, rows: int, count: int) -> None:
+        self.values = np.zeros((rows, count), dtype=np.complex128)
+        self._parts: list[tuple[SynthesisReport, float]] = []
+
+    def add(self, spectrum: Spectrum, factor: Complex) -> None:
+        """Add one delay's."""
+        values = spectrum.values
+        self._parts.append((spectrum.report, float(np.vdot(values, values).real)))
+        values *= factor
+        self.values += values
+
+    def report(self, empty: SynthesisReport, paths: int) -> SynthesisReport:
+        """One report of all; a path counts in the steps of both delays that it lies between."""
+        report = dataclasses.replace(empty, paths=paths, steps=[], notes=[])
+        energy = float(np.vdot(self.values, self.values).real)
+        expected, fast, notes = 0.0, 0, []
+        for part, own in self._parts:
+            for step in part.steps:
+                report.count(step.motion, step.transform, step.paths, step.transforms, step.cpu_s)
+            # the factors turn phases alone: absolute errors stay what they are
+            if energy > 0:
+                share = float(np.sqrt(own / energy))
+                report.error_estimate += share * part.error_estimate
+                report.error_bound += share * part.error_bound
+            if part.cancellation_db is not None:
+                expected += own / 10 ** (part.cancellation_db / 10)
+            report.motion_error_rad = max(report.motion_error_rad, part.motion_error_rad)
+            report.ramp_residual_phase_rad = max(
+                report.ramp_residual_phase_rad, part.ramp_residual_phase_rad
+            )
+            fast += part.doppler_ambiguous_count
+            report.wall_s += part.wall_s
+            notes += part.notes
+        report.doppler_ambiguous_count = -(-fast // 2)  # each is in two parts
+        if energy > 0 and expected > 0:
+            report.cancellation_db = 10 * float(np.log10(energy / expected))
+        text = f"Phase noise path by path, each between two of {len(self._parts)} delays"
+        report.notes = [*dict.fromkeys(notes), f"{text}: a path counts twice in the steps."]
+        return report
+
+
+def synthesizer_for(
+    radar: Radar,
+    range_limits_m: tuple[float, float],
+    options: EchoOptions = DEFAULT_OPTIONS,
+    *,
+    phase_noise: PhaseNoise | None = None,
+    phase_noise_seed: int = 0,
+    link: Link | None = None,
+    antennas: AntennaMotion | None = None,
+    wanted: Mask | None = None,
+) -> EchoSynthesizer | StretchSynthesizer:
+    """Return the synthesizer for the waveform's family.
+
+    Parameters
+    ----------
+    radar
+        Waveform and burst.
+    range_limits_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m].
+    options
+        How echoes are formed.
+    phase_noise, phase_noise_seed
+        For FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
+    link
+        Antenna gains at every pulse; None: those that the paths have.
+    antennas
+        Motion of the antennas, for channels of elements away from their origins; None: the link's.
+    wanted
+        Pulses whose echoes are formed, (pulses,); those of the others are 0. None: all.
+
+    Returns
+    -------
+    EchoSynthesizer or StretchSynthesizer
+        Takes paths in parts with ``add``; ``result`` returns the `Echoes`.
+
+    Raises
+    ------
+    ConfigError
+        The range limits are empty or reversed, or the matrix of echoes is too large.
+    """
+    if radar.waveform.family == "pulse":
+        return EchoSynthesizer(
+            radar, range_limits_m, options, link=link, antennas=antennas, wanted=wanted
+        )
+    oscillators = None
+    if phase_noise is not None and takes_phase_noise_by_path(radar):
+        oscillators = [
+            LineOscillator(radar, phase_noise, phase_noise_seed, channel.start_offset_s)
+            for channel in radar.channels
+        ]
+        wanted = None  # the oscillators' factors are of all rows
+    return StretchSynthesizer(
+        radar,
+        range_limits_m,
+        options,
+        oscillators=oscillators,
+        link=link,
+        antennas=antennas,
+        wanted=wanted,
+    )
+
+
+def synthesize(
+    paths: Paths | Iterable[Paths],
+    radar: Radar,
+    *,
+    range_limits_m: tuple[float, float],
+    amplitude_model: AmplitudeModel = "radar-equation",
+    receiver_gain: float = 1.0,
+    nufft_backend: Backend = "auto",
+    tolerance: float = TOLERANCE,
+    slow_time_transform: Method = "auto",
+    range_folding: bool = True,
+    motion_within_pulse: bool = True,
+    chunk: int = 1 << 17,
+    speckle_seed: int | None = None,
+    link: Link | None = None,
+    antennas: AntennaMotion | None = None,
+) -> Echoes:
+    """Return the echoes of a burst from paths (Eq. 9-14).
+
+    Parameters
+    ----------
+    paths
+        Paths, or several tables of them, as from :func:`.decoding.iter_path_chunks`.
+    radar
+        Waveform and burst.
+    range_limits_m
+        One-way ranges (start, stop) whose echoes are recorded whole [m]. Echoes that reach in from
+        outside are cut at the edge, not folded.
+    amplitude_model, receiver_gain, nufft_backend, tolerance, slow_time_transform, range_folding
+        See :class:`.echoes.EchoOptions`.
+    motion_within_pulse, chunk, speckle_seed
+        See :class:`.echoes.EchoOptions`.
+    link, antennas
+        See :func:`synthesizer_for`.
+
+    Returns
+    -------
+    Echoes
+        Samples (channels, rows, samples).
+
+    Notes
+    -----
+    A pulse comes back scaled in time by the range rate: its echo has the Doppler shift, and so the
+    range-Doppler coupling, of a moving target. The delay is that of the wave which meets the path
+    half its delay after its emission. A folded echo has the carrier phase of its true delay, for
+    the oscillator runs on.
+    """
+    options = EchoOptions(
+        amplitude_model=amplitude_model,
+        receiver_gain=receiver_gain,
+        nufft_backend=nufft_backend,
+        tolerance=tolerance,
+        slow_time_transform=slow_time_transform,
+        range_folding=range_folding,
+        motion_within_pulse=motion_within_pulse,
+        chunk=chunk,
+        speckle_seed=speckle_seed,
+    )
+    synthesizer = synthesizer_for(radar, range_limits_m, options, link=link, antennas=antennas)
+    for part in [paths] if isinstance(paths, Paths) else paths:
+        synthesizer.add(part)
+    return synthesizer.result()

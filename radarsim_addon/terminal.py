@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A progress line on a console."""
+
+from __future__ import annotations
+
+import unicodedata
+from typing import TextIO
+
+# -------------------------------------------------------------------------------------------------
+# Text from files, made safe to print.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Unicode categories that steer a terminal or end a line: controls, formats (which turn the
+#: direction of writing), halves of surrogates, line and paragraph separators.
+_STEERING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
+
+
+def printable(text: str) -> str:
+    """Text on one line that no terminal obeys: control characters as Python escapes them.
+
+    Names of objects may hold any character, and files come from strangers.
+    """
+    return "".join(
+        character.encode("unicode_escape").decode("ascii")
+        if unicodedata.category(character) in _STEERING
+        else character
+        for character in text
+    )
+
+
+def error_line(error: Exception) -> str:
+    """Return the line that a command prints for a named error, without its end."""
+    return f"radarsim: {type(error).__name__}: {printable(str(error))}"
+
+
+class ProgressLine:
+    """A line ``12/42 renders, 29 %, 0:18 left``: rewritten in a terminal, else one per 5 %.
+
+    Parameters
+    ----------
+    stream
+        Where the line is written.
+    unit
+        Plural noun of what is counted.
+    """
+
+    def __init__(self, stream: TextIO, unit: str = "renders") -> None:
+        self._stream = stream
+        self._unit = unit
+        self._terminal = stream.isatty()
+        self._last_step = -1
+
+    def show(self, done: int, total: int, seconds_left: float | None) -> None:
+        """Print the state, if it is time to."""
+        step = done * 20 // max(total, 1)
+        text = progress_text(done, total, seconds_left, self._unit)
+        if self._terminal:
+            self._stream.write(f"\r{text:<60}" + ("\n" if done >= total else ""))
+        elif step != self._last_step:
+            self._stream.write(text + "\n")
+        self._last_step = step
+        self._stream.flush()
+
+
+def progress_text(done: int, total: int, seconds_left: float | None, unit: str = "renders") -> str:
+    """Return the line of progress.
+
+    Parameters
+    ----------
+    done, total
+        Units that are complete, and all.
+    seconds_left
+        Estimated time to the end [s]; None: unknown.
+    unit
+        Plural noun of what is counted.
+
+    Returns
+    -------
+    str
+        One line.
+    """
+    percent = 100 * done // total if total else 100
+    text = f"radarsim: {done}/{total} {unit}, {percent} %"
+    if seconds_left is None or done >= total:
+        return text
+    whole = round(seconds_left)
+    hours, rest = divmod(whole, 3600)
+    clock = f"{rest // 60}:{rest % 60:02d}" if not hours else f"{hours}:{rest // 60:02d} h"
+    return f"{text}, {clock} left"
