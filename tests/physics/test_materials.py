@@ -207,6 +207,15 @@ def test_gap_between_two_bands_is_outside() -> None:
         materials.material("glass", np.array([5e9, 150e9]))
 
 
+@pytest.mark.parametrize(("frequency_hz", "eps_real"), [(145e9, 6.31), (150e9, 5.79)])
+def test_between_two_bands_the_edge_at_the_smaller_ratio_is_held(
+    frequency_hz: float, eps_real: float
+) -> None:
+    """Glass of ITU-R P.2040, table 3: the bands end at 100 GHz and begin again at 220 GHz."""
+    held = materials.permittivity("glass", frequency_hz, beyond_band="hold")
+    assert held.real == pytest.approx(eps_real, rel=1e-12)
+
+
 def test_peplinski_low_band_correction() -> None:
     """eps' -> 1.15 eps' - 0.68 below 1.3 GHz (Peplinski 1995, eq. (2) with (8)).
 

@@ -57,6 +57,13 @@ def test_average_polarisation_lies_between_the_two() -> None:
     k, alpha = rain_coefficients(77e9, "average")
     assert rain_attenuation_db_per_km(77e9, 0.0) == 0.0
     assert rain_attenuation_db_per_km(77e9, 3.0) == pytest.approx(k * 3.0**alpha, rel=1e-12)
+    # P.838-3 at 45 degrees of tilt: k is the mean, and k alpha is the mean of both products
+    (k_h, alpha_h), (k_v, alpha_v) = (
+        rain_coefficients(5.3e9, one) for one in ("horizontal", "vertical")
+    )
+    k, alpha = rain_coefficients(5.3e9, "average")
+    assert k == pytest.approx((0.000306925 + 0.000274135) / 2, rel=5e-6)
+    assert k * alpha == pytest.approx((k_h * alpha_h + k_v * alpha_v) / 2, rel=1e-12)
 
 
 def test_gases_are_the_sum_over_their_lines() -> None:
@@ -69,6 +76,21 @@ def test_gases_are_the_sum_over_their_lines() -> None:
         dry = gas_attenuation_db_per_km(float(row["frequency_ghz"]) * 1e9, vapour_g_per_m3=0.0)
         # vapour widens oxygen's lines a little
         assert dry == pytest.approx(float(row["value2"]), rel=2e-2)
+
+
+@pytest.mark.parametrize("temperature_c", [-20.0, 40.0])
+def test_a_little_vapour_absorbs_at_its_first_line_by_its_pressure(temperature_c: float) -> None:
+    """P.676-12, eq. (3) to (6) and the first row of table 2, in thin air: no other line counts."""
+    f_ghz, dry_hpa, kelvin = 22.235080, 20.0, temperature_c + 273.15
+    theta, vapour_hpa = 300 / kelvin, 0.001 * kelvin / 216.7
+    strength = 0.1079e-1 * vapour_hpa * theta**3.5 * np.exp(2.144 * (1 - theta))
+    width = 26.38e-4 * dry_hpa * theta**0.76
+    with_vapour, dry = (
+        gas_attenuation_db_per_km(f_ghz * 1e9, dry_hpa, temperature_c, amount)
+        for amount in (0.001, 0.0)
+    )
+    expected = 0.1820 * f_ghz * strength / width
+    assert with_vapour - dry == pytest.approx(expected, rel=2e-3)
 
 
 def test_a_vacuum_takes_nothing() -> None:
@@ -116,6 +138,20 @@ def test_rain_echoes_as_its_drops_do() -> None:
         eta = rain_reflectivity_per_m(float(row["frequency_ghz"]) * 1e9, _rate(row))
         # another formula for water's permittivity at 77 GHz: 0.011 dB
         assert 10 * np.log10(eta) == pytest.approx(float(row["value2"]), abs=0.015)
+
+
+@pytest.mark.parametrize("temperature_c", [0.0, 30.0])
+def test_the_echo_of_small_drops_follows_the_permittivity_of_their_temperature(
+    temperature_c: float,
+) -> None:
+    """|K|^2 with K = (eps - 1) / (eps + 2): Rayleigh scatterers."""
+    from radarsim_addon.physics.materials_water import liebe_permittivity
+
+    eps = np.array([liebe_permittivity(1e9, at_c) for at_c in (temperature_c, 10.0)])
+    of_drops = np.abs((eps - 1) / (eps + 2)) ** 2
+    warm, usual = (rain_reflectivity_per_m(1e9, 1.0, at_c) for at_c in (temperature_c, 10.0))
+    assert abs(of_drops[0] / of_drops[1] - 1) > 3e-3
+    assert warm / usual == pytest.approx(of_drops[0] / of_drops[1], rel=3e-4)
 
 
 def test_rain_falls_between_drizzle_and_the_largest_drops() -> None:

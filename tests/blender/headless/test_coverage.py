@@ -68,6 +68,18 @@ def conductor_lobes(height_m: Any, radar_m: float = 10.0, range_m: float = 1500.
     return np.abs(1 - waves[1] / waves[0]) ** 4
 
 
+def test_a_ground_beyond_its_band_follows_the_radars_choice(sea: Any) -> None:
+    """ITU-R P.2040 knows wet ground up to 10 GHz."""
+    soil = make_physical_material("Soil", "wet_ground", carrier_hz=CARRIER_HZ)
+    sea.objects["Ocean"].data.materials[0] = soil
+    settings = scripting.settings(bpy.data.objects["Radar"])
+    settings.carrier_hz, settings.beyond_band = 24e9, "refuse"
+    with pytest.raises(ConfigError, match="1 to 10 GHz"):
+        computed()
+    settings.beyond_band = "hold"
+    assert np.isfinite(computed().factor).all()
+
+
 def test_radar_and_ground_are_those_of_the_scene(sea: Any) -> None:
     before = [(item.name, tuple(item.location)) for item in sea.objects]
     found = computed()

@@ -25,6 +25,7 @@ from radarsim_addon.blender.materials import (
 from radarsim_addon.blender.nodes import attributes, make_material
 from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.physics.fresnel import excess_path_m, slab_power
+from radarsim_addon.signal.radar import Waveform
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -256,3 +257,21 @@ def test_near_walls_keep_their_volume() -> None:
     assert attributes.OBJECT_LAYER_AT_FACES not in bpy.data.objects["Wall"]
     assert found.findings == [] and found.delay
     assert 0 < found.sigma < 1e-6 and 0 < found.absorption_sigma < 1e-4
+
+
+def test_the_sigma_of_lengths_scales_with_the_unit(tmp_path: Path) -> None:
+    """A scene and a wavelength of half the size: absorption and rounding are the same numbers."""
+    sigmas_m = []
+    for metres in (1.0, 0.5):
+        scene = rs.new_scene()
+        scene.unit_settings.scale_length = metres
+        ph.field_of_view(3.0)
+        wall(20.0)
+        rs.add_plate(30.0, 8.0)
+        waveform = Waveform(CARRIER_HZ / metres, 50e6, 2.5e-6, 60e6)
+        run = ph.run_paths(tmp_path / str(metres), width_px=8, height_px=8, waveform=waveform)
+        rows, plate = run.table(), run.record().objects.index("Plate") + 1
+        behind = rows[(rows["last_object"] == plate) & (rows["transparent_depth"] > 0)]
+        sigmas_m.append(np.sort(behind["length_sigma_m"]))
+    assert sigmas_m[0].size > 32
+    np.testing.assert_allclose(sigmas_m[1], sigmas_m[0] / 2, rtol=1e-3)

@@ -197,6 +197,13 @@ def test_angles_beyond_the_model_and_the_curved_earth_are_said(tmp_path: Path) -
     assert end_deg <= numbers["least_deg"] <= end_deg + 3.0 / 64
     # sigma0 falls by 21 to 26 dB a decade of the sine; 0.5 dB is 5 % of the angle
     assert 2000 < numbers["range_m"] < 5000
+    flat_rad = math.atan(10 / numbers["range_m"])
+    round_rad = flat_rad - numbers["range_m"] / (2 * 4 / 3 * 6.371e6)
+    flat_db, round_db = (
+        float(clutter_model("nrl_sea").sigma0_db(rs.WAVEFORM.carrier_hz, at_rad, sea_state=3))
+        for at_rad in (flat_rad, round_rad)
+    )
+    assert 0.48 < flat_db - round_db < 1.5  # rows of pixels are some hundred metres apart
     assert 0.5 < numbers["error_db"] < 40
 
 

@@ -79,8 +79,9 @@ def test_extinction_length(scene: Any) -> None:
 
 def test_command_line_overrides_the_settings_in_float64(scene: Any) -> None:
     found = properties.read_measurement(
-        scene, carrier_hz=76.123456789e9, rings=3, snapshots=1, frames=(1, 2)
+        scene, carrier_hz=76.123456789e9, rings=3, snapshots=1, frames=(1, 2), rain_mm_per_h=12.5
     )
+    assert found.weather.rain_mm_per_h == 12.5
     assert found.waveform.carrier_hz == 76.123456789e9
     assert (found.rings, found.snapshots, found.frames, found.burst.prf_hz) == (
         3,

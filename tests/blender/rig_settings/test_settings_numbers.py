@@ -139,6 +139,7 @@ def test_hertz_for_megahertz_is_told_with_what_it_does_to_the_scene(sampling_mod
 
 def test_tasks_cover_frames_passes_and_rings_once() -> None:
     plan = make_plan(dataclasses.replace(PAPER, frames=(3, 1), rings=3), 100.0, 24.0, Extent())
+    assert plan.extinction_length_m == 100.0  # a Blender unit
     tasks = list(plan.tasks())
     assert len(tasks) == plan.total == 12
     assert len({task.exr_path for task in tasks}) == 12

@@ -121,6 +121,19 @@ def test_each_snapshot_has_its_own_antennas(tmp_path: Path) -> None:
     assert "short-snapshot-interval" in {one.code for one in job.run_findings}
 
 
+def test_each_frame_has_its_own_antennas(tmp_path: Path) -> None:
+    scene = rs.new_scene()
+    rs.add_plate(10.0, size=40.0)
+    rs.move_steadily(bpy.data.objects["Radar"], (2.0, -5.0, 0.0))
+    rs.run(tmp_path, frames=(1, 13), snapshots=1, rings=1, ring_step_m=40.0)
+    opened = signal.open_run(tmp_path)
+    for frame, at_s in ((1, 0.0), (13, 12 / scene.render.fps)):
+        record, _ = opened.frame(frame).image(0, 0)
+        for side in (record.receiver, record.transmitter):
+            place = np.array(side.matrix_world)[:3, 3]
+            np.testing.assert_allclose(place, (2.0 * at_s, -5.0 * at_s, 0.0), atol=1e-5)
+
+
 @pytest.mark.parametrize("frame", [32, 250, 10_000, -7])
 def test_velocity_at_any_frame(tmp_path: Path, frame: int) -> None:
     """Between two keys 20 frames apart, around the frame; the scene's time comes back."""

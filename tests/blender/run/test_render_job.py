@@ -25,6 +25,7 @@ from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.rings import RingJob, ring_job
 from radarsim_addon.blender.run import shared_folder
 from radarsim_addon.errors import OutputError, RenderError, SceneError, SchemaError
+from radarsim_addon.signal.radar import Burst
 from radarsim_addon.typed_json import file_sha256, read_record
 from tests.blender import radar_scenes as rs
 from tests.blender.path_helpers import run_paths
@@ -86,6 +87,15 @@ def test_more_frames_and_another_waveform_continue_a_run(plate: Any, tmp_path: P
     assert len(after) == 2 * len(before)
     run = read_record(tmp_path / "run.json", contract.RunRecord)
     assert (run.burst["prf_hz"], run.frames) == (2000.0, [1, 2])
+
+
+def test_bursts_that_reach_the_next_frame_are_named(plate: Any, tmp_path: Path) -> None:
+    """64 pulses at 1 kHz take 64 ms, frames 42 ms: it is the nearest two frames that count."""
+    scene = bpy.context.scene
+    measured = rs.measurement(frames=(1, 2, 20), burst=Burst(1000.0, 64))
+    with RingJob(scene, scene.view_layers[0], measured, tmp_path / "run") as job:
+        (found,) = (one for one in job.run_findings if one.code == "bursts-overlap")
+    assert found.numbers["frame_interval_s"] == pytest.approx(1 / 24)
 
 
 @pytest.mark.parametrize("damage", ["truncate", "flip", "no sidecar", "bad sidecar", "no exr"])

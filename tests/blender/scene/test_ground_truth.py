@@ -282,3 +282,18 @@ def test_pixels_are_of_objects_ahead_and_within_the_frame() -> None:
     sizes = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 1.0).sizes
     assert set(sizes) == {"Ahead", "Right", "Above"}
     assert sizes["Ahead"] == pytest.approx(0.2 * math.sqrt(3) / 10)
+
+
+def test_pixels_on_the_ground_are_long_in_metres() -> None:
+    """2 units of half a metre above it: range times the tangent of the angle to the normal."""
+    rs.new_scene()
+    bpy.ops.mesh.primitive_plane_add(size=60.0, location=(0, 40, -2))
+    bpy.context.object.name = "Ground"
+    bpy.context.view_layer.update()
+    boxes = echoing_boxes(bpy.context.evaluated_depsgraph_get(), any_material=True)
+    matrix = np.array(bpy.context.scene.camera.matrix_world, dtype=np.float64)
+    found = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 0.5)
+    range_m, span_m = found.surfaces["Ground"]
+    along_m = range_m * np.sqrt(range_m**2 - 1)
+    # a step across the image turns by its cosine, of 0.864 in the corners
+    assert np.all(span_m <= along_m * (1 + 1e-9)) and np.all(span_m >= 0.86 * along_m)

@@ -182,6 +182,23 @@ def test_what_only_moves_is_read_without_a_walk(monkeypatch: pytest.MonkeyPatch)
     assert walks == []
 
 
+def test_the_mesh_of_instances_is_found_after_others_were_added() -> None:
+    """Instances of another mesh come before them then."""
+    rs.new_scene()
+    carriers(3)
+    checked()
+    points = bpy.data.objects["Vertices"]
+    points.data = points.data.copy()
+    points.data.vertices.add(5)
+    points.data.update()
+    found = checked()
+    (shape,) = (one for one in found.shapes if not one.own)
+    with found.mesh(shape) as mesh:
+        assert len(mesh.vertices) == 8
+        sizes = np.ptp([vertex.co for vertex in mesh.vertices], axis=0)
+    np.testing.assert_allclose(sizes, 1.0)  # the cube of the nodes
+
+
 def test_another_file_has_another_snapshot() -> None:
     rs.new_scene()
     box("One")

@@ -91,6 +91,14 @@ def test_an_ambiguous_velocity_is_fixed_by_a_press(scene: Any, preset: str) -> N
     assert "scene-beyond-unambiguous-velocity" not in listed()
 
 
+def test_speeds_are_in_metres_whatever_the_unit(scene: Any) -> None:
+    scene.unit_settings.scale_length = 0.5
+    radarsim.add_radar(preset="automotive_77ghz")
+    car(120.0)  # units per second
+    (found,) = (one for one in quick() if one.code == "scene-beyond-unambiguous-velocity")
+    assert found.numbers["fastest_mps"] == pytest.approx(60.0, rel=1e-3)
+
+
 def test_range_limits_are_extended_by_a_press(scene: Any) -> None:
     radarsim.add_radar(preset="paper", range_stop_m=30.0)
     rs.add_plate(47.0)

@@ -13,7 +13,14 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.contract import ImageRecord
-from radarsim_addon.signal import ProcessOptions, Radar, open_frame, open_run, process_frame
+from radarsim_addon.signal import (
+    Burst,
+    ProcessOptions,
+    Radar,
+    open_frame,
+    open_run,
+    process_frame,
+)
 from radarsim_addon.signal.detection import Cfar, PathFinder, Peak
 from radarsim_addon.signal.detection.detections import mirror_corners
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
@@ -24,6 +31,7 @@ from radarsim_addon.signal.pipeline.console import frame_lines
 from radarsim_addon.signal.products.frame_products import write_detections
 from radarsim_addon.signal.products.hdf5 import write_hdf5
 from tests.signal import path_runs as pr
+from tests.signal import unequal as u
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +75,17 @@ def test_velocity_decides_too_and_folds(finder: PathFinder) -> None:
     assert folded.name == "Near"
     assert finder.of_target(360.0, 0.0).name == ""
     assert finder.of_object("Nothing").lines_m == []
+
+
+def test_a_target_is_where_its_object_is_in_the_middle_of_the_burst(tmp_path: Path) -> None:
+    """Constant range rates: in 7 s the boat goes 20 m, which are 7 cells."""
+    frame_input = open_frame(open_run(u.write_run(tmp_path / "run")).frame(1))
+    radar = Radar(u.FMCW.waveform, Burst(2.0, 15))
+    finder = PathFinder(dataclasses.replace(frame_input, radar=radar))
+    boat = u.ECHOES[1]
+    assert finder.of_target(boat.range_m + 3.5 * boat.rate_mps, boat.rate_mps).name == "Boat"
+    for at_s in (0.0, 7.0):
+        assert finder.of_target(boat.range_m + at_s * boat.rate_mps, boat.rate_mps).name == ""
 
 
 def test_the_strongest_cell_of_the_map_is_on_the_strongest_object(tmp_path: Path) -> None:

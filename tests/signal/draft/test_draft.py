@@ -156,7 +156,11 @@ def test_surfaces(surface: DraftSurface, expected: float) -> None:
 
 
 def test_messages_keep_a_scene_and_end_where_they_are_cut() -> None:
-    given = scene(surfaces=[DraftSurface("simple", 1.5, 0.1, 0.3, 0.4)])
+    given = scene(
+        surfaces=[DraftSurface("simple", 1.5, 0.1, 0.3, 0.4)],
+        weather=Weather(rain_mm_per_h=20.0, air_temperature_c=5.0),
+        link_budget=LinkBudget(20.0, receive_loss_db=2.0),
+    )
     stream = io.BytesIO()
     write_message(stream, *scene_message(given))
     whole = stream.getvalue()

@@ -305,3 +305,21 @@ def test_receivers_have_noise_of_their_own_and_one_oscillator() -> None:
     turned = apply_receiver(same, Receiver(phase_noise=spectrum)).echoes.samples
     np.testing.assert_array_equal(turned[0], turned[1])
     assert not np.array_equal(turned[0], same.samples[0])
+
+
+def test_channels_in_turns_meet_the_oscillator_at_their_times() -> None:
+    """Two channels, half an interval apart, are the pulses of one at twice the PRF."""
+
+    def received(burst: Burst, *channels: Channel) -> np.ndarray:
+        radar = Radar(Waveform(CARRIER_HZ, 50e6, 1e-6, 60e6), burst, channels)
+        synthesizer = synthesizer_for(radar, (0.0, 60.0))
+        synthesizer.add(make_paths(1.0, 60.0))
+        spectrum = PhaseNoise((1e3, 1e6), (-80.0, -80.0))
+        return apply_receiver(synthesizer.result(), Receiver(phase_noise=spectrum)).echoes.samples
+
+    in_turns = received(Burst(2000.0, 16), Channel(), Channel(start_offset_s=2.5e-4))
+    (one,) = received(Burst(4000.0, 32), Channel())
+    largest = abs(one).max()
+    for number in range(2):
+        np.testing.assert_allclose(in_turns[number], one[number::2], rtol=0, atol=1e-9 * largest)
+    assert abs(one[1::2] - one[::2]).max() > 1e-3 * largest

@@ -202,7 +202,12 @@ def test_receiver_gain_cancels_in_the_ratio_to_clutter(tmp_path: Path) -> None:
 def test_no_ratios_where_they_would_be_wrong(tmp_path: Path) -> None:
     """Behind a canceller clutter is another; without a model there is none."""
     scene(tmp_path / "run", system=BUDGET)
-    assert processed(tmp_path / "run", mti=2).budget.clutter is None
+    cancelled = processed(tmp_path / "run", mti=2)
+    assert cancelled.budget.clutter is None
+    # the expected map is that without a canceller, and so is its noise
+    ratio = processed(tmp_path / "run").clutter_to_noise
+    assert ratio is not None and ratio.max() > 0
+    np.testing.assert_allclose(cancelled.clutter_to_noise, ratio, rtol=1e-12)
     scene(tmp_path / "plain", clutter=None)
     plain = processed(tmp_path / "plain")
     assert plain.budget.clutter is None and plain.clutter_to_noise is None
@@ -246,10 +251,14 @@ def test_products_hold_clutter(tmp_path: Path) -> None:
     assert (folder / "frame_0001_clutter.png").stat().st_size > 5000
 
 
-def test_budget_of_the_noise_agrees_with_the_predicted_snr(tmp_path: Path) -> None:
+@pytest.mark.parametrize("tapers", [("hamming", "hamming"), ("none", "hann")])
+def test_budget_of_the_noise_agrees_with_the_predicted_snr(
+    tmp_path: Path, tapers: tuple[str, str]
+) -> None:
     """A point of the strongest cell's power has the SNR that the cell's ratio says."""
     frame = scene(tmp_path / "run", system=BUDGET)
-    report = FrameBudget(frame).report(1.0, expected=expected_power(frame))
+    expected = expected_power(frame, range_taper=tapers[0], doppler_taper=tapers[1])
+    report = FrameBudget(frame).report(1.0, *tapers, expected=expected)
     assert report.clutter is not None and report.clutter.noise_w is not None
     echo = next(echo for echo in report.objects if echo.name == "Target")
     assert 10 * math.log10(echo.power_w / report.clutter.noise_w) == pytest.approx(

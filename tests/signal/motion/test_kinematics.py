@@ -312,6 +312,21 @@ def test_points_on_a_deforming_body_that_turns() -> None:
         assert length_m == pytest.approx(want, abs=1e-12)
 
 
+def test_a_deforming_point_is_where_a_later_render_saw_it() -> None:
+    """Rows of a render in the middle of the burst have their lengths there."""
+    epoch_s, bend_mps = SPAN_S / 2, 0.0175 * 2 / SPAN_S
+    still = [BODIES[0], BodyMotion(BODIES[1].pose), BODIES[2]]
+    point = BODIES[1].pose[:3, 3] + (0.25, -1.0 - 0.0175 + bend_mps * epoch_s, 0.25)
+    rows = rows_of(([tuple(point)], [2]))
+    rows["last_surface_point"] = rows["first_surface_point"] = 1
+    later = dataclasses.replace(scene(False), bodies=still, tracks=tracks(), epoch_offset_s=epoch_s)
+    lengths = motion_of_rows(rows, later).lengths_m(TIMES_S, slice(None))[0]
+    for time_s, length_m in zip(TIMES_S, lengths, strict=True):
+        now = point + np.array([0, bend_mps * (time_s - epoch_s), 0])
+        want = sum(np.linalg.norm(now - end.pose[:3, 3]) for end in (RECEIVER, EMITTER))
+        assert length_m == pytest.approx(want, abs=1e-12)
+
+
 def test_damaged_files_are_named(tmp_path: Path) -> None:
     digest = written(tmp_path)
     with pytest.raises(SchemaError, match="does not belong"):

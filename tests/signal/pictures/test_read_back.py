@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import LinkBudget
+from radarsim_addon.physics.mirrors import MirrorMaterial
 from radarsim_addon.signal import (
     Burst,
     FrameResult,
@@ -27,8 +28,15 @@ from radarsim_addon.signal import (
     process_frame,
 )
 from radarsim_addon.signal.maps import ExpectedPower, Spectrogram
-from radarsim_addon.signal.pictures import frame_pictures
+from radarsim_addon.signal.pictures import frame_pictures, plot_coverage
 from radarsim_addon.signal.pictures.map import plot_clutter, plot_spectrogram
+from radarsim_addon.signal.radar import (
+    ConstantGain,
+    CoverageSetup,
+    Mount,
+    compute_coverage,
+    coverage_curve,
+)
 from tests.signal import synthetic
 from tests.signal import unequal as u
 
@@ -235,3 +243,17 @@ def test_rings_of_each_snapshot(tmp_path: Path) -> None:
             texts = [text.get_text() for text in axis.texts]
             assert texts == ([] if ring in known else ["no echo"])
         assert ("second snapshot, 0.02 s later" in figure.get_suptitle()) is later
+
+
+def test_the_white_line_of_a_coverage_is_the_echo_of_free_space_at_its_end() -> None:
+    """20 dB below free space everywhere: as strong as at the end at a range 10^(1/2) nearer."""
+    mount = Mount(ConstantGain(3.0), 10.0, np.eye(4)[[0, 2, 1, 3]] * [1, 1, -1, 1])
+    ground = MirrorMaterial(3 + 0j, 1.0, True)
+    setup = CoverageSetup(mount, mount, ground, 0.1, "vertical", np.inf)
+    ranges_m = np.geomspace(5e2, 1e4, 81)
+    found = compute_coverage(setup, np.array([5.0, 10.0, 20.0]), ranges_m)
+    found = dataclasses.replace(found, factor=np.full(found.factor.shape, 0.01))
+    left = plot_coverage(found, coverage_curve(found)).axes[0]
+    (line,) = (one for one in left.collections if type(one).__name__ == "QuadContourSet")
+    (places,) = (np.array(path.vertices) for path in line.get_paths())
+    np.testing.assert_allclose(places[:, 0], 1e4 / 10**0.5, rtol=1e-3)

@@ -100,6 +100,10 @@ def test_textbook_model_is_the_limit_of_low_angles() -> None:
     heights = np.linspace(1.0, 50.0, 200)
     lobes = 16 * np.sin(2 * math.pi * 10 * heights / (WAVELENGTH_M * 2e4)) ** 4
     assert np.allclose(two_ray_gain(setup(), heights, 2e4), lobes, atol=2e-3)
+    high = Mount(ConstantGain(3.0), 14.0, LEVEL)
+    both = 4 * np.sqrt(lobes) * np.sin(2 * math.pi * 14 * heights / (WAVELENGTH_M * 2e4)) ** 2
+    for changes in ({"transmitter": high}, {"receiver": high}):
+        assert np.allclose(two_ray_gain(setup(**changes), heights, 2e4), both, atol=2e-3)
     curve = coverage_curve(compute_coverage(setup(), heights, [1e4, 2e4]))
     assert curve.range_m == 2e4
     assert np.allclose(curve.factor, lobes, atol=2e-3)

@@ -18,7 +18,8 @@ from radarsim_addon.signal.detection import (
     FrameBudget,
     object_echoes,
 )
-from radarsim_addon.signal.motion import LinearMotion
+from radarsim_addon.signal.motion import BodyMotion, FrameMotion, LinearMotion
+from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import PATH_DTYPE, Paths, make_paths, path_power_w
 from radarsim_addon.signal.radar import Channel, Element, make_system
 from radarsim_addon.signal.runs import open_run
@@ -144,6 +145,38 @@ def test_swept_beam_draws_its_two_way_pattern() -> None:
         one_way = np.sinc(1.0 / WAVELENGTH_M * math.sin(math.radians(azimuth_deg))) ** 2
         boresight = float(system.transmitter.gain((0, 0, -1.0))) ** 2
         assert float(factor[0]) == pytest.approx(boresight * one_way**2, rel=1e-9)
+
+
+def test_gains_follow_each_antenna_on_its_own_way() -> None:
+    """The receiver drives to the right, the transmitter climbs: cos^8 to where each of them is."""
+    span_s, point_m = 0.1, np.array([10.0, 200.0, 5.0])
+    places_m = np.array([[0.0, 0, 0], [-40.0, 0, 0]])
+    velocities_mps = np.array([[400.0, 0, 0], [0, 0, 900.0]])
+
+    def moving(place_m: np.ndarray, velocity_mps: np.ndarray) -> BodyMotion:
+        half = velocity_mps * span_s / 2
+        segment = Segment(0.0, span_s, np.array([place_m + half, half]))
+        return BodyMotion(np.array(pr.pose(place_m)), (segment,))
+
+    receiver, transmitter = (moving(*o) for o in zip(places_m, velocities_mps, strict=True))
+    lobe = contract.AntennaRecord("cosine", {"exponent": 8.0})
+    poses = [pr.pose(place_m) for place_m in places_m]
+    link = Link(
+        make_system(contract.LinkBudget(1.0, lobe, lobe), WAVELENGTH_M),
+        pr.camera(poses[0]), contract.TransmitterRecord(poses[1], 1.0),
+        FrameMotion(span_s, receiver, transmitter, False, []),
+    )  # fmt: skip
+    ways_m = point_m - places_m
+    length_m = np.linalg.norm(ways_m, axis=1).sum(keepdims=True)
+    ends = PathEnds(
+        length_m, ways_m[:1] / np.linalg.norm(ways_m[0]), point_m[None], point_m[None],
+        LinearMotion(length_m, np.zeros(1)),
+    )  # fmt: skip
+    times_s = np.array([0.0, 0.04, 0.1])
+    towards_m = point_m - (places_m + velocities_mps * times_s[:, None, None])
+    cosines = towards_m[..., 1] / np.linalg.norm(towards_m, axis=2)
+    expected = np.prod(2 * 9 * cosines**8, axis=1)
+    np.testing.assert_allclose(link.factors(ends, times_s)[0], expected, rtol=1e-9)
 
 
 def test_single_vertex_is_on_the_ray_and_the_ellipsoid() -> None:

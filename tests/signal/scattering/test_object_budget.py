@@ -14,6 +14,7 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.radar_equation import bistatic_power_w
+from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.detection import (
     BudgetReport,
     matching_objects,
@@ -170,6 +171,13 @@ def test_groups_and_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     assert matching_objects(frame, "Plates") == ["Near", "Far"]
     assert matching_objects(frame, "*ar") == ["Near", "Far"]
     assert matching_objects(frame, "Far") == ["Far"]
+    opened = open_frame(frame)
+    truth = opened.ground_truth
+    assert truth is not None
+    instances = [dataclasses.replace(item, name=f"Instancer/{item.name}") for item in truth.objects]
+    truth = dataclasses.replace(truth, objects=instances)
+    of_instances = dataclasses.replace(opened, ground_truth=truth)
+    assert matching_objects(of_instances, "Plates") == ["Near", "Far"]
     with pytest.raises(ConfigError, match=r"'Nothing'; there are 'Near', 'Far', 'Plates'"):
         matching_objects(frame, "Nothing")
     single = object_echoes(frame, pr.WAVEFORM.carrier_hz)
