@@ -19,22 +19,16 @@ from ..scene import action_curves, animation_curves, has_simulation_zone, is_sim
 
 #: Animated properties that move a surface.
 _MOVES = re.compile(r"(location|rotation\w*|scale|influence|value|eval_time|offset\w*|strength)$")
+#: Modifiers that deform a mesh on straight lines between the whole frames of a cache.
+_CACHED = {"CLOTH", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "SOFT_BODY"}
 
 
 def key_frames(first: float, last: float, stretch: float = 1.0) -> list[float]:
-    """Return frames at which an F-curve of the file may have a corner.
+    """Return frames from `first` to `last` at which an F-curve of the file may have a corner.
 
-    Parameters
-    ----------
-    first, last
-        Limits of these Blender frames.
-    stretch
-        Frames of the scene for each frame of the animation: its *Time Stretching*, new over old.
-
-    Returns
-    -------
-    list of float
-        Ascending: keys, also repeated by Cycles modifiers and strips, and steps of Stepped ones.
+    They ascend: keys, also repeated by Cycles modifiers and strips, and steps of Stepped ones.
+    `stretch` has the frames of the scene for each frame of the animation: its *Time Stretching*,
+    new over old.
     """
     found: set[float] = set()
     first, last = first / stretch, last / stretch
@@ -78,7 +72,6 @@ def _counts(low: float, high: float) -> tuple[int, int]:
 
 
 def _strips() -> Iterator[Any]:
-    """Yield all NLA strips of the file that have an action."""
     for collection in bpy.data.bl_rna.properties:
         if collection.type != "COLLECTION":
             continue
@@ -126,10 +119,6 @@ def is_linear_between_frames(scene: Any, item: Any) -> bool:
         or any(constraint.type == "TRANSFORM_CACHE" for constraint in one.constraints)
         for one in driving_objects(item)
     )
-
-
-#: Modifiers that deform a mesh on straight lines between the whole frames of a cache.
-_CACHED = {"CLOTH", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "SOFT_BODY"}
 
 
 def deforms_linearly_between_frames(item: Any) -> bool:

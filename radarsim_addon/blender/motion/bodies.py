@@ -6,7 +6,12 @@ measurement of the same scene, so that tiles of an interrupted run remain valid.
 
 Cycles identifies the object of the first surface only. For later surfaces, and for instances, only
 the position is known. Bounding boxes identify the body; where they overlap, distances from the
-surfaces do.
+surfaces do. `pairs_near` first finds pairs of points and bodies that may touch, by spheres around
+the boxes. Few of many instances move from frame to frame, so the search trees of the others are
+kept.
+
+`write_bodies` makes the records of the bodies of a frame's motion file; many stationary ones are in
+a file of their own.
 """
 
 from __future__ import annotations
@@ -30,128 +35,11 @@ from ...typed_json import file_sha256
 from ..scene import InstancePose, Poses, distance_from_box, instance_name
 from ..state import Key, Layout
 
-# -------------------------------------------------------------------------------------------------
-# Pairs of points and bodies that may touch: by spheres around the boxes of the bodies.
-#
-# Few of many instances move from frame to frame, so the search trees of the others are kept.
-# -------------------------------------------------------------------------------------------------
-
-
+Pairs = tuple[Indices, Indices]
 #: Boxes up to which each is compared with each point.
 _FEW = 32
 #: Part of the bodies that may have changed before the trees are made again.
 _MOST_CHANGED = 0.1
-
-Pairs = tuple[Indices, Indices]
-
-
-@dataclass(frozen=True)
-class _Spheres:
-    """Spheres around n boxes: `centre` (n, 3), `radius` (n,) [m] of `pose` and `box`.
-
-    `groups` are indices of boxes of similar size, each with a search tree of their centres if there
-    is one.
-    """
-
-    pose: Real
-    box: Real
-    centre: Real
-    radius: Real
-    groups: list[tuple[Indices, Any]]
-
-    def changed(self, pose: Real, box: Real) -> Mask:
-        """Return which of the n bodies have another pose or box now, (n,)."""
-        differs = pose != self.pose
-        # any() over 16 values each takes several times as long
-        found = differs.reshape(-1, 16).view(np.uint64).any(axis=1)
-        return np.asarray(found | (box != self.box).any(axis=(1, 2)))
-
-
-_kept: WeakKeyDictionary[Layout, dict[tuple[int, int], _Spheres]] = WeakKeyDictionary()
-
-
-def pairs_near(
-    layout: Layout, bodies: slice, pose: Real, box: Real, points: Real, margin_m: float
-) -> Pairs:
-    """Return pairs of points and of bodies around whose boxes are spheres with the point.
-
-    Parameters
-    ----------
-    layout
-        Of the scene.
-    bodies
-        Which of its bodies: what is kept is of these.
-    pose, box
-        Their poses (n, 4, 4) and boxes (n, 2, 3) [m].
-    points
-        (k, 3) [m].
-    margin_m
-        Added to each radius [m].
-
-    Returns
-    -------
-    tuple of ndarray
-        Indices of points and, from 0, of bodies. Some pairs may be farther apart.
-    """
-    kept = _kept.setdefault(layout, {})
-    spheres = kept.get((bodies.start, bodies.stop))
-    changed = np.ones(len(pose), dtype=bool)
-    if spheres is not None:
-        changed = spheres.changed(pose, box)
-    if spheres is None or changed.sum() > max(_FEW, _MOST_CHANGED * len(pose)):
-        spheres, changed = _spheres(pose, box), np.zeros(len(pose), dtype=bool)
-        if len(pose) >= _FEW:
-            kept[bodies.start, bodies.stop] = spheres
-    found = list(_pairs_in_groups(spheres, points, margin_m))
-    if changed.any():
-        found = [(row[~changed[part]], part[~changed[part]]) for row, part in found]
-        loose = np.flatnonzero(changed)
-        now = _spheres(pose[loose], box[loose])
-        found += [(row, loose[part]) for row, part in _pairs_in_groups(now, points, margin_m)]
-    rows, parts = zip(*found, strict=True)
-    return np.concatenate(rows), np.concatenate(parts)
-
-
-def _spheres(pose: Real, box: Real) -> _Spheres:
-    centre = np.einsum("nij,nj->ni", pose[:, :3, :3], box.mean(axis=1)) + pose[:, :3, 3]
-    half = (box[:, 1] - box[:, 0]) / 2
-    reach = np.einsum("nij,nj->ni", np.abs(pose[:, :3, :3]), half)
-    radius = np.linalg.norm(reach, axis=1)
-    # One tree for each power of two of the radius: boxes of similar size have few neighbours.
-    size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
-    groups = [np.flatnonzero(size == one) for one in np.unique(size)]
-    trees = [_tree(centre[here]) if here.size >= _FEW else None for here in groups]
-    # copies: whoever changes theirs would not be noticed
-    return _Spheres(pose.copy(), box.copy(), centre, radius, list(zip(groups, trees, strict=True)))
-
-
-def _tree(places: Real) -> Any:
-    """Return a search tree of places; None without scipy, as some Blender programs are."""
-    with contextlib.suppress(ImportError):
-        from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
-
-        return cKDTree(places, balanced_tree=False)
-    return None
-
-
-def _pairs_in_groups(spheres: _Spheres, points: Real, margin_m: float) -> Iterator[Pairs]:
-    """Yield the pairs of each group, at most about the radius of the largest one apart."""
-    of_points = None
-    for here, tree in spheres.groups:
-        radius = spheres.radius[here] + margin_m
-        if tree is not None:
-            of_points = _tree(points) if of_points is None else of_points
-            reach_m = float(radius.max())
-            pairs = of_points.sparse_distance_matrix(tree, reach_m, output_type="ndarray")
-            yield pairs["i"], here[pairs["j"]]
-            continue
-        for start in range(0, here.size, _FEW):
-            some = slice(start, start + _FEW)
-            apart = np.linalg.norm(points - spheres.centre[here[some], None], axis=2)
-            part, row = np.nonzero(apart <= radius[some, None])
-            yield row, here[part + start]
-
-
 #: Largest distance of a scatterer from its surface, relative to the path length. Positions from the
 #: transmitter's colours are known to 1e-6 of the scene's size.
 _ON_SURFACE_WITHIN = 2e-5
@@ -159,46 +47,35 @@ _ON_SURFACE_WITHIN = 2e-5
 _PAIRS = 1 << 18
 #: How much farther than asked for surfaces are looked for: what is as far is found for certain.
 _BEYOND = 2.0
+#: Stationary bodies from which on they are in a file of their own: a record of each takes longer.
+MANY = 256
 
 
 @dataclass(frozen=True)
 class Part:
-    """One object or instance: number and name of the object, key and pose of the instance.
+    """One object or instance."""
 
-    `row` is its row in the snapshot.
-    """
-
+    #: Number and name of the object.
     number: int
     name: str
+    #: Key and pose of the instance.
     key: Key
     instance: InstancePose
+    #: Its row in the snapshot.
     row: int
 
 
 class Bodies:
-    """Surfaces of a scene at one moment.
+    """Surfaces of a scene at one moment, whose objects have their numbers, from 1, in this order.
 
-    Attributes
-    ----------
-    number, pose, box
-        By body: number of the object (n,), pose (n, 4, 4) and box (n, 2, 3) as `Poses` has them.
-    snapshot, row, shape
-        The snapshot that they are from, each one's row in it and the number of its shape (n,).
-
-    Parameters
-    ----------
-    names
-        Objects in the order of their numbers, from 1.
-    poses
-        Poses of the objects.
-    metres_per_unit
-        Length of a Blender unit [m].
+    By body: `number` of the object (n,), `pose` (n, 4, 4) and `box` (n, 2, 3) as `Poses` has them,
+    `row` in the `snapshot` and number of its `shape` (n,).
     """
 
     def __init__(self, names: Sequence[str], poses: Poses, metres_per_unit: float) -> None:
         assert poses.snapshot is not None
         self._metres_per_unit = metres_per_unit
-        self._names, self._poses = names, poses
+        self._names = names
         self.snapshot = poses.snapshot
         numbers = {name: number for number, name in enumerate(names, start=1)}
         #: Original objects that are rendered, by number.
@@ -280,7 +157,10 @@ class Bodies:
         found = np.full(len(points), -1)
         if not (len(points) and parts.size):
             return found
-        row, index = self._near(points, float(allowed.max()), parts)
+        here = slice(int(parts[0]), int(parts[-1]) + 1)  # parts follow one another
+        pose, box, reach_m = self.pose[here], self.box[here], float(allowed.max())
+        row, part = pairs_near(self.snapshot.layout, here, pose, box, points, reach_m)
+        index = parts[part]
         inside = np.zeros(row.size, dtype=bool)
         for start in range(0, row.size, _PAIRS):
             some = slice(start, start + _PAIRS)
@@ -300,13 +180,6 @@ class Bodies:
             nearer = distance <= least[mine]
             found[mine[nearer]], least[mine[nearer]] = one, distance[nearer]
         return found
-
-    def _near(self, points: Real, margin: float, parts: Indices) -> tuple[Indices, Indices]:
-        """Return pairs of points and of parts around whose boxes are spheres with the point."""
-        here = slice(int(parts[0]), int(parts[-1]) + 1)  # parts follow one another
-        layout = self.snapshot.layout
-        row, part = pairs_near(layout, here, self.pose[here], self.box[here], points, margin)
-        return row, parts[part]
 
     def _outside(self, points: Real, index: Indices) -> Real:
         """Return vectors from the box of one part each to points, in the world, (n, 3) [m]."""
@@ -337,7 +210,13 @@ class Bodies:
         have priority.
         """
         found = np.full(len(points), np.inf)
-        surface = self._surface(part.number)
+        if part.number not in self._surfaces:
+            original = self.originals[part.number]
+            mesh = original.type == "MESH"
+            self._surfaces[part.number] = (
+                BVHTree.FromObject(original, self.snapshot.depsgraph) if mesh else None
+            )
+        surface = self._surfaces[part.number]
         if surface is None:
             return found
         # one product a point: those of several round otherwise
@@ -350,14 +229,6 @@ class Bodies:
             if distance is not None:
                 found[number] = distance * scale * self._metres_per_unit
         return found
-
-    def _surface(self, number: int) -> Any:
-        if number not in self._surfaces:
-            original = self.originals[number]
-            self._surfaces[number] = None
-            if original.type == "MESH":
-                self._surfaces[number] = BVHTree.FromObject(original, self.snapshot.depsgraph)
-        return self._surfaces[number]
 
 
 class Parts:
@@ -406,15 +277,6 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
     return order
 
 
-# -------------------------------------------------------------------------------------------------
-# Records of the bodies of a frame in its motion file, and of the many that are stationary.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Stationary bodies from which on they are in a file of their own: a record of each takes longer.
-MANY = 256
-
-
 def write_bodies(
     folder: Path, parts: Parts, motions: BodyMotions, deforming: Container[str]
 ) -> tuple[list[BodyRecord], str, str]:
@@ -435,11 +297,14 @@ def write_bodies(
     if len(chosen) < MANY:
         still[:] = False
     else:
+        poses = motions.poses[chosen]
+        for at, motion in motions.others.items():
+            poses[chosen == at] = motion.pose
         path = write_still_bodies(
             folder,
             StillBodies(
                 1 + chosen,
-                _poses_of(motions, chosen),
+                poses,
                 [names[at] for at in chosen.tolist()],
                 instances[chosen].tolist(),
             ),
@@ -450,14 +315,6 @@ def write_bodies(
         for at in np.flatnonzero(~still).tolist()
     ]
     return records, file, digest
-
-
-def _poses_of(motions: BodyMotions, chosen: Indices) -> Real:
-    """Return the poses of some bodies, (n, 4, 4), translation in metres."""
-    poses = motions.poses[chosen]
-    for at, motion in motions.others.items():
-        poses[chosen == at] = motion.pose
-    return poses
 
 
 #: Names of the instances of a layout, (rows,), None where not asked for; and of its instancers.
@@ -474,3 +331,95 @@ def _instance_names(layout: Layout, rows: Indices) -> NDArray[np.object_]:
     new = rows[names[rows] == None]  # noqa: E711
     names[new] = [instance_name(key) for key in layout.keys(new)]
     return np.asarray(names[rows])
+
+
+@dataclass(frozen=True)
+class _Spheres:
+    """Spheres around n boxes."""
+
+    #: Poses (n, 4, 4) and boxes (n, 2, 3) [m] that they are of.
+    pose: Real
+    box: Real
+    #: Centres (n, 3) and radii (n,) [m].
+    centre: Real
+    radius: Real
+    #: Indices of boxes of similar size, each with a search tree of their centres if there is one.
+    groups: list[tuple[Indices, Any]]
+
+    def changed(self, pose: Real, box: Real) -> Mask:
+        """Return which of the n bodies have another pose or box now, (n,)."""
+        differs = pose != self.pose
+        # any() over 16 values each takes several times as long
+        found = differs.reshape(-1, 16).view(np.uint64).any(axis=1)
+        return np.asarray(found | (box != self.box).any(axis=(1, 2)))
+
+
+_kept: WeakKeyDictionary[Layout, dict[tuple[int, int], _Spheres]] = WeakKeyDictionary()
+
+
+def pairs_near(
+    layout: Layout, bodies: slice, pose: Real, box: Real, points: Real, margin_m: float
+) -> Pairs:
+    """Return pairs of points and of bodies around whose boxes are spheres with the point.
+
+    `bodies` are those of the scene's layout that `pose` (n, 4, 4) and `box` (n, 2, 3) belong to:
+    what is kept is of these. `points` (k, 3) [m]; `margin_m` is added to each radius. Indices of
+    bodies count from 0. Some pairs may be farther apart.
+    """
+    kept = _kept.setdefault(layout, {})
+    spheres = kept.get((bodies.start, bodies.stop))
+    changed = np.ones(len(pose), dtype=bool)
+    if spheres is not None:
+        changed = spheres.changed(pose, box)
+    if spheres is None or changed.sum() > max(_FEW, _MOST_CHANGED * len(pose)):
+        spheres, changed = _spheres(pose, box), np.zeros(len(pose), dtype=bool)
+        if len(pose) >= _FEW:
+            kept[bodies.start, bodies.stop] = spheres
+    found = list(_pairs_in_groups(spheres, points, margin_m))
+    if changed.any():
+        found = [(row[~changed[part]], part[~changed[part]]) for row, part in found]
+        loose = np.flatnonzero(changed)
+        now = _spheres(pose[loose], box[loose])
+        found += [(row, loose[part]) for row, part in _pairs_in_groups(now, points, margin_m)]
+    rows, parts = zip(*found, strict=True)
+    return np.concatenate(rows), np.concatenate(parts)
+
+
+def _spheres(pose: Real, box: Real) -> _Spheres:
+    centre = np.einsum("nij,nj->ni", pose[:, :3, :3], box.mean(axis=1)) + pose[:, :3, 3]
+    half = (box[:, 1] - box[:, 0]) / 2
+    reach = np.einsum("nij,nj->ni", np.abs(pose[:, :3, :3]), half)
+    radius = np.linalg.norm(reach, axis=1)
+    # One tree for each power of two of the radius: boxes of similar size have few neighbours.
+    size = np.ceil(np.log2(np.maximum(radius, np.finfo(np.float64).tiny)))
+    groups = [np.flatnonzero(size == one) for one in np.unique(size)]
+    trees = [_tree(centre[here]) if here.size >= _FEW else None for here in groups]
+    # copies: whoever changes theirs would not be noticed
+    return _Spheres(pose.copy(), box.copy(), centre, radius, list(zip(groups, trees, strict=True)))
+
+
+def _tree(places: Real) -> Any:
+    """Return a search tree of places; None without scipy, as some Blender programs are."""
+    with contextlib.suppress(ImportError):
+        from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
+
+        return cKDTree(places, balanced_tree=False)
+    return None
+
+
+def _pairs_in_groups(spheres: _Spheres, points: Real, margin_m: float) -> Iterator[Pairs]:
+    """Yield the pairs of each group, at most about the radius of the largest one apart."""
+    of_points = None
+    for here, tree in spheres.groups:
+        radius = spheres.radius[here] + margin_m
+        if tree is not None:
+            of_points = _tree(points) if of_points is None else of_points
+            reach_m = float(radius.max())
+            pairs = of_points.sparse_distance_matrix(tree, reach_m, output_type="ndarray")
+            yield pairs["i"], here[pairs["j"]]
+            continue
+        for start in range(0, here.size, _FEW):
+            some = slice(start, start + _FEW)
+            apart = np.linalg.norm(points - spheres.centre[here[some], None], axis=2)
+            part, row = np.nonzero(apart <= radius[some, None])
+            yield row, here[part + start]

@@ -2,8 +2,12 @@
 """Motion of the scatterers of paths, sampled from Blender's animation over the burst and fitted.
 
 Blender evaluates the scene at subframes, so constraints, parents, armatures, drivers and modifiers
-take part. Blender's time is float32: each sample has the time that Blender evaluated. The number of
-samples doubles until the fit is accurate enough for the carrier, or a limit is reached.
+take part. `BurstMotion.begin` finds the surfaces that deform; after the renders, rows are labelled
+with bodies, and `sample` samples the bodies that rows name. The number of samples doubles until the
+fit (`Fits`) is accurate enough for the carrier, or a limit is reached. What moves on straight lines
+between whole frames, such as simulations, and what scripts hold for each frame
+(`stepped_at_frames`) becomes a cubic through whole frames. `complete` fills in range rates, `write`
+makes the files.
 """
 
 from __future__ import annotations
@@ -63,52 +67,6 @@ from .deforming import (
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
 
-# -------------------------------------------------------------------------------------------------
-# What scripts and drivers move at whole frames only, by the whole number of the frame.
-# -------------------------------------------------------------------------------------------------
-
-
-def stepped_at_frames(
-    sampler: Sampler, moving_items: Callable[[int], Sequence[Any]]
-) -> tuple[set[int], set[str], list[Finding]]:
-    """Return rows of poses and names of surfaces that hold for each frame and then jump, as said.
-
-    Not those with Constant keys, which are meant to. `moving_items` returns the objects that move a
-    row. Samples whole frames, and the middles between them.
-    """
-    whole = sampler.plan.whole_frames()
-    middles = [sampler.plan.between(*pair) for pair in itertools.pairwise(whole)]
-    for moment in (*whole, *middles):
-        sampler.take(*moment)
-    whole_s, middles_s = ([at_s for at_s, _ in moments] for moments in (whole, middles))
-    burst = sampler.plan.burst
-
-    def jumps(values: dict[float, Real]) -> Mask:
-        at_whole = np.stack([values[at_s] for at_s in whole_s])
-        amid = np.stack([values[at_s] for at_s in middles_s])
-        moved = (at_whole[1:] != at_whole[:-1]).any(axis=(0, 2, 3))
-        return np.asarray(moved & (at_whole[:-1] == amid).all(axis=(0, 2, 3)))
-
-    changing = sampler.changing
-    poses = {at_s: sampler.poses(at_s, changing) for at_s in (*whole_s, *middles_s)}
-    rows = {
-        row
-        for row in changing[jumps(poses)].tolist()
-        if not any(moves_in_steps(item, *burst) for item in moving_items(row))
-    }
-    names = set()
-    for name, surface in sampler.surfaces.items():
-        vertices = {at_s: sampler.vertices[name][at_s] for at_s in (*whole_s, *middles_s)}
-        if any(one is None for one in vertices.values()):
-            continue
-        jumping = jumps({at_s: one[None] for at_s, one in vertices.items()}).item()
-        if jumping and not moves_in_steps(surface.item, *burst):
-            names.add(name)
-    moved = ["antennas" if row < 2 else sampler.parts[row - 2].name for row in sorted(rows)]
-    subjects = dict.fromkeys([*moved, *sorted(names)])
-    return rows, names, [finding("moves-at-whole-frames", *subjects)] if subjects else []
-
-
 _FIRST_SAMPLES = 17
 #: Number of samples after which only motion that is not resolved gets more.
 _MOST_AGAINST_ROUNDING = 257
@@ -137,22 +95,9 @@ _NEGLIGIBLE = 0.01
 class BurstMotion:
     """Motion of one radar frame.
 
-    Parameters
-    ----------
-    show
-        Sets the scene to a moment and returns its depsgraph.
-    rig : Rig
-        Antennas.
-    names
-        Objects in the order of their numbers, from 1.
-    plan
-        Times of the samples.
-    receiver_kind
-        As `contract.ReceiverRecord` names it.
-    motion
-        As `PathOptions` has it.
-    render
-        Number of this render within the burst, from 0.
+    `show` sets the scene to a moment and returns its depsgraph. `names` are objects in the order of
+    their numbers, from 1. `receiver_kind` is as `contract.ReceiverRecord` names it, `motion` as
+    `PathOptions` has it. `render` is the number of this render within the burst, from 0.
     """
 
     def __init__(
@@ -347,20 +292,30 @@ class BurstMotion:
             return self._stationary()
         sampler = Sampler(self._show, self._rig, self._touched, self._deformations, plan)
         sampler.take(*plan.rendered)
-        smooth, smooth_surfaces = self._smooth_rows(), self._smooth_surfaces()
-        if self._by_scripts:
-            kinds, of_row = self._moving_items()
-            rows, surfaces, said = stepped_at_frames(sampler, lambda row: kinds[of_row[row]])
-            self.findings += said
-            if self._smooth:
-                smooth |= rows
-                smooth_surfaces |= dict.fromkeys(surfaces, (0.0, 1.0))
-        if smooth or smooth_surfaces:
-            whole = plan.whole_frames()
-            own = [plan.whole_frames(*frames) for frames in smooth_surfaces.values() if frames]
-            own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
-            for moment in itertools.chain(whole, *own):
-                sampler.take(*moment)
+        fits, jumps = self._fit(sampler)
+        self._say_not_followed({name: sampler.surfaces[name].item for name in sampler.changed})
+        self._show(self._plan.rendered[1])
+        self.findings += fits.findings()
+        self._say_sudden(jumps)
+        self._bound_m = fits.displacement_error_bound_m
+        if not self._deformations.body:
+            return self._frame_motion(fits.motions)
+        tracks = Tracks(
+            self._file_number[np.concatenate(self._deformations.body)],
+            np.concatenate(self._deformations.vertices),
+            np.concatenate(self._deformations.weights),
+            fits.series(),
+        )
+        return self._frame_motion(fits.motions, tracks)
+
+    def _fit(self, sampler: Sampler) -> tuple[Fits, dict[float, dict[str, float]]]:
+        """Return fits to enough samples, and where bodies jump, as `Sampler.jumps` returns it.
+
+        The number of samples doubles until the fits are accurate, or a limit is reached: those
+        against rounding, or the work. Where bodies jump, the plan gets keys, and fits begin again.
+        """
+        plan = self._plan
+        smooth, smooth_surfaces = self._take_whole_frames(sampler)
 
         def begin() -> tuple[Fits, set[float], list[tuple[float, Instant]]]:
             """Return fits, and times and moments of the first samples, clear of the plan's keys."""
@@ -407,32 +362,58 @@ class BurstMotion:
             count = min(2 * count - 1, plan.max_samples)
             follows = fits.resolved and not fits.noisy
             moments = plan.grid(count, *(plan.window if follows else plan.burst))
-        self._say_not_followed({name: sampler.surfaces[name].item for name in sampler.changed})
-        self._show(plan.rendered[1])
         self._samples = len(grid)
-        self.findings += fits.findings()
-        in_steps = cache(lambda item: moves_in_steps(item, *plan.burst))
+        return fits, jumps
+
+    def _take_whole_frames(
+        self, sampler: Sampler
+    ) -> tuple[set[int], dict[str, tuple[float, float] | None]]:
+        """Return rows of poses and surfaces to be a cubic through whole frames, and sample these.
+
+        By surface, the frames are as `cache_frames` returns them.
+        """
+        rows: set[int] = set()
+        surfaces: dict[str, tuple[float, float] | None] = {}
+        kinds, of_row = self._moving_items()
+        if self._smooth:
+            linear = cache(lambda item: is_linear_between_frames(self._measured_scene, item))
+            found = np.array([any(map(linear, items)) for items in kinds])
+            rows = set(np.flatnonzero(found[of_row]).tolist())
+            surfaces = {
+                name: cache_frames(one.item)
+                for name, one in self._deformations.surfaces.items()
+                if deforms_linearly_between_frames(one.item)
+            }
+        if self._by_scripts:
+            stepped, names, said = stepped_at_frames(sampler, lambda row: kinds[of_row[row]])
+            self.findings += said
+            if self._smooth:
+                rows |= stepped
+                surfaces |= dict.fromkeys(names, (0.0, 1.0))
+        if rows or surfaces:
+            plan = self._plan
+            whole = plan.whole_frames()
+            own = [plan.whole_frames(*frames) for frames in surfaces.values() if frames]
+            own.append([plan.between(*pair) for pair in itertools.pairwise(whole)])
+            for moment in itertools.chain(whole, *own):
+                sampler.take(*moment)
+        return rows, surfaces
+
+    def _say_sudden(self, jumps: dict[float, dict[str, float]]) -> None:
+        """Name what shaders displace, what moves in steps, and what else jumps within the burst."""
+        first, last = self._plan.burst
         moving = self._moving_items()[0]
-        displaced = [
-            items[0].name for items in moving[2:] if displacement_changes(items[0], *plan.burst)
-        ]
+        displaced = [i[0].name for i in moving[2:] if displacement_changes(i[0], first, last)]
         if displaced:
             self.findings.append(finding("displacement-changes", *dict.fromkeys(displaced)))
-        steps = [items[0].name for items in moving if any(map(in_steps, items))]
+        in_steps = cache(lambda item: moves_in_steps(item, first, last))
+        steps = dict.fromkeys(items[0].name for items in moving if any(map(in_steps, items)))
         if steps:
-            self.findings.append(finding("motion-in-steps", *dict.fromkeys(steps)))
-        self._say_jumps(jumps, {*steps})
-        tracks = self._tracks(fits) if self._deformations.body else None
-        self._bound_m = fits.displacement_error_bound_m
-        return self._frame_motion(fits.motions, tracks)
-
-    def _say_jumps(self, jumps: dict[float, dict[str, float]], in_steps: set[str]) -> None:
-        """Name what jumps within the burst, unless it is meant to move in steps."""
-        first, last = self._plan.burst
+            self.findings.append(finding("motion-in-steps", *steps))
         within = {
             frame: sizes
             for frame, sizes in zip(self._plan.jumps, jumps.values(), strict=True)
-            if first <= frame <= last and not sizes.keys() <= in_steps
+            if first <= frame <= last and not sizes.keys() <= steps.keys()
         }
         if within:
             names = dict.fromkeys(name for sizes in within.values() for name in sizes)
@@ -455,33 +436,6 @@ class BurstMotion:
             instancers = [layout.instancers[index]] if index >= 0 else []
             found.append([self.bodies.originals[int(numbers[at])], *instancers])
         return found, np.concatenate([[0, 1], 2 + np.argsort(order)[of_part]])
-
-    def _smooth_rows(self) -> set[int]:
-        """Return the rows of poses to be a cubic through whole frames."""
-        if not self._smooth:
-            return set()
-        linear = cache(lambda item: is_linear_between_frames(self._measured_scene, item))
-        kinds, of_row = self._moving_items()
-        found = np.array([any(map(linear, items)) for items in kinds])
-        return set(np.flatnonzero(found[of_row]).tolist())
-
-    def _smooth_surfaces(self) -> dict[str, tuple[float, float] | None]:
-        """Return the deforming surfaces to be a cubic through whole frames, and which these are."""
-        if not self._smooth:
-            return {}
-        return {
-            name: cache_frames(one.item)
-            for name, one in self._deformations.surfaces.items()
-            if deforms_linearly_between_frames(one.item)
-        }
-
-    def _tracks(self, fits: Fits) -> Tracks:
-        return Tracks(
-            self._file_number[np.concatenate(self._deformations.body)],
-            np.concatenate(self._deformations.vertices),
-            np.concatenate(self._deformations.weights),
-            fits.series(),
-        )
 
     def _frame_motion(self, motions: BodyMotions, tracks: Tracks | None = None) -> FrameMotion:
         receiver, transmitter, self._motions = motions[0], motions[1], motions[2:]
@@ -565,6 +519,47 @@ class BurstMotion:
         path = folder / contract.MOTION_FILE
         write_record(path, record)
         return path
+
+
+def stepped_at_frames(
+    sampler: Sampler, moving_items: Callable[[int], Sequence[Any]]
+) -> tuple[set[int], set[str], list[Finding]]:
+    """Return rows of poses and names of surfaces that hold for each frame and then jump, as said.
+
+    Not those with Constant keys, which are meant to. `moving_items` returns the objects that move a
+    row. Samples whole frames, and the middles between them.
+    """
+    whole = sampler.plan.whole_frames()
+    middles = [sampler.plan.between(*pair) for pair in itertools.pairwise(whole)]
+    for moment in (*whole, *middles):
+        sampler.take(*moment)
+    whole_s, middles_s = ([at_s for at_s, _ in moments] for moments in (whole, middles))
+    burst = sampler.plan.burst
+
+    def jumps(values: dict[float, Real]) -> Mask:
+        at_whole = np.stack([values[at_s] for at_s in whole_s])
+        amid = np.stack([values[at_s] for at_s in middles_s])
+        moved = (at_whole[1:] != at_whole[:-1]).any(axis=(0, 2, 3))
+        return np.asarray(moved & (at_whole[:-1] == amid).all(axis=(0, 2, 3)))
+
+    changing = sampler.changing
+    poses = {at_s: sampler.poses(at_s, changing) for at_s in (*whole_s, *middles_s)}
+    rows = {
+        row
+        for row in changing[jumps(poses)].tolist()
+        if not any(moves_in_steps(item, *burst) for item in moving_items(row))
+    }
+    names = set()
+    for name, surface in sampler.surfaces.items():
+        vertices = {at_s: sampler.vertices[name][at_s] for at_s in (*whole_s, *middles_s)}
+        if any(one is None for one in vertices.values()):
+            continue
+        jumping = jumps({at_s: one[None] for at_s, one in vertices.items()}).item()
+        if jumping and not moves_in_steps(surface.item, *burst):
+            names.add(name)
+    moved = ["antennas" if row < 2 else sampler.parts[row - 2].name for row in sorted(rows)]
+    subjects = dict.fromkeys([*moved, *sorted(names)])
+    return rows, names, [finding("moves-at-whole-frames", *subjects)] if subjects else []
 
 
 def _approximated(fraction: float) -> list[Finding]:

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fits of all bodies to the samples of a burst, and their errors."""
+"""Fits of all bodies to the samples of a burst, and their errors.
+
+A fit is accurate where its error bound is far below the wavelength, or below the rounding of
+float32 poses, which no number of samples gives back. Poses at a few more times, on no grid of
+samples (checks), must agree with the fit, or it does not follow the motion. What Blender moves on
+straight lines between whole frames is a cubic through these.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +55,12 @@ _MAX_VERTEX_BYTES = 1 << 29
 
 
 class Fits:
-    """Fits of all bodies to the samples so far."""
+    """Fits of all bodies to the samples so far.
+
+    Rows of poses are numbered as in `Sampler`. `smooth` are rows that move on straight lines
+    between whole frames, to be a cubic; `smooth_surfaces` are such deforming surfaces with their
+    frames.
+    """
 
     def __init__(
         self,
@@ -60,10 +71,7 @@ class Fits:
         smooth_surfaces: dict[str, tuple[float, float] | None],
     ) -> None:
         self._plan, self._sampler, self._checks_s = plan, sampler, checks_s
-        #: Rows of poses that move on straight lines between whole frames, to be a cubic.
-        self._smooth = smooth
-        #: The same of deforming surfaces.
-        self._smooth_surfaces = smooth_surfaces
+        self._smooth, self._smooth_surfaces = smooth, smooth_surfaces
         self._target_m = _TARGET_WAVELENGTHS * plan.wavelength_m
         self._reach_m = cache(
             lambda index: sampler.parts[index - 2].instance.reach_m if index > 1 else 0.0
@@ -93,10 +101,7 @@ class Fits:
         return BodyMotions(self._sampler.poses(at_s), self._motions, at_s)
 
     def fit(self, times_s: list[float]) -> int:
-        """Fit all bodies again that are not yet accurate enough.
-
-        Return the number of samples in all these fits.
-        """
+        """Fit all again that is not yet accurate enough; return how many samples all fits have."""
         fitted = 0
         sampler, plan = self._sampler, self._plan
         times = np.array(times_s)
@@ -138,6 +143,10 @@ class Fits:
                     self._missed[index] = missed
             self._motions[index] = motion
         self._fitted = True
+        return fitted + self._fit_surfaces(times_s)
+
+    def _fit_surfaces(self, times_s: list[float]) -> int:
+        fitted, sampler, plan = 0, self._sampler, self._plan
         for name in sampler.surfaces:
             if name in sampler.changed:
                 continue
@@ -213,8 +222,9 @@ class Fits:
         return [at_s for at_s, _ in self._plan.whole_frames(*self._smooth_surfaces[name] or ())]
 
     def _off_whole_frames_mps(self, sampled: Mapping[float, Any]) -> float:
-        """Return the change of speed from frame to frame of points (n, 3) [m] by time that are not
-        on straight lines between them; 0 for those that are. [m/s]
+        """Return how much the speed of points (n, 3) [m] by time changes from frame to frame [m/s].
+
+        0 for points on straight lines between frames.
         """
         plan = self._plan
         whole = plan.whole_frames()

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples of an animation over the burst: their times, and their poses and vertices."""
+"""Samples of an animation over the burst: their times, and their poses and vertices.
+
+Within 1e-4 frames of a keyframe, Blender's F-curves give the value of the key itself. A sample
+there has the pose of another moment, so none is taken (`SamplingPlan.clear_at`). Blender's time is
+float32: each sample has the time that Blender evaluated. Where bodies jump between two samples
+(`Sampler.jumps`), the jump gets a key of its own.
+"""
 
 from __future__ import annotations
 
@@ -39,39 +45,26 @@ _MOST_JUMPS = 8
 
 @dataclass(frozen=True)
 class SamplingPlan:
-    """Times at which the animation is sampled: a burst from `frame` on.
+    """Times at which the animation is sampled: a burst from `frame` on."""
 
-    Attributes
-    ----------
-    frame, fps
-        Blender frame at which the burst starts, and frames per second.
-    duration_s
-        Duration of the burst [s].
-    metres_per_unit
-        Metres per Blender unit.
-    wavelength_m
-        Wavelength, for the accuracy that motion needs [m].
-    max_samples
-        Maximum number of samples.
-    rendered_fraction
-        Fraction of the burst at which Cycles renders, 0 to 1.
-    keys
-        Frames at which animation may have corners, ascending.
-    stretch
-        Frames of the scene for each frame of the animation.
-    jumps
-        Keys at which bodies jump: what Blender gives on them belongs to neither side.
-    """
-
+    #: Blender frame at which the burst starts, and frames per second.
     frame: int
     fps: float
+    #: Duration of the burst [s].
     duration_s: float
+    #: Metres per Blender unit.
     metres_per_unit: float
+    #: Wavelength, for the accuracy that motion needs [m].
     wavelength_m: float
+    #: Maximum number of samples.
     max_samples: int
+    #: Fraction of the burst at which Cycles renders, 0 to 1.
     rendered_fraction: float = 0.0
+    #: Frames at which animation may have corners, ascending.
     keys: Sequence[float] = ()
+    #: Frames of the scene for each frame of the animation.
     stretch: float = 1.0
+    #: Keys at which bodies jump: what Blender gives on them belongs to neither side.
     jumps: Sequence[float] = ()
 
     @property
@@ -236,6 +229,64 @@ class Sampler:
         self.lost: set[int] = set()
         self.changed: set[str] = set()
 
+    def take(self, at_s: float, instant: Instant) -> None:
+        """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
+        if at_s in self._others:
+            return
+        depsgraph = self._show(instant)
+        frame = instant.frame + instant.subframe
+        snapshot, rows, poses = self._matrices(depsgraph, frame)
+        poses[:, :3, 3] *= self._units
+        if self._first is None:
+            self._first = snapshot, poses
+        differs = (poses != self._first[1][rows]).any(axis=(1, 2))
+        self._others[at_s] = rows[differs], poses[differs]
+        inside = 0 <= at_s <= self.plan.duration_s
+        if inside:
+            self.lost.update(rows[np.isnan(poses[:, 0, 0])].tolist())
+        for name, surface in self.surfaces.items():
+            vertices = surface.sample(depsgraph)
+            if vertices is None:
+                if inside:
+                    self.changed.add(name)
+            else:
+                check_vertices(name, vertices, frame)
+            self.vertices[name][at_s] = vertices
+
+    def _matrices(self, depsgraph: Any, frame: float) -> tuple[Snapshot, Indices, Real]:
+        """Return the snapshot, rows that may differ from the first sample's, and matrices of these.
+
+        They are those of antennas and parts in the world, NaN for instances that do not exist.
+        """
+        snapshot = take_snapshot(depsgraph)
+        in_layout = self._rows_in(snapshot.layout, snapshot.shapes)
+        chosen = self._may_differ(snapshot)
+        rows = in_layout[chosen[2:] - 2]
+        there = rows >= 0
+        matrices = np.full((chosen.size, 4, 4), np.nan)
+        matrices[2:][there] = snapshot.matrices_of(rows[there])
+        for at in np.flatnonzero(~there).tolist():
+            part = self.parts[int(chosen[2 + at]) - 2]
+            if not part.key:  # hidden
+                item = self._originals[part.number]
+                matrices[2 + at] = item.evaluated_get(depsgraph).matrix_world
+                there[at] = True
+        for at, item in enumerate(self._antennas):
+            matrices[at] = item.evaluated_get(depsgraph).matrix_world
+        # NaN marks an instance that does not exist, so it must not come from Blender.
+        found = np.concatenate([[0, 1], 2 + np.flatnonzero(there)])
+        check_poses(lambda at: self._name(int(chosen[found[at]])), matrices[found], frame)
+        return snapshot, chosen, matrices
+
+    def _may_differ(self, snapshot: Snapshot) -> Indices:
+        """Return the rows whose pose may be another one than in the first sample, ascending."""
+        if self._first is None or self._first[0].walked is not snapshot.walked:
+            return np.arange(len(self.parts) + 2)
+        # Of all others, both snapshots have the pose of one walk.
+        again = np.union1d(self._first[0].moved, snapshot.moved)
+        parts = np.flatnonzero(np.isin(self._rows, again) | (self._rows < 0))
+        return np.concatenate([[0, 1], 2 + parts])
+
     def _rows_in(self, layout: Layout, shapes: Sequence[Shape]) -> Indices:
         """Return the row of each part in a snapshot, -1 for what it does not have."""
         if layout is not self._layout:
@@ -255,6 +306,9 @@ class Sampler:
             ]
             self._layout, self._rows = layout, np.array(rows, dtype=np.intp)
         return self._rows
+
+    def _name(self, row: int) -> str:
+        return self._antennas[row].name if row < 2 else self.parts[row - 2].name
 
     @property
     def times_s(self) -> list[float]:
@@ -284,15 +338,10 @@ class Sampler:
         return found
 
     def jumps(self, times_s: Sequence[float]) -> dict[float, dict[str, float]]:
-        """Find where bodies jump between samples at some times.
+        """Find where bodies jump between samples: sizes [m] by name, by Blender frame.
 
         A jump keeps its size in the half of an interval that contains it, however often the
         interval is halved; a motion does not.
-
-        Returns
-        -------
-        dict
-            By Blender frame: the sizes of the jumps [m] by the name of the object.
         """
         rows = self.changing
         names = [*map(self._name, rows.tolist()), *self.surfaces]
@@ -365,63 +414,3 @@ class Sampler:
             there = all(one is not None and one.size for one in pair)
             moved_m.append(np.array([np.abs(pair[1] - pair[0]).max() if there else 0.0]))
         return np.concatenate(moved_m)
-
-    def _may_differ(self, snapshot: Snapshot) -> Indices:
-        """Return the rows whose pose may be another one than in the first sample, ascending."""
-        if self._first is None or self._first[0].walked is not snapshot.walked:
-            return np.arange(len(self.parts) + 2)
-        # Of all others, both snapshots have the pose of one walk.
-        again = np.union1d(self._first[0].moved, snapshot.moved)
-        parts = np.flatnonzero(np.isin(self._rows, again) | (self._rows < 0))
-        return np.concatenate([[0, 1], 2 + parts])
-
-    def _matrices(self, depsgraph: Any, frame: float) -> tuple[Snapshot, Indices, Real]:
-        """Return the snapshot, rows that may differ from the first sample's, and world matrices of
-        antennas and parts in them, NaN for instances that do not exist.
-        """
-        snapshot = take_snapshot(depsgraph)
-        in_layout = self._rows_in(snapshot.layout, snapshot.shapes)
-        chosen = self._may_differ(snapshot)
-        rows = in_layout[chosen[2:] - 2]
-        there = rows >= 0
-        matrices = np.full((chosen.size, 4, 4), np.nan)
-        matrices[2:][there] = snapshot.matrices_of(rows[there])
-        for at in np.flatnonzero(~there).tolist():
-            part = self.parts[int(chosen[2 + at]) - 2]
-            if not part.key:  # hidden
-                item = self._originals[part.number]
-                matrices[2 + at] = item.evaluated_get(depsgraph).matrix_world
-                there[at] = True
-        for at, item in enumerate(self._antennas):
-            matrices[at] = item.evaluated_get(depsgraph).matrix_world
-        # NaN marks an instance that does not exist, so it must not come from Blender.
-        found = np.concatenate([[0, 1], 2 + np.flatnonzero(there)])
-        check_poses(lambda at: self._name(int(chosen[found[at]])), matrices[found], frame)
-        return snapshot, chosen, matrices
-
-    def _name(self, row: int) -> str:
-        return self._antennas[row].name if row < 2 else self.parts[row - 2].name
-
-    def take(self, at_s: float, instant: Instant) -> None:
-        """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
-        if at_s in self._others:
-            return
-        depsgraph = self._show(instant)
-        frame = instant.frame + instant.subframe
-        snapshot, rows, poses = self._matrices(depsgraph, frame)
-        poses[:, :3, 3] *= self._units
-        if self._first is None:
-            self._first = snapshot, poses
-        differs = (poses != self._first[1][rows]).any(axis=(1, 2))
-        self._others[at_s] = rows[differs], poses[differs]
-        inside = 0 <= at_s <= self.plan.duration_s
-        if inside:
-            self.lost.update(rows[np.isnan(poses[:, 0, 0])].tolist())
-        for name, surface in self.surfaces.items():
-            vertices = surface.sample(depsgraph)
-            if vertices is None:
-                if inside:
-                    self.changed.add(name)
-            else:
-                check_vertices(name, vertices, frame)
-            self.vertices[name][at_s] = vertices

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the scene holds: radar rig, instances, visibility, projections, checks, ground truth.
 
-In: the evaluated scene in Blender units. Out: records in metres.
+In: the evaluated scene in Blender units. Out: records in metres. `visibility` shows in the
+evaluated scene what Cycles renders, and hides what encodes no range. `rig` finds the antennas,
+`poses` makes their records. `ground_truth` has the boxes of surfaces, their extent and the true
+distances of objects; `closing_speeds` their poses and largest range rates. Checks before a run:
+`finite_checks` (coordinates), `mesh_checks` (interiors, normals), `simulations` (caches),
+`scene_files` (files, drivers, scripts). `view_checks` looks at the scene as the receiver does.
 """
 
 from .closing_speeds import (
@@ -40,7 +45,6 @@ from .rig import (
     draw_patterns,
     find_rig,
     is_transmitter,
-    radar_of,
     radars,
     remove_patterns,
     setup_rig,
@@ -139,7 +143,6 @@ __all__ = [
     "no_echo_findings",
     "nothing_moves",
     "pose_in_metres",
-    "radar_of",
     "radars",
     "reads_context",
     "receiver_record",

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Largest range rates of the points of objects, before anything is rendered."""
+"""Poses of all surfaces at one moment, and largest range rates of objects before a render.
+
+`evaluated_poses` reads poses and boxes of objects and instances. `ClosingSpeeds` takes two moments
+of a scene, and `keyed_speeds` one moment and the F-curves of objects, which need no evaluation.
+Both end at `largest_rate`: the outermost points of a mesh (`outermost_points`) go on as a rigid
+body with the motion and rotation between two poses, and the largest of their |range rates| over the
+burst counts. A mesh that deforms has the rate of the faces of its bounding box.
+"""
 
 from __future__ import annotations
 
@@ -10,33 +17,29 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ...arrays import Indices, Real
 from ..state import Key, Shape, Snapshot, read_numbers, take_snapshot
 from .ground_truth import Boxes
+from .visibility import action_curves
 
-# -------------------------------------------------------------------------------------------------
-# Poses and boxes of the objects and instances of a scene at one moment.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Blender fills unused numbers of instances with this.
-_UNUSED = 2**31 - 1
+#: Frames between two moments that tell the velocity at the first one: wheels turn little in it,
+#: and it is long against the 1e-4 frames around a key in which Blender gives the key's value.
+VELOCITY_FRAMES = 0.04
+#: Corners of a bounding box, in Blender's order, whose mean is the centre of a face.
+_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 4, 5), (2, 3, 6, 7), (0, 3, 4, 7), (1, 2, 5, 6))
+#: Directions in which the outermost vertex of a mesh is taken, and moments of a burst.
+_DIRECTIONS, _MOMENTS = 64, 33
 
 
 @dataclass(frozen=True)
 class InstancePose:
-    """Pose of an object or instance, with its box.
+    """Pose of an object or instance, with its box."""
 
-    Attributes
-    ----------
-    pose : ndarray, shape (4, 4)
-        From its own axes to the world, in metres.
-    box : ndarray, shape (2, 3)
-        Lowest and highest corner in its own axes [m].
-    """
-
+    #: From its own axes to the world, in metres, (4, 4).
     pose: Real
+    #: Lowest and highest corner in its own axes, (2, 3) [m].
     box: Real
 
     @property
@@ -48,29 +51,19 @@ class InstancePose:
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses and boxes of n objects and instances at one moment.
+    """Poses and boxes of n objects and instances at one moment."""
 
-    Attributes
-    ----------
-    names
-        Names of objects.
-    owner : ndarray, shape (n,)
-        Index of each one's name.
-    pose : ndarray, shape (n, 4, 4)
-        From its own axes to the world, in metres.
-    box : ndarray, shape (n, 2, 3)
-        Lowest and highest corner in its own axes [m].
-    rendered
-        Original objects that are not hidden from renders, by name.
-    snapshot, rows
-        The snapshot that they are from, and their rows in it, (n,).
-    """
-
+    #: Names of objects.
     names: Sequence[str]
+    #: Index of each one's name, (n,).
     owner: Indices
+    #: From its own axes to the world, in metres, (n, 4, 4).
     pose: Real
+    #: Lowest and highest corner in its own axes, (n, 2, 3) [m].
     box: Real
+    #: Original objects that are not hidden from renders, by name.
     rendered: Mapping[str, Any] = field(default_factory=dict)
+    #: The snapshot that they are from, and their rows in it, (n,).
     snapshot: Snapshot | None = None
     rows: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
@@ -84,57 +77,8 @@ class Poses:
         return () if self.snapshot is None else self.snapshot.layout.key(int(self.rows[index]))
 
 
-def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
-    """Return a matrix of Blender with its translation in metres.
-
-    Parameters
-    ----------
-    matrix : mathutils.Matrix
-        4x4, Blender units.
-    metres_per_unit
-        Metres per Blender unit.
-
-    Returns
-    -------
-    ndarray
-        Shape (4, 4), float64.
-    """
-    pose = np.array(matrix, dtype=np.float64)
-    pose[:3, 3] *= metres_per_unit
-    return pose
-
-
-def instance_name(key: Key) -> str:
-    """Return a key as text.
-
-    Parameters
-    ----------
-    key
-        Key of an instance.
-
-    Returns
-    -------
-    str
-        The instancer and Blender's numbers, joined by slashes; empty for the object itself.
-    """
-    return "/".join([str(part) for part in key if part != _UNUSED])
-
-
 def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
-    """Return the poses and boxes of all surfaces at the time of a depsgraph.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    metres_per_unit
-        Metres per Blender unit.
-
-    Returns
-    -------
-    Poses
-        In metres.
-    """
+    """Return the poses and boxes of all surfaces at the time of a depsgraph."""
     snapshot = take_snapshot(depsgraph)
     shapes = snapshot.shapes
     has_surface = [shape.kind not in {"CAMERA", "LIGHT", "EMPTY"} for shape in shapes]
@@ -149,21 +93,23 @@ def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
     return Poses(names, owner, pose, boxes[owner] * metres_per_unit, rendered, snapshot, rows)
 
 
+def pose_in_metres(matrix: Any, metres_per_unit: float) -> Real:
+    """Return a matrix of Blender, (4, 4), with its translation in metres."""
+    pose = np.array(matrix, dtype=np.float64)
+    pose[:3, 3] *= metres_per_unit
+    return pose
+
+
+def instance_name(key: Key) -> str:
+    """Return the parts of a key, joined by slashes; empty for an object itself."""
+    unused = 2**31 - 1  # Blender fills unused numbers of instances with this
+    return "/".join([str(part) for part in key if part != unused])
+
+
 def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]:
-    """Return where points lie relative to the box of an instance.
+    """Return points (n, 3) in an instance's own axes, and vectors to them from its box, (n, 3) [m].
 
-    Parameters
-    ----------
-    instance
-        Pose and box.
-    points
-        Shape (n, 3), world axes [m].
-
-    Returns
-    -------
-    local, outside : numpy.ndarray
-        Points in the object's own axes, and vectors from the box to the points in world lengths,
-        0 inside the box, shapes (n, 3) [m].
+    The points are in the world. The vectors have world lengths, and are 0 inside the box.
     """
     try:
         inverse = np.linalg.inv(instance.pose)
@@ -174,36 +120,8 @@ def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]
     return local, outside @ instance.pose[:3, :3].T
 
 
-#: Corners of a bounding box, in Blender's order, whose mean is the centre of a face.
-_FACES = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 4, 5), (2, 3, 6, 7), (0, 3, 4, 7), (1, 2, 5, 6))
-#: Directions in which the outermost vertex of a mesh is taken, and moments of a burst.
-_DIRECTIONS, _MOMENTS = 64, 33
-#: Frames between two moments that tell the velocity at the first one: wheels turn little in it,
-#: and it is long against the 1e-4 frames around a key in which Blender gives the key's value.
-VELOCITY_FRAMES = 0.04
-
-
-def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float) -> Real:
-    """Return half the path lengths by way of the centres of faces, and of boxes, (n, 7) [m]."""
-    faces = corners[:, _FACES].mean(axis=2)
-    points = np.concatenate([faces, corners.mean(axis=1, keepdims=True)], axis=1)
-    lengths = sum(np.linalg.norm(points - antenna, axis=2) for antenna in antennas)
-    return np.asarray(lengths * metres_per_unit / 2)
-
-
 class ClosingSpeeds:
-    """Largest |range rate| of every object over the bursts of a run.
-
-    That of the outermost vertices of a mesh as a rigid body that keeps its motion and rotation
-    between two moments; of a mesh that deforms, that of the faces of its bounding box.
-
-    Parameters
-    ----------
-    metres_per_unit
-        Metres per Blender unit.
-    span_s
-        Duration of a burst [s].
-    """
+    """Largest |range rate| of every object over the bursts of a run, of `span_s` seconds each."""
 
     def __init__(self, metres_per_unit: float, span_s: float = 0.0) -> None:
         self._units, self._span_s = metres_per_unit, span_s
@@ -251,6 +169,134 @@ def _moving(
         here, there = here[again], there[again]
     moving = (first.corners_of(here) != last.corners_of(there)).any(axis=(1, 2))
     return here[moving], there[moving]
+
+
+def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float) -> Real:
+    """Return half the path lengths by way of the centres of faces, and of boxes, (n, 7) [m]."""
+    faces = corners[:, _FACES].mean(axis=2)
+    points = np.concatenate([faces, corners.mean(axis=1, keepdims=True)], axis=1)
+    lengths = sum(np.linalg.norm(points - antenna, axis=2) for antenna in antennas)
+    return np.asarray(lengths * metres_per_unit / 2)
+
+
+def keyed_speeds(
+    found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
+) -> dict[str, float]:
+    """Return the largest |range rate| of objects by their F-curves, by label [units per second].
+
+    Nothing is evaluated, so what other animation moves is left out. `found` are the surfaces at
+    `frame`, at which the burst of `span_s` seconds begins; `antennas` are receiver and transmitter.
+    """
+    snapshot, layout = found.snapshot, found.snapshot.layout
+
+    def poses_of(item: Any, now: Real) -> Real | None:
+        # In float32 both are rounded alike by Blender; what F-curves add is the difference.
+        move = keyed_move(item, frame)
+        return None if move is None else np.stack([now, move @ now])
+
+    places = []
+    for item in antennas:
+        now = np.array(item.evaluated_get(snapshot.depsgraph).matrix_world, dtype=np.float64)
+        poses = poses_of(item, now) if _is_keyed(item) else None
+        places.append([now[:3, 3]] * 2 if poses is None else poses[:, :3, 3])
+    both = np.array(places).transpose(1, 0, 2)
+    still = np.array_equal(both[0], both[1])
+    speeds: dict[str, float] = {}
+    for row in found.rows[layout.instancer[found.rows] < 0].tolist():
+        shape = snapshot.shapes[layout.shape[row]]
+        if still and not _is_keyed(shape.original):
+            continue
+        now = snapshot.matrix(row)
+        poses = poses_of(shape.original, now) if _is_keyed(shape.original) else np.stack([now, now])
+        if poses is not None:
+            points = outermost_points(snapshot, shape)
+            interval_s = VELOCITY_FRAMES / fps
+            speeds[snapshot.label(row)] = largest_rate(points, poses, both, interval_s, span_s)
+    return speeds
+
+
+def keyed_step(item: Any, frame: float) -> Real | None:
+    """Return how far F-curves move the origin of an object in a frame, (3,) [Blender units].
+
+    None where no F-curve moves it, or not these alone.
+    """
+    poses = _keyed_poses(item, frame)
+    if poses is None:
+        return None
+    return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
+
+
+def keyed_move(item: Any, frame: float) -> Real | None:
+    """Return what F-curves move an object by in `VELOCITY_FRAMES`: a matrix in world space, (4, 4).
+
+    The identity where nothing moves the object and its parents, None where something else than
+    F-curves may. Nothing is evaluated.
+    """
+    poses = _keyed_poses(item, frame)
+    if poses is None:
+        return None
+    return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
+
+
+def _keyed_poses(item: Any, frame: float) -> tuple[Real, Real] | None:
+    """Poses in a frame and `VELOCITY_FRAMES` later, (4, 4) each; None as `keyed_world`."""
+    before, after = (keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES))
+    return None if before is None or after is None else (before, after)
+
+
+def keyed_world(item: Any, frame: float) -> Real | None:
+    """Return the world matrix of an object at a frame by its F-curves, (4, 4).
+
+    None where constraints, drivers, simulations or strips may move it or its parents.
+    """
+    animation, body = item.animation_data, item.rigid_body
+    if item.constraints or body is not None or item.rotation_mode == "AXIS_ANGLE":
+        return None
+    if item.parent is not None and item.parent_type != "OBJECT":
+        return None
+    channels = ("location", "rotation_euler", "rotation_quaternion", "scale")
+    values = {name: list(getattr(item, name)) for name in channels}
+    if animation is not None:
+        if animation.drivers or animation.nla_tracks:
+            return None
+        action = animation.action
+        slot = getattr(animation, "action_slot", None)
+        for curve in action_curves(action, slot) if action is not None else ():
+            if curve.data_path in values and not curve.mute:
+                values[curve.data_path][curve.array_index] = curve.evaluate(frame)
+            elif curve.data_path.startswith("delta_"):
+                return None
+    turn = (
+        Quaternion(values["rotation_quaternion"]).normalized()
+        if item.rotation_mode == "QUATERNION"
+        else Euler(values["rotation_euler"], item.rotation_mode)
+    )
+    own = Matrix.LocRotScale(Vector(values["location"]), turn, Vector(values["scale"]))
+    matrix = np.array(item.matrix_parent_inverse @ own, dtype=np.float64)
+    if item.parent is None:
+        return np.array(own, dtype=np.float64)
+    above = keyed_world(item.parent, frame)
+    return None if above is None else above @ matrix
+
+
+def nothing_moves(item: Any) -> bool:
+    """Return whether an object and its parents have nothing that could move them: quick."""
+    while item is not None:
+        if item.animation_data is not None or item.rigid_body is not None or item.constraints:
+            return False
+        if item.parent is not None and item.parent_type != "OBJECT":
+            return False
+        item = item.parent
+    return True
+
+
+def _is_keyed(item: Any) -> bool:
+    """Whether an object or a parent of it has an action."""
+    while item is not None:
+        if item.animation_data is not None and item.animation_data.action is not None:
+            return True
+        item = item.parent
+    return False
 
 
 def largest_rate(
@@ -327,174 +373,3 @@ def outermost_points(snapshot: Snapshot, shape: Shape) -> Real:
                 points = np.concatenate([points, shape.box[np.array(_FACES)].mean(axis=1)])
         _outermost[shape] = points
     return _outermost[shape]
-
-
-def keyed_world(item: Any, frame: float) -> Real | None:
-    """Return the world matrix of an object at a frame by its F-curves, shape (4, 4).
-
-    None where constraints, drivers, simulations or strips may move it or its parents.
-    """
-    from mathutils import Euler, Matrix, Quaternion, Vector
-
-    from .visibility import action_curves
-
-    animation, body = item.animation_data, item.rigid_body
-    if item.constraints or body is not None or item.rotation_mode == "AXIS_ANGLE":
-        return None
-    if item.parent is not None and item.parent_type != "OBJECT":
-        return None
-    values = {name: list(getattr(item, name)) for name in _CHANNELS}
-    if animation is not None:
-        if animation.drivers or animation.nla_tracks:
-            return None
-        action = animation.action
-        slot = getattr(animation, "action_slot", None)
-        for curve in action_curves(action, slot) if action is not None else ():
-            if curve.data_path in values and not curve.mute:
-                values[curve.data_path][curve.array_index] = curve.evaluate(frame)
-            elif curve.data_path.startswith("delta_"):
-                return None
-    turn = (
-        Quaternion(values["rotation_quaternion"]).normalized()
-        if item.rotation_mode == "QUATERNION"
-        else Euler(values["rotation_euler"], item.rotation_mode)
-    )
-    own = Matrix.LocRotScale(Vector(values["location"]), turn, Vector(values["scale"]))
-    matrix = np.array(item.matrix_parent_inverse @ own, dtype=np.float64)
-    if item.parent is None:
-        return np.array(own, dtype=np.float64)
-    above = keyed_world(item.parent, frame)
-    return None if above is None else above @ matrix
-
-
-#: Properties of an object that F-curves move it by.
-_CHANNELS = ("location", "rotation_euler", "rotation_quaternion", "scale")
-
-
-def keyed_step(item: Any, frame: float) -> Real | None:
-    """Return how far F-curves move the origin of an object in a frame.
-
-    Parameters
-    ----------
-    item, frame
-        See `keyed_move`.
-
-    Returns
-    -------
-    ndarray or None
-        World space, (3,) [Blender units]; None where no F-curve moves it, or not these alone.
-    """
-    poses = _keyed_poses(item, frame)
-    if poses is None:
-        return None
-    return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
-
-
-def keyed_move(item: Any, frame: float) -> Real | None:
-    """Return what F-curves move an object by in `VELOCITY_FRAMES`.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-        Object; nothing is evaluated.
-    frame
-        Blender frame.
-
-    Returns
-    -------
-    ndarray or None
-        Matrix in world space, (4, 4) [Blender units]; the identity where nothing moves the object
-        and its parents, None where something else than F-curves may.
-    """
-    poses = _keyed_poses(item, frame)
-    if poses is None:
-        return None
-    return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
-
-
-def _keyed_poses(item: Any, frame: float) -> tuple[Real, Real] | None:
-    """Poses in a frame and `VELOCITY_FRAMES` later, (4, 4) each; None as `keyed_world`."""
-    before, after = (keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES))
-    return None if before is None or after is None else (before, after)
-
-
-def nothing_moves(item: Any) -> bool:
-    """Return whether an object and its parents have nothing that could move them: quick.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-    """
-    while item is not None:
-        if item.animation_data is not None or item.rigid_body is not None or item.constraints:
-            return False
-        if item.parent is not None and item.parent_type != "OBJECT":
-            return False
-        item = item.parent
-    return True
-
-
-def _is_keyed(item: Any) -> bool:
-    """Whether an object or a parent of it has an action."""
-    while item is not None:
-        if item.animation_data is not None and item.animation_data.action is not None:
-            return True
-        item = item.parent
-    return False
-
-
-def keyed_speeds(
-    found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
-) -> dict[str, float]:
-    """Return the largest |range rate| of objects that F-curves move.
-
-    Nothing is evaluated, so what other animation moves is left out.
-
-    Parameters
-    ----------
-    found
-        Surfaces, at `frame`.
-    antennas : tuple of bpy.types.Object
-        Receiver and transmitter.
-    frame
-        Blender frame at which a burst begins.
-    fps
-        Blender frames per second.
-    span_s
-        Duration of the burst [s].
-
-    Returns
-    -------
-    dict
-        By label [Blender units per second].
-    """
-    snapshot, layout = found.snapshot, found.snapshot.layout
-
-    def poses_of(item: Any, now: Real) -> Real | None:
-        # In float32 both are rounded alike by Blender; what F-curves add is the difference.
-        move = keyed_move(item, frame)
-        return None if move is None else np.stack([now, move @ now])
-
-    places = []
-    for item in antennas:
-        now = np.array(item.evaluated_get(snapshot.depsgraph).matrix_world, dtype=np.float64)
-        poses = poses_of(item, now) if _is_keyed(item) else None
-        places.append([now[:3, 3]] * 2 if poses is None else poses[:, :3, 3])
-    both = np.array(places).transpose(1, 0, 2)
-    still = np.array_equal(both[0], both[1])
-    speeds: dict[str, float] = {}
-    for row in found.rows[layout.instancer[found.rows] < 0].tolist():
-        shape = snapshot.shapes[layout.shape[row]]
-        if still and not _is_keyed(shape.original):
-            continue
-        now = snapshot.matrix(row)
-        poses = poses_of(shape.original, now) if _is_keyed(shape.original) else np.stack([now, now])
-        if poses is not None:
-            points = outermost_points(snapshot, shape)
-            interval_s = VELOCITY_FRAMES / fps
-            speeds[snapshot.label(row)] = largest_rate(points, poses, both, interval_s, span_s)
-    return speeds

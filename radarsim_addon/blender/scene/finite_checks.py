@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Checks for NaN, infinite and extremely large coordinates, before a run writes a file."""
+"""Checks for NaN, infinite and extremely large coordinates, before a run writes a file.
+
+Each raises `SceneError`, with the object and what to do. `frame` is the Blender frame, with its
+fraction, for the message.
+"""
 
 from __future__ import annotations
 
@@ -22,22 +26,7 @@ _TOGETHER = 1 << 18
 
 
 def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None:
-    """Check that the matrix of an object is finite and within `_MAX_COORDINATE_UNITS`.
-
-    Parameters
-    ----------
-    name
-        Name of the object, for the message.
-    matrix_world
-        World matrix, shape (4, 4), Blender units.
-    frame
-        Blender frame, with its fraction, of the matrix, for the message.
-
-    Raises
-    ------
-    SceneError
-        The matrix is not finite or too large.
-    """
+    """Check that the world matrix (4, 4) of an object is finite and not extremely large."""
     matrix = np.array(matrix_world, dtype=np.float64)
     if _out_of_bounds(matrix).any():
         raise SceneError(
@@ -49,43 +38,13 @@ def check_pose(name: str, matrix_world: Any, frame: float | None = None) -> None
 
 
 def check_poses(name: Callable[[int], str], matrices: Real, frame: float) -> None:
-    """Check the matrices of many objects at once.
-
-    Parameters
-    ----------
-    name
-        Returns the name of one of the objects, for the message.
-    matrices
-        World matrices, shape (objects, 4, 4), Blender units.
-    frame
-        Blender frame, with its fraction, of the matrices, for the message.
-
-    Raises
-    ------
-    SceneError
-        A matrix is not finite or too large.
-    """
+    """Check the world matrices (n, 4, 4) of many objects; `name` returns that of one of them."""
     for row in np.unique(np.nonzero(_out_of_bounds(matrices))[0]).tolist():
         check_pose(name(row), matrices[row], frame)
 
 
 def check_vertices(name: str, vertices: NDArray[Any], frame: float) -> None:
-    """Check that the vertices of a surface are finite at a frame of the burst.
-
-    Parameters
-    ----------
-    name
-        Name of the object, for the message.
-    vertices
-        Shape (n, 3), in any unit of length.
-    frame
-        Blender frame, with its fraction, for the message.
-
-    Raises
-    ------
-    SceneError
-        A vertex is not finite or too far away.
-    """
+    """Check that the vertices (n, 3) of a surface are finite, in any unit of length."""
     bad = _bad_rows(vertices)
     if bad.size:
         found = f"{bad.size} of its vertices (one is at ({_coordinates(vertices[bad[0]])}))"
@@ -97,7 +56,7 @@ _finite: WeakSet[Shape] = WeakSet()
 
 
 def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
-    """Check that transforms and vertices of rows of a snapshot are finite; `SceneError` if not.
+    """Check that transforms and vertices of rows of a snapshot are finite.
 
     All vertices are read, once per mesh, because Blender's bounding boxes ignore NaN.
     """
@@ -109,7 +68,8 @@ def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
     for number, row in zip(shapes.tolist(), rows[first].tolist(), strict=True):
         shape = snapshot.shapes[number]
         if shape not in _finite:
-            waiting.append((shape, row, _numbers(snapshot, shape)))
+            points = snapshot.vertices(shape) if shape.kind == "MESH" else shape.box
+            waiting.append((shape, row, points))
             size += len(waiting[-1][2])
         if size > _TOGETHER:
             _check_shapes(snapshot, waiting)
@@ -119,16 +79,11 @@ def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
 
 
 def _check_shapes(snapshot: Snapshot, found: list[tuple[Shape, int, NDArray[Any]]]) -> None:
-    """Check shapes, of which a row is given, by their points; those to blame one by one."""
+    """Check shapes, each with a row and its points, at once; only where that fails, one by one."""
     if _out_of_bounds(np.concatenate([numbers for _, _, numbers in found])).any():
         for shape, row, numbers in found:
             _check_shape(shape, numbers, snapshot.label(row))
     _finite.update(shape for shape, _, _ in found)
-
-
-def _numbers(snapshot: Snapshot, shape: Shape) -> NDArray[Any]:
-    """Vertices of a mesh, or the bounding box of what is none, (n, 3)."""
-    return snapshot.vertices(shape) if shape.kind == "MESH" else shape.box
 
 
 def _check_shape(shape: Shape, numbers: NDArray[Any], label: str) -> None:

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Properties of a scene that need no render: extent and ground truth of objects."""
+"""Properties of a scene that need no render: extent and ground truth of objects.
+
+`scene_extent` bounds the distances of what can echo by bounding boxes (`Boxes`). `object_records`
+measures the exact distance of each object from the receiver: by boxes first, then, for the nearest
+instance, by all triangles in float64. Blender's BVH computes in float32, which has an error of
+0.5 mm at 10 km.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import bpy
 import numpy as np
@@ -16,22 +22,13 @@ import numpy as np
 from ... import contract
 from ...arrays import Indices, Real, distances
 from ...findings import Finding, finding
-from ..materials import (
-    clutter_name,
-    fluctuation_of,
-    roughness_of,
-)
+from ..materials import clutter_name, fluctuation_of, roughness_of
 from ..nodes import is_radar_material
 from ..plan import Extent
-from ..state import Shape, Snapshot, take_snapshot
+from ..state import Snapshot, take_snapshot
 from .finite_checks import check_meshes_finite
 from .rig import Rig
 from .visibility import ABSORBER_NAME, echoes, rendered_rows
-
-# -------------------------------------------------------------------------------------------------
-# Bounding boxes of surfaces at one moment, and how far they reach. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
 
 #: What centres, radii and distances of boxes may be off by rounding, relative to coordinates.
 _MARGIN = 1e-12
@@ -39,14 +36,14 @@ _MARGIN = 1e-12
 
 @dataclass(frozen=True)
 class Boxes:
-    """Bounding boxes of surfaces: rows of a snapshot, and corners in the world, (n, 8, 3)."""
+    """Bounding boxes of surfaces: rows of a snapshot."""
 
     snapshot: Snapshot
     rows: Indices
 
     @property
     def corners(self) -> Real:
-        """Corners in world space [Blender units]."""
+        """Corners in world space, (n, 8, 3) [Blender units]."""
         return self.snapshot.corners_of(self.rows)
 
     def spheres(self, *places: Real) -> tuple[Real, Real]:
@@ -84,6 +81,32 @@ class Boxes:
         return first, second
 
 
+def scene_extent(
+    depsgraph: Any, rig: Rig, metres_per_unit: float, any_material: bool = False
+) -> Extent:
+    """Return the distances of the surfaces that can echo, or of all, at the depsgraph's time.
+
+    They are those of bounding boxes, so never too small. Only the baseline if nothing can echo.
+    """
+    boxes = echoing_boxes(depsgraph, any_material)
+    return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
+
+
+def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
+    """Return the boxes of the surfaces that can echo, or of all, at the depsgraph's time."""
+    snapshot = take_snapshot(depsgraph)
+    rows = rendered_rows(snapshot)
+    if not any_material:
+        is_radar = cache(is_radar_material)
+        # The evaluated slots of a surface, which are known, hold what its own ones do.
+        echoing = [
+            (shape.own and any(map(is_radar, shape.materials))) or echoes(shape.original, is_radar)
+            for shape in snapshot.shapes
+        ]
+        rows = rows[snapshot.of_shapes(echoing)[rows]]
+    return Boxes(snapshot, rows)
+
+
 def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: float) -> Extent:
     """Return `scene_extent` from boxes, and the places of receiver and transmitter."""
     receiver, transmitter = antennas
@@ -116,9 +139,186 @@ def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: 
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# Distance of the origin from a triangle mesh, in float64. Uses numpy only.
-# -------------------------------------------------------------------------------------------------
+def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
+    """Return the places of receiver and transmitter, (3,) each [Blender units]."""
+    return _origin(rig.camera, depsgraph), _origin(rig.emitter, depsgraph)
+
+
+def _origin(item: Any, depsgraph: Any) -> Real:
+    return np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)[:3, 3]
+
+
+def rendered_surfaces(depsgraph: Any) -> Boxes:
+    return echoing_boxes(depsgraph, any_material=True)
+
+
+def object_records(
+    depsgraph: Any,
+    rig: Rig,
+    metres_per_unit: float,
+    later: tuple[Boxes, Real] | None = None,
+    interval_s: float = 0.0,
+) -> list[contract.ObjectRecord]:
+    """Return the ground truth of all rendered objects at the depsgraph's time, sorted by name.
+
+    All instances of one object by one instancer have one record, that of the nearest instance, with
+    the name ``instancer/object``. `later` has the surfaces `interval_s` later [s], and the place of
+    the receiver, for range rates.
+    """
+    found, receiver = rendered_surfaces(depsgraph), _origin(rig.camera, depsgraph)
+    snapshot = found.snapshot
+    collections = _collections_of_objects()
+    after: dict[int, int] = {}
+    if later is not None:
+        here, there = found.pairs(later[0])
+        after = dict(zip(here.tolist(), there.tolist(), strict=True))
+    nearest = _nearest_instances(found, receiver)
+    rows = [row for row, _ in nearest]
+    rates: dict[int, float] = {}
+    centres_m = (_centre_ranges(snapshot, rows, receiver) * metres_per_unit).tolist()
+    if later is not None and interval_s > 0:
+        known = [row for row in rows if row in after]
+        then = _centre_ranges(later[0].snapshot, [after[row] for row in known], later[1])
+        before_m = dict(zip(rows, centres_m, strict=True))
+        rates = {
+            row: (then_m - before_m[row]) / interval_s
+            for row, then_m in zip(known, (then * metres_per_unit).tolist(), strict=True)
+        }
+    records = []
+    said_by = cache(_said_by_materials)
+    for (row, distance), centre_m in zip(nearest, centres_m, strict=True):
+        shape = snapshot.shapes[snapshot.layout.shape[row]]
+        displaced = any(map(_displaces, shape.materials))
+        records.append(
+            contract.ObjectRecord(
+                name=snapshot.label(row),
+                nearest_range_m=None if displaced else distance * metres_per_unit,
+                centre_range_m=centre_m,
+                range_rate_mps=rates.get(row),
+                collections=collections.get(shape.original.name_full, []),
+                **said_by(shape.materials),
+            )
+        )
+    return sorted(records, key=lambda record: record.name)
+
+
+def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
+    """Row and distance of the nearest instance of each label, if it has faces."""
+    snapshot = found.snapshot
+    # No point of a box is nearer than this, so most instances need no exact distance.
+    centre, radius = found.spheres(receiver)
+    least = np.linalg.norm(centre - receiver, axis=1) - radius
+    order = np.argsort(least, kind="stable")
+    label = found.labels()[1][order]
+    order = order[np.argsort(label, kind="stable")]
+    groups = np.split(order, np.flatnonzero(np.diff(np.sort(label))) + 1) if order.size else []
+    firsts = (int(found.rows[instances[0]]) for instances in groups)
+    exact = nearest_distances(triangles_about(snapshot, firsts, receiver))
+    nearest = []
+    for instances, distance in zip(groups, exact.tolist(), strict=True):
+        best = (distance, int(found.rows[instances[0]]))
+        for index in instances[1:]:
+            if least[index] > best[0]:
+                break
+            row = int(found.rows[index])
+            (other,) = nearest_distances(triangles_about(snapshot, [row], receiver)).tolist()
+            best = min(best, (other, row))
+        if math.isfinite(best[0]):
+            nearest.append((best[1], best[0]))
+    return nearest
+
+
+def _centre_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> Real:
+    """Return the distances of the centres of boxes from the receiver, (n,) [Blender units]."""
+    corners = snapshot.corners_of(np.array(rows, dtype=np.intp)).reshape(-1, 8, 3)
+    return distances(corners.mean(axis=1), receiver)
+
+
+def _said_by_materials(materials: tuple[Any, ...]) -> dict[str, Any]:
+    """Return the fields of an object's record that its materials say."""
+    held = [one.name for one in materials if one is not None and one.name != ABSORBER_NAME]
+    rms_height_m, correlation_length_m = roughness_of(materials)
+    return {
+        "materials": held,
+        "rms_height_m": rms_height_m,
+        "correlation_length_m": correlation_length_m,
+        "fluctuation": fluctuation_of(materials),
+        "clutter": clutter_name(materials),
+    }
+
+
+def _displaces(material: Any) -> bool:
+    """Return whether a material moves the surface itself, not only its normals."""
+    if material is None or material.node_tree is None or material.displacement_method == "BUMP":
+        return False
+    output = material.node_tree.get_output_node("CYCLES")
+    return output is not None and bool(output.inputs["Displacement"].is_linked)
+
+
+def _collections_of_objects() -> dict[str, list[str]]:
+    """Return the names of the collections that hold each object, also indirectly, sorted.
+
+    One pass over the file's collections: an object's own list of its users takes a walk each.
+    """
+    holding: dict[str, set[str]] = {}
+    for collection in bpy.data.collections:
+        for item in collection.all_objects:
+            holding.setdefault(item.name_full, set()).add(collection.name)
+    return {name: sorted(held) for name, held in holding.items()}
+
+
+def displaced_surfaces(depsgraph: Any) -> list[Finding]:
+    """Name the rendered objects whose surface Cycles displaces: their meshes do not show it."""
+    found = rendered_surfaces(depsgraph)
+    shapes = found.snapshot.shapes
+    displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])
+    names = {found.snapshot.label(row) for row in found.rows[displaced[found.rows]].tolist()}
+    return [finding("displaced-by-shader", *sorted(names))] if names else []
+
+
+def check_surfaces(depsgraph: Any) -> None:
+    """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
+    snapshot = take_snapshot(depsgraph)
+    check_meshes_finite(snapshot, rendered_rows(snapshot))
+
+
+#: Triangles that are placed at once, about.
+_TOGETHER = 1 << 16
+
+
+def triangles_about(snapshot: Snapshot, rows: Iterable[int], point: Real) -> Iterator[Real]:
+    """Yield corners of the triangles of each surface relative to a point, (m, 3, 3)."""
+    waiting: list[tuple[int, Any, Any]] = []
+    size = 0
+    for row in rows:
+        found = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
+        waiting.append((row, *found))
+        size += len(found[1])
+        if size > _TOGETHER:
+            yield from _corners_about(snapshot, waiting, point)
+            waiting, size = [], 0
+    yield from _corners_about(snapshot, waiting, point)
+
+
+def _corners_about(
+    snapshot: Snapshot, surfaces: list[tuple[int, Any, Any]], point: Real
+) -> list[Real]:
+    """As `triangles_about`, of rows with their vertices and triangles; like meshes in one pass."""
+    alike: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
+    for number, (_, vertices, triangles) in enumerate(surfaces):
+        alike[len(vertices), len(triangles)].append(number)
+    found: list[Real] = [np.empty((0, 3, 3))] * len(surfaces)
+    for (points, faces), numbers in alike.items():
+        rows, vertices, triangles = zip(*(surfaces[number] for number in numbers), strict=True)
+        matrices = snapshot.matrices_of(np.array(rows, dtype=np.intp))
+        own = np.concatenate(vertices, dtype=np.float64).reshape(len(numbers), points, 3)
+        world = own @ matrices[:, :3, :3].transpose(0, 2, 1)
+        world += (matrices[:, :3, 3] - point)[:, None]
+        of_each = np.concatenate(triangles).reshape(len(numbers), faces, 3)
+        corners = world[np.arange(len(numbers))[:, None, None], of_each]
+        for number, one in zip(numbers, corners, strict=True):
+            found[number] = one
+    return found
 
 
 #: Number of triangles per block, to limit memory.
@@ -128,8 +328,7 @@ _BLOCK = 1 << 17
 def nearest_distances(surfaces: Iterable[Real]) -> Real:
     """Return the distance of the origin from each of n surfaces, (n,); infinite without triangles.
 
-    A surface is the corners of its triangles, (m, 3, 3). Blender's BVH computes in float32, which
-    has an error of 0.5 mm at 10 km.
+    A surface is the corners of its triangles, (m, 3, 3).
     """
     found: list[float] = []
     waiting: list[Real] = []
@@ -187,277 +386,3 @@ def _segment_distances(start: Real, end: Real) -> Real:
         fraction = -np.einsum("ij,ij->i", start, along) / length2
     fraction = np.clip(np.where(length2 > 0, fraction, 0.0), 0.0, 1.0)
     return np.asarray(np.linalg.norm(start + fraction[:, None] * along, axis=1))
-
-
-# -------------------------------------------------------------------------------------------------
-# Triangles of many surfaces of a snapshot about a point, in float64. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Triangles that are placed at once, about.
-_TOGETHER = 1 << 16
-
-
-def triangles_about(snapshot: Snapshot, rows: Iterable[int], point: Real) -> Iterator[Real]:
-    """Yield corners of the triangles of each surface relative to a point, (m, 3, 3)."""
-    waiting: list[tuple[int, Any, Any]] = []
-    size = 0
-    for row in rows:
-        found = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
-        waiting.append((row, *found))
-        size += len(found[1])
-        if size > _TOGETHER:
-            yield from _corners_about(snapshot, waiting, point)
-            waiting, size = [], 0
-    yield from _corners_about(snapshot, waiting, point)
-
-
-def _corners_about(
-    snapshot: Snapshot, surfaces: list[tuple[int, Any, Any]], point: Real
-) -> list[Real]:
-    """As `triangles_about`, of rows with their vertices and triangles; like meshes in one pass."""
-    alike: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
-    for number, (_, vertices, triangles) in enumerate(surfaces):
-        alike[len(vertices), len(triangles)].append(number)
-    found: list[Real] = [np.empty((0, 3, 3))] * len(surfaces)
-    for (points, faces), numbers in alike.items():
-        rows, vertices, triangles = zip(*(surfaces[number] for number in numbers), strict=True)
-        matrices = snapshot.matrices_of(np.array(rows, dtype=np.intp))
-        own = np.concatenate(vertices, dtype=np.float64).reshape(len(numbers), points, 3)
-        world = own @ matrices[:, :3, :3].transpose(0, 2, 1)
-        world += (matrices[:, :3, 3] - point)[:, None]
-        of_each = np.concatenate(triangles).reshape(len(numbers), faces, 3)
-        corners = world[np.arange(len(numbers))[:, None, None], of_each]
-        for number, one in zip(numbers, corners, strict=True):
-            found[number] = one
-    return found
-
-
-def check_surfaces(depsgraph: Any) -> None:
-    """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
-    snapshot = take_snapshot(depsgraph)
-    check_meshes_finite(snapshot, rendered_rows(snapshot))
-
-
-def scene_extent(
-    depsgraph: Any, rig: Rig, metres_per_unit: float, any_material: bool = False
-) -> Extent:
-    """Return the distances of the surfaces that can echo, at the depsgraph's time.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    rig
-        Antennas.
-    metres_per_unit
-        Metres per Blender unit.
-    any_material
-        Include surfaces without a Radar Material.
-
-    Returns
-    -------
-    Extent
-        Distances of bounding boxes, so never too small [m]. Only the baseline if nothing can echo.
-    """
-    boxes = echoing_boxes(depsgraph, any_material)
-    return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
-
-
-def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
-    """Return the bounding boxes of the surfaces that can echo, at the depsgraph's time.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    any_material
-        Include surfaces without a Radar Material.
-
-    Returns
-    -------
-    Boxes
-        Rows of the snapshot, and corners in Blender units.
-    """
-    snapshot = take_snapshot(depsgraph)
-    rows = rendered_rows(snapshot)
-    if not any_material:
-        is_radar = cache(is_radar_material)
-        echoing = [_echoes(shape, is_radar) for shape in snapshot.shapes]
-        rows = rows[snapshot.of_shapes(echoing)[rows]]
-    return Boxes(snapshot, rows)
-
-
-def _echoes(shape: Shape, is_radar: Callable[[Any], bool]) -> bool:
-    """As `echoes` of a surface; its evaluated slots, known already, hold what its own ones do."""
-    return (shape.own and any(map(is_radar, shape.materials))) or echoes(shape.original, is_radar)
-
-
-def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
-    """Return the places of receiver and transmitter, (3,) each [Blender units]."""
-    return _origin(rig.camera, depsgraph), _origin(rig.emitter, depsgraph)
-
-
-def _origin(item: Any, depsgraph: Any) -> Real:
-    return np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)[:3, 3]
-
-
-# -- ground truth ----------------------------------------------------------------------------------
-
-
-def rendered_surfaces(depsgraph: Any) -> Boxes:
-    """Return all rendered surfaces at the depsgraph's time."""
-    return echoing_boxes(depsgraph, any_material=True)
-
-
-def object_records(
-    depsgraph: Any,
-    rig: Rig,
-    metres_per_unit: float,
-    later: tuple[Boxes, Real] | None = None,
-    interval_s: float = 0.0,
-) -> list[contract.ObjectRecord]:
-    """Return the ground truth of all rendered objects at the depsgraph's time, sorted by name.
-
-    All instances of one object by one instancer have one record, that of the nearest instance, with
-    the name ``instancer/object``. `later` has the surfaces `interval_s` later [s], and the place of
-    the receiver, for range rates.
-    """
-    found, receiver = rendered_surfaces(depsgraph), _origin(rig.camera, depsgraph)
-    snapshot = found.snapshot
-    collections = _collections_of_objects()
-    after: dict[int, int] = {}
-    if later is not None:
-        here, there = found.pairs(later[0])
-        after = dict(zip(here.tolist(), there.tolist(), strict=True))
-    nearest = _nearest_instances(found, receiver)
-    rows = [row for row, _ in nearest]
-    rates: dict[int, float] = {}
-    centres_m = (_centre_ranges(snapshot, rows, receiver) * metres_per_unit).tolist()
-    if later is not None and interval_s > 0:
-        known = [row for row in rows if row in after]
-        then = _centre_ranges(later[0].snapshot, [after[row] for row in known], later[1])
-        before_m = dict(zip(rows, centres_m, strict=True))
-        rates = {
-            row: (then_m - before_m[row]) / interval_s
-            for row, then_m in zip(known, (then * metres_per_unit).tolist(), strict=True)
-        }
-    records = []
-    said_by = cache(_said_by_materials)
-    for (row, distance), centre_m in zip(nearest, centres_m, strict=True):
-        shape = snapshot.shapes[snapshot.layout.shape[row]]
-        held_by, said = collections.get(shape.original.name_full, []), said_by(shape.materials)
-        nearest_m = None if any(map(_displaces, shape.materials)) else distance * metres_per_unit
-        label, rate_mps = snapshot.label(row), rates.get(row)
-        records.append(_object_record(label, held_by, nearest_m, centre_m, rate_mps, said))
-    return sorted(records, key=lambda record: record.name)
-
-
-def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
-    """Row and distance of the nearest instance of each label, if it has faces."""
-    snapshot = found.snapshot
-    # No point of a box is nearer than this, so most instances need no exact distance.
-    centre, radius = found.spheres(receiver)
-    least = np.linalg.norm(centre - receiver, axis=1) - radius
-    order = np.argsort(least, kind="stable")
-    label = found.labels()[1][order]
-    order = order[np.argsort(label, kind="stable")]
-    groups = np.split(order, np.flatnonzero(np.diff(np.sort(label))) + 1) if order.size else []
-    firsts = (int(found.rows[instances[0]]) for instances in groups)
-    exact = nearest_distances(triangles_about(snapshot, firsts, receiver))
-    nearest = []
-    for instances, distance in zip(groups, exact.tolist(), strict=True):
-        best = (distance, int(found.rows[instances[0]]))
-        for index in instances[1:]:
-            if least[index] > best[0]:
-                break
-            row = int(found.rows[index])
-            (other,) = nearest_distances(triangles_about(snapshot, [row], receiver)).tolist()
-            best = min(best, (other, row))
-        if math.isfinite(best[0]):
-            nearest.append((best[1], best[0]))
-    return nearest
-
-
-class _Said(NamedTuple):
-    """What the materials of an object say of it."""
-
-    names: list[str]
-    rms_height_m: float | None
-    correlation_length_m: float | None
-    fluctuation: contract.FluctuationRecord | None
-    clutter: str | None
-
-
-def _said_by_materials(materials: tuple[Any, ...]) -> _Said:
-    held = [one.name for one in materials if one is not None and one.name != ABSORBER_NAME]
-    roughness = roughness_of(materials)
-    return _Said(held, *roughness, fluctuation_of(materials), clutter_name(materials))
-
-
-def _object_record(
-    label: str,
-    collections: list[str],
-    nearest_m: float | None,
-    centre_m: float,
-    rate_mps: float | None,
-    said: _Said,
-) -> contract.ObjectRecord:
-    return contract.ObjectRecord(
-        name=label,
-        nearest_range_m=nearest_m,
-        centre_range_m=centre_m,
-        range_rate_mps=rate_mps,
-        materials=said.names,
-        collections=collections,
-        rms_height_m=said.rms_height_m,
-        correlation_length_m=said.correlation_length_m,
-        fluctuation=said.fluctuation,
-        clutter=said.clutter,
-    )
-
-
-def _centre_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> Real:
-    """Return the distances of the centres of boxes from the receiver, (n,) [Blender units]."""
-    corners = snapshot.corners_of(np.array(rows, dtype=np.intp)).reshape(-1, 8, 3)
-    return distances(corners.mean(axis=1), receiver)
-
-
-def displaced_surfaces(depsgraph: Any) -> list[Finding]:
-    """Name the rendered objects whose surface Cycles displaces: their meshes do not show it.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of Finding
-        At most one.
-    """
-    found = rendered_surfaces(depsgraph)
-    shapes = found.snapshot.shapes
-    displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])
-    names = {found.snapshot.label(row) for row in found.rows[displaced[found.rows]].tolist()}
-    return [finding("displaced-by-shader", *sorted(names))] if names else []
-
-
-def _displaces(material: Any) -> bool:
-    """Return whether a material moves the surface itself, not only its normals."""
-    if material is None or material.node_tree is None or material.displacement_method == "BUMP":
-        return False
-    output = material.node_tree.get_output_node("CYCLES")
-    return output is not None and bool(output.inputs["Displacement"].is_linked)
-
-
-def _collections_of_objects() -> dict[str, list[str]]:
-    """Return the names of the collections that hold each object, also indirectly, sorted.
-
-    One pass over the file's collections: an object's own list of its users takes a walk each.
-    """
-    holding: dict[str, set[str]] = {}
-    for collection in bpy.data.collections:
-        for item in collection.all_objects:
-            holding.setdefault(item.name_full, set()).add(collection.name)
-    return {name: sorted(held) for name, held in holding.items()}

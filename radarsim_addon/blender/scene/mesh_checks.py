@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find meshes for which Cycles would lose track of the objects that contain a ray.
+"""Find meshes that Cycles would trace wrongly: interiors that do not close, and bent normals.
 
 Cycles keeps a stack of the volumes that a ray has entered. It is wrong, without a message, for an
 object with an interior that is open or has flipped faces, for faces of two objects that coincide
-exactly (touching cubes, a box on a plane), and for more than 31 nested objects.
+exactly (touching cubes, a box on a plane), and for more than 31 nested objects. `check_meshes`
+finds these among the objects whose boxes touch one with an interior.
+
+Meshes that are shaded smooth across sharp edges, as imported buildings often are, have normals that
+are bent over whole faces, and reflection, Fresnel's equations and walls follow normals. Walls get
+sharp edges during a run (`sharpen_walls`); others are named (`check_normals`).
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -40,37 +46,33 @@ _TEST_S, _LONG_S = 2e-9, 2.0
 _MOST_BOXES = 4000
 #: Pairs of boxes that are compared at once, about.
 _MOST_PAIRS = 1 << 18
+#: Angle between a normal and its face from which on it counts: spheres of 12 segments stay below.
+_OFF_DEG = 25.0
+#: Fraction of the surface with such normals above which an object is named.
+_LEAST_FRACTION = 0.05
+#: Angle between the faces at an edge above which walls are no curved surface: cylinders of 10
+#: segments stay below, oriels are above.
+_EDGE_DEG = 40.0
 
 
 @dataclass(frozen=True)
 class _Item:
-    """One object or instance in world space.
-
-    `entered`: it has an interior. Lowest and highest corner of its box, (3,). `triangles`: those
-    that may coincide with another object, (n, 3, 3). `defect` as `_mesh_defect` returns it.
-    """
+    """One object or instance in world space [Blender units]."""
 
     name: str
+    #: It has an interior.
     entered: bool
+    #: Lowest and highest corner of its box, (3,).
     low: Real
     high: Real
+    #: Those that may coincide with another object, (n, 3, 3).
     triangles: Real
+    #: As `_mesh_defect` returns it.
     defect: str = ""
 
 
 def check_meshes(depsgraph: Any) -> list[Finding]:
-    """Find meshes of a scene that Cycles cannot trace as objects with an interior.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of Finding
-        Empty if no object has an interior.
-    """
+    """Find meshes of a scene that Cycles cannot trace as objects with an interior."""
     snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
     has = cache(has_interior)
@@ -142,6 +144,43 @@ def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
     return np.flatnonzero(near)
 
 
+def _overlapping(low: Real, high: Real) -> Iterator[Indices]:
+    """Yield the pairs of boxes (n, 3) that overlap, (k, 2), after a sweep along the longest axis.
+
+    The sweep is made in strips along the second axis. A box is in all strips that it touches. A
+    pair counts in the first strip that contains both.
+    """
+    yield np.empty((0, 2), dtype=np.intp)
+    if len(low) < 2:
+        return
+    side, axis = np.ptp(low, axis=0).argsort(kind="stable")[-2:]
+    lowest, highest = low.min(axis=0), high.max(axis=0)
+    width = 2 * float((high - low)[:, side].mean())
+    width = max(width, float(highest[side] - lowest[side]) / len(low), np.finfo(np.float64).tiny)
+    first = ((low[:, side] - lowest[side]) / width).astype(np.intp)
+    counts = ((high[:, side] - lowest[side]) / width).astype(np.intp) - first + 1
+    box = np.repeat(np.arange(len(low)), counts)
+    strip = first[box] + np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
+    length = 2 * float(highest[axis] - lowest[axis]) or 1.0
+    begin = strip * length + (low[box, axis] - lowest[axis])
+    order = begin.argsort(kind="stable")
+    box, strip, begin = box[order], strip[order], begin[order]
+    end = strip * length + (high[box, axis] - lowest[axis])
+    place = np.arange(len(box))
+    ahead = np.maximum(np.searchsorted(begin, end, side="right") - place - 1, 0)
+    before = np.cumsum(ahead)
+    parts = np.searchsorted(before, np.arange(0, int(before[-1]), _MOST_PAIRS))
+    for start, stop in itertools.pairwise([*parts.tolist(), len(box)]):
+        own = ahead[start:stop]
+        one = np.repeat(place[start:stop], own)
+        other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(own) - own, own)
+        pair = np.stack([box[one], box[other]], axis=1)
+        meets = strip[one] == first[pair].max(axis=1)
+        meets &= np.all(low[pair[:, 1]] <= high[pair[:, 0]], axis=1)
+        meets &= np.all(high[pair[:, 1]] >= low[pair[:, 0]], axis=1)
+        yield pair[meets]
+
+
 def _shared_boxes(low: Real, high: Real, pairs: Indices) -> tuple[Real, Real]:
     """For each box (n, 3), return the box around all that it has in common with its partners."""
     first, second = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -200,7 +239,7 @@ def _inside_out(at_corner: Real, start: Indices) -> str:
 
 
 def _slow_for_cycles(entered: list[str], total: int) -> list[Finding]:
-    """Find whether Cycles, which tests each object against each interior, takes long to begin."""
+    """Warn if Cycles, which tests each object against each interior, takes long to begin."""
     seconds = len(entered) * total * _TEST_S
     if seconds < _LONG_S:
         return []
@@ -209,16 +248,15 @@ def _slow_for_cycles(entered: list[str], total: int) -> list[Finding]:
 
 
 def _defects(found: list[_Item]) -> list[Finding]:
-    names = {
-        defect: [item.name for item in found if item.defect == defect]
-        for defect in ("open", "flipped", "inside out")
-    }
+    names: defaultdict[str, list[str]] = defaultdict(list)
+    for item in found:
+        names[item.defect].append(item.name)
     findings = []
-    if names["open"]:
+    if "open" in names:
         findings.append(finding("mesh-open", *names["open"]))
-    if names["flipped"]:
+    if "flipped" in names:
         findings.append(finding("mesh-flipped", *names["flipped"]))
-    if names["inside out"]:
+    if "inside out" in names:
         findings.append(finding("mesh-inside-out", *names["inside out"]))
     return findings
 
@@ -275,43 +313,6 @@ def _coincide(pairs: Real, tolerance: Real) -> Mask:
     return np.asarray(found)
 
 
-def _overlapping(low: Real, high: Real) -> Iterator[Indices]:
-    """Yield the pairs of boxes (n, 3) that overlap, (k, 2), after a sweep along the longest axis.
-
-    The sweep is made in strips along the second axis. A box is in all strips that it touches. A
-    pair counts in the first strip that contains both.
-    """
-    yield np.empty((0, 2), dtype=np.intp)
-    if len(low) < 2:
-        return
-    side, axis = np.ptp(low, axis=0).argsort(kind="stable")[-2:]
-    lowest, highest = low.min(axis=0), high.max(axis=0)
-    width = 2 * float((high - low)[:, side].mean())
-    width = max(width, float(highest[side] - lowest[side]) / len(low), np.finfo(np.float64).tiny)
-    first = ((low[:, side] - lowest[side]) / width).astype(np.intp)
-    counts = ((high[:, side] - lowest[side]) / width).astype(np.intp) - first + 1
-    box = np.repeat(np.arange(len(low)), counts)
-    strip = first[box] + np.arange(len(box)) - np.repeat(np.cumsum(counts) - counts, counts)
-    length = 2 * float(highest[axis] - lowest[axis]) or 1.0
-    begin = strip * length + (low[box, axis] - lowest[axis])
-    order = begin.argsort(kind="stable")
-    box, strip, begin = box[order], strip[order], begin[order]
-    end = strip * length + (high[box, axis] - lowest[axis])
-    place = np.arange(len(box))
-    ahead = np.maximum(np.searchsorted(begin, end, side="right") - place - 1, 0)
-    before = np.cumsum(ahead)
-    parts = np.searchsorted(before, np.arange(0, int(before[-1]), _MOST_PAIRS))
-    for start, stop in itertools.pairwise([*parts.tolist(), len(box)]):
-        own = ahead[start:stop]
-        one = np.repeat(place[start:stop], own)
-        other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(own) - own, own)
-        pair = np.stack([box[one], box[other]], axis=1)
-        meets = strip[one] == first[pair].max(axis=1)
-        meets &= np.all(low[pair[:, 1]] <= high[pair[:, 0]], axis=1)
-        meets &= np.all(high[pair[:, 1]] >= low[pair[:, 0]], axis=1)
-        yield pair[meets]
-
-
 def _nested_too_deep(found: list[_Item]) -> list[Finding]:
     """Find where the boxes of more than 31 objects with an interior share a point."""
     boxes = [item for item in found if item.entered]
@@ -329,32 +330,10 @@ def _nested_too_deep(found: list[_Item]) -> list[Finding]:
     return []
 
 
-# -------------------------------------------------------------------------------------------------
-# Find meshes that are shaded smooth across sharp edges, as imported buildings often are.
-#
-# Blender then bends normals over whole faces, and reflection, Fresnel's equations and walls follow
-# normals. Walls have sharp edges during a run; others are named.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Angle between a normal and its face from which on it counts: spheres of 12 segments stay below.
-_OFF_DEG = 25.0
-#: Fraction of the surface with such normals above which an object is named.
-_LEAST_FRACTION = 0.05
-#: Angle between the faces at an edge above which walls are no curved surface: cylinders of 10
-#: segments stay below, oriels are above.
-_EDGE_DEG = 40.0
-
-
 def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
     """Let the normals of walls that are shaded smooth end at their edges, until restored.
 
-    Parameters
-    ----------
-    recorder
-        Records the changes.
-    depsgraph : bpy.types.Depsgraph
-        Up to date; walls are set for the run.
+    The walls are set for the run in the depsgraph.
     """
     known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
     assigned = assigned_materials(depsgraph)
@@ -376,18 +355,7 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
 
 
 def check_normals(depsgraph: Any) -> list[Finding]:
-    """Find the rendered meshes whose normals are far from those of their faces.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of Finding
-        One ``smooth-across-edges`` with all of them, if any.
-    """
+    """Find the rendered meshes whose normals are far from those of their faces."""
     snapshot = take_snapshot(depsgraph)
     found: dict[str, float] = {}
     for shape in snapshot.shapes:

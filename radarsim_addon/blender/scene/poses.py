@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Records of the antennas: poses in metres and float64, and the edges of the receiver's frame."""
+"""Records of the antennas: poses in metres and float64, and the edges of the receiver's frame.
+
+Edges (left, right, bottom, top) are in the coordinates of `contract.ReceiverRecord`: tangents for a
+perspective camera, metres for an orthographic one, radians of longitude and latitude for an
+equirectangular one. `frame_edges` reads them from a camera, `aim` sets a camera to them.
+"""
 
 from __future__ import annotations
 
@@ -13,57 +18,20 @@ from ... import contract
 from ...errors import SceneError
 from .rig import Rig, check_scale
 
-
-def rigid_pose(matrix_world: Any, metres_per_unit: float) -> NDArray[np.float64]:
-    """Return a matrix of Blender with an exact rotation and the translation in metres.
-
-    float32 axes are orthonormal to 1e-7 only. A polar decomposition gives the nearest rotation.
-
-    Parameters
-    ----------
-    matrix_world
-        Shape (4, 4), Blender units.
-    metres_per_unit
-        Metres per Blender unit.
-
-    Returns
-    -------
-    ndarray
-        Shape (4, 4).
-    """
-    matrix = np.array(matrix_world, dtype=np.float64)
-    left, _, right = np.linalg.svd(matrix[:3, :3])
-    pose = np.eye(4)
-    pose[:3, :3] = left @ right
-    pose[:3, 3] = matrix[:3, 3] * metres_per_unit
-    return pose
+#: Smallest near clip distance of Blender [Blender units]. It shortens the first segment of a path.
+NEAR_CLIP_UNITS = 1e-6
+#: Blender's sensor width for tiles. Its value has no effect.
+_SENSOR_MM = 32.0
+#: Left, right, bottom, top.
+Edges = tuple[float, float, float, float]
 
 
 def receiver_record(
     rig: Rig, depsgraph: Any, metres_per_unit: float, width_px: int, height_px: int
 ) -> contract.ReceiverRecord:
-    """Return the record of the receiver at the depsgraph's time.
+    """Return the record of the receiver at the depsgraph's time, for a render of this size.
 
-    Parameters
-    ----------
-    rig
-        Antennas.
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    metres_per_unit
-        Metres per Blender unit.
-    width_px, height_px
-        Size of the render.
-
-    Returns
-    -------
-    contract.ReceiverRecord
-        Pose and near clip distance in metres.
-
-    Raises
-    ------
-    SceneError
-        The camera is scaled, its pose is not finite, or its frame is empty.
+    `SceneError` if the camera is scaled, its pose is not finite, or its frame is empty.
     """
     camera = rig.camera.evaluated_get(depsgraph)
     check_scale(rig.camera, camera.matrix_world)
@@ -95,24 +63,7 @@ def transmitter_record(
 ) -> contract.TransmitterRecord:
     """Return the record of the transmitter at the depsgraph's time.
 
-    Parameters
-    ----------
-    rig
-        Antennas.
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    metres_per_unit
-        Metres per Blender unit.
-
-    Returns
-    -------
-    contract.TransmitterRecord
-        Pose in metres, EIRP in watts.
-
-    Raises
-    ------
-    SceneError
-        The light is scaled, or its pose or power is not finite.
+    `SceneError` if the light is scaled, or its pose or power is not finite.
     """
     emitter = rig.emitter.evaluated_get(depsgraph)
     check_scale(rig.emitter, emitter.matrix_world)
@@ -129,38 +80,21 @@ def transmitter_record(
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# Aim a camera of any kind at a part of the field of view, and read back its edges.
-#
-# Edges are in the coordinates of `contract.ReceiverRecord`: tangents for a perspective camera,
-# metres for an orthographic one, radians of longitude and latitude for an equirectangular one.
-# -------------------------------------------------------------------------------------------------
+def rigid_pose(matrix_world: Any, metres_per_unit: float) -> NDArray[np.float64]:
+    """Return a matrix of Blender (4, 4) with an exact rotation and the translation in metres.
 
-
-#: Blender's sensor width for tiles. Its value has no effect.
-_SENSOR_MM = 32.0
-
-#: Left, right, bottom, top.
-Edges = tuple[float, float, float, float]
+    float32 axes are orthonormal to 1e-7 only. A polar decomposition gives the nearest rotation.
+    """
+    matrix = np.array(matrix_world, dtype=np.float64)
+    left, _, right = np.linalg.svd(matrix[:3, :3])
+    pose = np.eye(4)
+    pose[:3, :3] = left @ right
+    pose[:3, 3] = matrix[:3, 3] * metres_per_unit
+    return pose
 
 
 def camera_kind(camera: Any) -> str:
-    """Return the kind of a camera as records name it.
-
-    Parameters
-    ----------
-    camera : bpy.types.Camera
-
-    Returns
-    -------
-    str
-        "perspective", "orthographic" or "equirectangular".
-
-    Raises
-    ------
-    SceneError
-        A panorama that is not equirectangular, or a custom camera.
-    """
+    """Return "perspective", "orthographic" or "equirectangular"; `SceneError` for other cameras."""
     if camera.type == "PERSP":
         return "perspective"
     if camera.type == "ORTHO":
@@ -180,23 +114,10 @@ def _panorama(camera: Any) -> Any:
 
 
 def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: float) -> Edges:
-    """Return left, right, bottom, top of a camera's frame, from Blender's rules.
+    """Return the edges of a camera's frame for a render of this size, from Blender's rules.
 
     The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
     The pixels, which are square, give the other dimension.
-
-    Parameters
-    ----------
-    camera : bpy.types.Camera
-    width_px, height_px
-        Pixels of the render.
-    metres_per_unit
-        Metres per Blender unit.
-
-    Returns
-    -------
-    left, right, bottom, top
-        At distance 1 (perspective), in metres (orthographic) or in radians (equirectangular).
     """
     if camera.type == "PANO":
         settings = _panorama(camera)
@@ -229,25 +150,9 @@ def _shifted(camera: Any, size: float, half_u: float, half_v: float) -> Edges:
 def aim(
     camera: Any, kind: str, edges: Edges, across_px: int, down_px: int, metres_per_unit: float
 ) -> Edges:
-    """Set a camera to these edges.
+    """Set a camera that radarsim made to these edges; return those that its float32 settings give.
 
-    Parameters
-    ----------
-    camera : bpy.types.Camera
-        A camera that radarsim made.
-    kind
-        As `camera_kind` returns it. Pixels are square except for "equirectangular".
-    edges
-        Left, right, bottom, top.
-    across_px, down_px
-        Size of the render.
-    metres_per_unit
-        Metres per Blender unit, for an orthographic camera.
-
-    Returns
-    -------
-    tuple of float
-        The edges that the float32 settings of the camera give.
+    Pixels are square except for "equirectangular".
     """
     left, right, bottom, top = edges
     if kind == "equirectangular":
@@ -274,7 +179,3 @@ def aim(
     camera.lens = _SENSOR_MM / width
     size = float(camera.sensor_width) / float(camera.lens)
     return _shifted(camera, size, size / 2, size / 2 * down_px / across_px)
-
-
-#: Smallest near clip distance of Blender [Blender units]. It shortens the first segment of a path.
-NEAR_CLIP_UNITS = 1e-6

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radar in the scene: a camera that receives and a Point light that transmits, on an empty."""
+"""The radar in the scene: a camera that receives and a Point light that transmits, on an empty.
+
+The parent of the light keeps the settings of the radar. Patterns of the antennas can be drawn as
+wire surfaces, for the viewport only.
+"""
 
 from __future__ import annotations
 
@@ -20,119 +24,8 @@ from ..nodes import setup_emitter
 from ..nodes.groups import KIND_PROPERTY
 from .finite_checks import check_pose
 
-# -------------------------------------------------------------------------------------------------
-# Antenna patterns as wire surfaces in the scene, visible in the viewport only.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Marks the pattern objects; its value is "transmit" or "receive".
-PATTERN_PROPERTY = "radarsim_pattern"
-NAMES = {"transmit": "Radar Transmit Pattern", "receive": "Radar Receive Pattern"}
-#: A gain this far below the peak is at the centre [dB].
-_DYNAMICS_DB = 40.0
-_RINGS, _SPOKES = 96, 72
-
-
-def pattern_surface(
-    antenna: Antenna, dynamics_db: float = _DYNAMICS_DB
-) -> tuple[Real, NDArray[np.int64]]:
-    """Return vertices, (n, 3), and quadrilaterals, (m, 4), of a pattern in the antenna's own axes.
-
-    Radius 1 is the peak, 0 is `dynamics_db` below. Rings around the peak are densest there.
-    """
-    axis = peak_direction(antenna)
-    side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    up = np.cross(side, axis)
-    # Cubic: steps of 0.3 degrees at 2 degrees from the peak, 6 degrees behind.
-    theta = np.pi * (np.arange(_RINGS + 1) / _RINGS)[:, None, None] ** 3
-    phi = (2 * np.pi * np.arange(_SPOKES) / _SPOKES)[None, :, None]
-    direction = np.cos(theta) * axis + np.sin(theta) * (np.cos(phi) * side + np.sin(phi) * up)
-    with np.errstate(divide="ignore"):
-        gain_db = 10 * np.log10(antenna.gain(direction))
-    radius = np.clip(1 + (gain_db - gain_db.max()) / dynamics_db, 0.0, 1.0)
-    vertices = (radius[..., None] * direction).reshape(-1, 3)
-    ring, spoke = np.meshgrid(np.arange(_RINGS), np.arange(_SPOKES), indexing="ij")
-    next_spoke = (spoke + 1) % _SPOKES
-    faces = np.stack(
-        [
-            ring * _SPOKES + spoke,
-            ring * _SPOKES + next_spoke,
-            (ring + 1) * _SPOKES + next_spoke,
-            (ring + 1) * _SPOKES + spoke,
-        ],
-        axis=-1,
-    ).reshape(-1, 4)
-    return vertices, faces
-
-
-def remove_patterns() -> int:
-    """Remove the pattern objects and their meshes.
-
-    Returns
-    -------
-    int
-        Number of objects removed.
-    """
-    found = [item for item in bpy.data.objects if PATTERN_PROPERTY in item]
-    for item in found:
-        mesh = item.data
-        bpy.data.objects.remove(item)
-        if mesh is not None and mesh.users == 0:
-            bpy.data.meshes.remove(mesh)
-    return len(found)
-
-
-def draw_patterns(
-    scene: Any,
-    rig: Rig,
-    system: RadarSystem,
-    size: float,
-    which: Iterable[str] = ("transmit", "receive"),
-) -> list[Any]:
-    """Draw antenna patterns on their antennas, and remove earlier ones.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    rig
-        Receiver and transmitter, the parents of the patterns.
-    system
-        Antennas.
-    size
-        Length of the peak, Blender units.
-    which
-        "transmit", "receive" or both.
-
-    Returns
-    -------
-    list of bpy.types.Object
-        Wire surfaces that are hidden from renders and not selectable.
-    """
-    remove_patterns()
-    made = []
-    for kind in which:
-        antenna = system.transmitter if kind == "transmit" else system.receiver
-        carrier = rig.emitter if kind == "transmit" else rig.camera
-        vertices, faces = pattern_surface(antenna)
-        mesh = bpy.data.meshes.new(NAMES[kind])
-        mesh.from_pydata((size * vertices).tolist(), [], faces.tolist())
-        item = bpy.data.objects.new(NAMES[kind], mesh)
-        item[PATTERN_PROPERTY] = kind
-        scene.collection.objects.link(item)
-        item.parent = carrier
-        item.display_type = "WIRE"
-        item.hide_render = True
-        item.hide_select = True
-        item.color = (1.0, 0.55, 0.1, 1.0) if kind == "transmit" else (0.2, 0.6, 1.0, 1.0)
-        made.append(item)
-    return made
-
-
-_RIG_NAME = "Radar"
 #: Scene property: the radar that measures.
 ACTIVE_RADAR_PROPERTY = "radarsim_rig"
-_RECEIVER_NAME = "Radar Receiver"
 EMITTER_NAME = "Radar Emitter"
 #: Largest deviation of an antenna's axes from length 1. float32 matrices are within 1e-6.
 _SCALE_TOLERANCE = 1e-4
@@ -140,44 +33,25 @@ _SCALE_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class Rig:
-    """Antennas of a radar in the scene.
+    """Antennas of a radar in the scene."""
 
-    Attributes
-    ----------
-    camera : bpy.types.Object
-        The receiver, of type CAMERA.
-    emitter : bpy.types.Object
-        The transmitter, a Point light with the Ring Emitter.
-    """
-
+    #: The receiver, of type CAMERA.
     camera: Any
+    #: The transmitter, a Point light with the Ring Emitter.
     emitter: Any
 
 
 def setup_rig(
     scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0), eirp_w: float = 1.0
 ) -> Any:
-    """Add a radar to a scene: an empty with a camera and a transmitter at its origin.
+    """Add a radar to a scene: an empty, which is returned, with a camera and a transmitter on it.
 
     Both move with the empty, which can be animated. Like a camera, the radar points along its own
-    -Z, with its +Y up. A new radar is level and points along the world's +Y. The camera becomes
-    the scene's camera if there is none.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    location
-        Location of the radar, Blender units.
-    eirp_w
-        Power of the light [W].
-
-    Returns
-    -------
-    bpy.types.Object
-        The empty. Its settings have their initial values, see `apply_preset`.
+    -Z, with its +Y up. A new radar is level and points along the world's +Y. The camera becomes the
+    scene's camera if there is none. `location` is in Blender units.
     """
-    empty = bpy.data.objects.new(_RIG_NAME, None)
-    camera = bpy.data.objects.new(_RECEIVER_NAME, bpy.data.cameras.new(_RECEIVER_NAME))
+    empty = bpy.data.objects.new("Radar", None)
+    camera = bpy.data.objects.new("Radar Receiver", bpy.data.cameras.new("Radar Receiver"))
     emitter = bpy.data.objects.new(EMITTER_NAME, bpy.data.lights.new(EMITTER_NAME, "POINT"))
     try:
         emitter.data.energy = eirp_w
@@ -202,58 +76,19 @@ def setup_rig(
 
 
 def radar_of(light: Any) -> Any:
-    """Return the object that keeps the settings of a transmitter.
-
-    Parameters
-    ----------
-    light : bpy.types.Object
-        Transmitter.
-
-    Returns
-    -------
-    bpy.types.Object
-        The parent, else the transmitter itself.
-    """
+    """Return the object that keeps the settings of a transmitter: its parent, else itself."""
     return light.parent or light
 
 
 def radars(scene: Any) -> list[Any]:
-    """Return the radars of a scene, as `radar_of` does.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-
-    Returns
-    -------
-    list of bpy.types.Object
-        In the order of the scene's objects.
-    """
+    """Return the radars of a scene, as `radar_of` does, in the order of its objects."""
     return list(dict.fromkeys(map(radar_of, _transmitters(scene))))
-
-
-def _transmitters(scene: Any) -> list[Any]:
-    """Transmitters of a scene, in its order."""
-    lights = (item for item in scene.objects if item.type == "LIGHT")
-    return [item for item in lights if is_transmitter(item)]
 
 
 def active_radar(scene: Any) -> Any:
     """Return the radar that a scene measures with: the chosen one, else the only one.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-
-    Returns
-    -------
-    bpy.types.Object
-        As `radar_of` returns it.
-
-    Raises
-    ------
-    SceneError
-        The scene has no radar, or it has several and none is chosen.
+    `SceneError` if the scene has none, or several of which none is chosen.
     """
     chosen = getattr(scene, ACTIVE_RADAR_PROPERTY, None)
     if chosen is not None and chosen.name in scene.objects:
@@ -263,23 +98,9 @@ def active_radar(scene: Any) -> Any:
 
 
 def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
-    """Return the camera and the light of a radar.
+    """Return the arguments ``camera`` and ``emitter`` of `find_rig`; None for one that it finds.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    radar : bpy.types.Object
-        As `radar_of` returns it.
-
-    Returns
-    -------
-    dict
-        Arguments ``camera`` and ``emitter`` of `find_rig`; None for an object that it finds.
-
-    Raises
-    ------
-    SceneError
-        The radar has no transmitter.
+    `SceneError` if the radar has no transmitter.
     """
     group = getattr(radar, "radarsim", None)
     camera, light = (getattr(group, name, None) for name in ("camera", "light"))
@@ -296,26 +117,11 @@ def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
 def find_rig(
     scene: Any, camera: Any = None, emitter: Any = None, any_projection: bool = False
 ) -> Rig:
-    """Return the radar of a scene.
+    """Return the radar of a scene; `SceneError` if an antenna is missing, unclear or unsuitable.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    camera, emitter
-        Objects that the user chose. None: the only light with a Ring Emitter, and the camera on
-        the same parent, else the scene's camera.
-    any_projection
-        Accept orthographic and panoramic cameras.
-
-    Returns
-    -------
-    Rig
-        Objects of the scene.
-
-    Raises
-    ------
-    SceneError
-        No transmitter, several of them, no camera, or a camera that is not perspective.
+    `camera` and `emitter` are what the user chose. None: the only light with a Ring Emitter, and
+    the camera on the same parent, else the scene's camera. Cameras that are not perspective need
+    `any_projection`.
     """
     emitter = emitter or _only_emitter(scene)
     if not is_transmitter(emitter) or emitter.name not in scene.objects:
@@ -343,44 +149,8 @@ def find_rig(
     return Rig(camera, emitter)
 
 
-def check_scale(item: Any, matrix_world: Any) -> None:
-    """Check that the pose of an antenna is finite and that it has scale 1.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-        Antenna, for the message.
-    matrix_world
-        Its pose, (4, 4).
-
-    Raises
-    ------
-    SceneError
-        Cycles would change angles (camera) or power (light).
-    """
-    check_pose(item.name, matrix_world)
-    axes = np.array(matrix_world, dtype=np.float64)[:3, :3]
-    if np.abs(axes.T @ axes - np.eye(3)).max() > _SCALE_TOLERANCE or np.linalg.det(axes) < 0:
-        lengths = ", ".join(f"{value:.6g}" for value in np.linalg.norm(axes, axis=0))
-        raise SceneError(
-            f"{item.name!r} is scaled by ({lengths}), mirrored or sheared, which changes the "
-            "angles or the power of an antenna. Apply or clear its scale and that of its parents "
-            "(Object > Apply > Scale)."
-        )
-
-
 def is_transmitter(item: Any) -> bool:
-    """Return whether an object is a Point light with the Ring Emitter.
-
-    Parameters
-    ----------
-    item : bpy.types.Object or None
-
-    Returns
-    -------
-    bool
-        False for None.
-    """
+    """Return whether an object, or None, is a Point light with the Ring Emitter."""
     if item is None or item.type != "LIGHT":
         return False
     light = item.data
@@ -394,6 +164,11 @@ def is_transmitter(item: Any) -> bool:
         and node.node_tree.get(KIND_PROPERTY) == "ring_emitter"
         for node in light.node_tree.nodes
     )
+
+
+def _transmitters(scene: Any) -> list[Any]:
+    lights = (item for item in scene.objects if item.type == "LIGHT")
+    return [item for item in lights if is_transmitter(item)]
 
 
 def _only_emitter(scene: Any) -> Any:
@@ -429,3 +204,102 @@ def _receiver(scene: Any, emitter: Any) -> Any:
         if len(siblings) == 1:
             return siblings[0]
     return scene.camera
+
+
+def check_scale(item: Any, matrix_world: Any) -> None:
+    """Check that the pose (4, 4) of an antenna is finite and has scale 1; `SceneError` if not.
+
+    Cycles would change angles (camera) or power (light).
+    """
+    check_pose(item.name, matrix_world)
+    axes = np.array(matrix_world, dtype=np.float64)[:3, :3]
+    if np.abs(axes.T @ axes - np.eye(3)).max() > _SCALE_TOLERANCE or np.linalg.det(axes) < 0:
+        lengths = ", ".join(f"{value:.6g}" for value in np.linalg.norm(axes, axis=0))
+        raise SceneError(
+            f"{item.name!r} is scaled by ({lengths}), mirrored or sheared, which changes the "
+            "angles or the power of an antenna. Apply or clear its scale and that of its parents "
+            "(Object > Apply > Scale)."
+        )
+
+
+#: Marks the pattern objects; its value is "transmit" or "receive".
+PATTERN_PROPERTY = "radarsim_pattern"
+NAMES = {"transmit": "Radar Transmit Pattern", "receive": "Radar Receive Pattern"}
+#: A gain this far below the peak is at the centre [dB].
+_DYNAMICS_DB = 40.0
+_RINGS, _SPOKES = 96, 72
+
+
+def draw_patterns(
+    scene: Any,
+    rig: Rig,
+    system: RadarSystem,
+    size: float,
+    which: Iterable[str] = ("transmit", "receive"),
+) -> list[Any]:
+    """Draw antenna patterns on their antennas, and remove earlier ones; return the wire surfaces.
+
+    `size` is the length of the peak [Blender units].
+    """
+    remove_patterns()
+    made = []
+    for kind in which:
+        antenna = system.transmitter if kind == "transmit" else system.receiver
+        carrier = rig.emitter if kind == "transmit" else rig.camera
+        vertices, faces = pattern_surface(antenna)
+        mesh = bpy.data.meshes.new(NAMES[kind])
+        mesh.from_pydata((size * vertices).tolist(), [], faces.tolist())
+        item = bpy.data.objects.new(NAMES[kind], mesh)
+        item[PATTERN_PROPERTY] = kind
+        scene.collection.objects.link(item)
+        item.parent = carrier
+        item.display_type = "WIRE"
+        item.hide_render = True
+        item.hide_select = True
+        item.color = (1.0, 0.55, 0.1, 1.0) if kind == "transmit" else (0.2, 0.6, 1.0, 1.0)
+        made.append(item)
+    return made
+
+
+def remove_patterns() -> int:
+    """Remove the pattern objects and their meshes; return their number."""
+    found = [item for item in bpy.data.objects if PATTERN_PROPERTY in item]
+    for item in found:
+        mesh = item.data
+        bpy.data.objects.remove(item)
+        if mesh is not None and mesh.users == 0:
+            bpy.data.meshes.remove(mesh)
+    return len(found)
+
+
+def pattern_surface(
+    antenna: Antenna, dynamics_db: float = _DYNAMICS_DB
+) -> tuple[Real, NDArray[np.int64]]:
+    """Return vertices (n, 3) and quadrilaterals (m, 4) of a pattern in the antenna's own axes.
+
+    Radius 1 is the peak, 0 is `dynamics_db` below. Rings around the peak are densest there.
+    """
+    axis = peak_direction(antenna)
+    side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    up = np.cross(side, axis)
+    # Cubic: steps of 0.3 degrees at 2 degrees from the peak, 6 degrees behind.
+    theta = np.pi * (np.arange(_RINGS + 1) / _RINGS)[:, None, None] ** 3
+    phi = (2 * np.pi * np.arange(_SPOKES) / _SPOKES)[None, :, None]
+    direction = np.cos(theta) * axis + np.sin(theta) * (np.cos(phi) * side + np.sin(phi) * up)
+    with np.errstate(divide="ignore"):
+        gain_db = 10 * np.log10(antenna.gain(direction))
+    radius = np.clip(1 + (gain_db - gain_db.max()) / dynamics_db, 0.0, 1.0)
+    vertices = (radius[..., None] * direction).reshape(-1, 3)
+    ring, spoke = np.meshgrid(np.arange(_RINGS), np.arange(_SPOKES), indexing="ij")
+    next_spoke = (spoke + 1) % _SPOKES
+    faces = np.stack(
+        [
+            ring * _SPOKES + spoke,
+            ring * _SPOKES + next_spoke,
+            (ring + 1) * _SPOKES + next_spoke,
+            (ring + 1) * _SPOKES + spoke,
+        ],
+        axis=-1,
+    ).reshape(-1, 4)
+    return vertices, faces

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The bytes that a scene is made of: its .blend file, and the files that this reads."""
+"""Files and scripts that a scene depends on: its bytes, and what its drivers and handlers read.
+
+`file_identity` is a hash of the .blend file, of the files that it reads and of add-ons with
+handlers. The questions about drivers (`looks_at_view`, `reads_context`...) decide which shortcuts
+renders may take.
+"""
 
 from __future__ import annotations
 
@@ -17,187 +22,14 @@ from ...findings import Finding, finding
 from ...typed_json import file_sha256
 from ..materials import table_files
 
-# -------------------------------------------------------------------------------------------------
-# What drivers and scripts read: whole frames, the active camera; and refused drivers.
-# -------------------------------------------------------------------------------------------------
-
-
-#: The whole number of the frame, as expressions and variables of drivers name it.
-_WHOLE_FRAME = re.compile(r"\bframe_current\b")
-#: The camera of a scene and the numbers of its objects, likewise.
-_VIEW = re.compile(r"\b(camera|pass_index)\b")
-
-
-def disabled_drivers() -> list[Finding]:
-    """Find data-blocks with drivers that Blender has refused to evaluate, in the open file.
-
-    Returns
-    -------
-    list of Finding
-        At most one. Call it when the scene has been evaluated.
-    """
-    names: dict[str, None] = {}
-    count = 0
-    for item, curve in _drivers():
-        if not (curve.is_valid and curve.driver.is_valid):
-            names[item.name] = None
-            count += 1
-    return [finding("driver-disabled", *names, count=count)] if count else []
-
-
-def driven_by_whole_frames() -> list[str]:
-    """Return the data-blocks whose drivers read the whole number of the frame.
-
-    Returns
-    -------
-    list of str
-        Their names, each once.
-    """
-    return list(dict.fromkeys(_names_of_readers(_WHOLE_FRAME)))
-
-
-def may_move_at_whole_frames() -> bool:
-    """Return whether scripts or drivers may move objects at whole frames only.
-
-    Returns
-    -------
-    bool
-        True for drivers that name `frame_current`, and for handlers of other add-ons and scripts
-        that Blender calls at each frame.
-    """
-    return moved_by_scripts() or bool(driven_by_whole_frames())
-
-
-def looks_at_view() -> bool:
-    """Return whether the scene may depend on which camera renders, or on numbers of objects.
-
-    Returns
-    -------
-    bool
-        True for Geometry Nodes that read the active camera, movie clips (constraints may follow
-        them in it), drivers that name a camera or a `pass_index`, and handlers of other add-ons
-        and scripts.
-    """
-    nodes = (node for group in bpy.data.node_groups for node in group.nodes)
-    return (
-        moved_by_scripts()
-        or len(bpy.data.movieclips) > 0
-        or any(node.bl_idname == "GeometryNodeInputActiveCamera" for node in nodes)
-        or any(True for _ in _names_of_readers(_VIEW))
-    )
-
-
-def reads_context() -> bool:
-    """Return whether scripts may ask, while Blender evaluates a render, which scene is active.
-
-    Returns
-    -------
-    bool
-        True for drivers that are Python expressions, and for handlers of other add-ons and scripts
-        that Blender calls when it evaluates a scene.
-    """
-    hooks = bpy.app.handlers
-    before_render = hooks.render_pre, hooks.depsgraph_update_pre, hooks.depsgraph_update_post
-    return (
-        moved_by_scripts()
-        or any(map(_of_others, itertools.chain(*before_render)))
-        or any(
-            curve.driver.type == "SCRIPTED" and not curve.driver.is_simple_expression
-            for _, curve in _drivers()
-        )
-    )
-
-
-def moved_by_scripts() -> bool:
-    """Return whether other add-ons or scripts have handlers that Blender calls at each frame.
-
-    Returns
-    -------
-    bool
-    """
-    called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
-    return any(map(_of_others, called))
-
-
-def handlers_of_others() -> list[Any]:
-    """Return the functions of add-ons and scripts that Blender calls, at whatever event.
-
-    Returns
-    -------
-    list of callable
-        Blender's own and radarsim's are not among them.
-    """
-    program = bpy.utils.system_resource("SCRIPTS")
-    hooks = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
-    called = itertools.chain.from_iterable(hook for hook in hooks if isinstance(hook, list))
-    return [one for one in called if _of_others(one) and not code_file(one).is_relative_to(program)]
-
-
-def code_file(function: Any) -> Path:
-    """Return the file that the code of a function is in; "?" in this folder if none is known."""
-    code = getattr(getattr(function, "__func__", function), "__code__", None)
-    return Path(getattr(code, "co_filename", "?")).absolute()
-
-
-def _of_others(handler: Any) -> bool:
-    own = __name__.rpartition(".blender.")[0]
-    return not getattr(handler, "__module__", "").startswith(own)
-
-
-def _drivers() -> Iterator[tuple[Any, Any]]:
-    """All data-blocks with each of their drivers that is not muted."""
-    for item in _data_blocks():
-        animation = getattr(item, "animation_data", None)
-        for curve in animation.drivers if animation is not None else ():
-            if not curve.mute:
-                yield item, curve
-
-
-def _names_of_readers(what: re.Pattern[str]) -> Iterator[str]:
-    """Names of the data-blocks with drivers that read something."""
-    for item, curve in _drivers():
-        if any(map(what.search, _read_by(curve.driver))):
-            yield item.name
-
-
-def _read_by(driver: Any) -> Iterator[str]:
-    """Expression of a driver, and the paths of properties that its variables read."""
-    if driver.type == "SCRIPTED":
-        yield driver.expression
-    for variable in driver.variables:
-        if variable.type in ("SINGLE_PROP", "CONTEXT_PROP"):
-            yield from (target.data_path for target in variable.targets)
-
-
-def _data_blocks() -> Iterator[Any]:
-    """All data-blocks in use, and the node trees that are part of them."""
-    for kind in bpy.data.bl_rna.properties:
-        if kind.type == "COLLECTION" and kind.identifier != "all_ids":  # of 5.x: all once more
-            with_tree = "node_tree" in kind.fixed_type.bl_rna.properties
-            for item in getattr(bpy.data, kind.identifier):
-                if item.users:
-                    yield item
-                    if with_tree and item.node_tree is not None:
-                        yield item.node_tree
-
-
 _TILE_NUMBER = re.compile("<UDIM>|<UVTILE>")
 
 
 def file_identity() -> str:
-    """Return a hash of the open .blend file and of all files that it reads.
+    """Return the SHA-256 of the open .blend file and of all files that it reads, in any folder.
 
-    Add-ons whose code Blender calls when it loads or renders are part of it.
-
-    Returns
-    -------
-    str
-        SHA-256 in hexadecimal digits. It does not depend on the folder of the files.
-
-    Raises
-    ------
-    SceneError
-        A file is there and cannot be read.
+    Add-ons whose code Blender calls when it loads or renders are part of it. `SceneError` if a file
+    is there and cannot be read.
     """
     digest = hashlib.sha256()
     paths = [Path(bpy.data.filepath), *_linked_files()]
@@ -210,10 +42,7 @@ def file_identity() -> str:
 def foreign_handlers() -> list[str]:
     """Return the names of functions of scripts that Blender calls when it loads or renders.
 
-    Returns
-    -------
-    list of str
-        Functions of add-ons are not among them: each process of a run has the same add-ons.
+    Functions of add-ons are not among them: each process of a run has the same add-ons.
     """
     places = [
         bpy.utils.user_resource("EXTENSIONS"),
@@ -228,15 +57,26 @@ def foreign_handlers() -> list[str]:
 
 
 def unreadable_files() -> list[Finding]:
-    """Find files that the scene reads and that are missing.
-
-    Returns
-    -------
-    list of Finding
-        At most one.
-    """
+    """Find files that the scene reads and that are missing: one finding at most."""
     lost = [path for path in _linked_files() if not any(_parts(path))]
     return [finding("linked-file-missing", *map(str, lost))] if lost else []
+
+
+def handlers_of_others() -> list[Any]:
+    """Return the functions of add-ons and scripts that Blender calls, at whatever event.
+
+    Blender's own and radarsim's are not among them.
+    """
+    program = bpy.utils.system_resource("SCRIPTS")
+    hooks = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
+    called = itertools.chain.from_iterable(hook for hook in hooks if isinstance(hook, list))
+    return [one for one in called if _of_others(one) and not code_file(one).is_relative_to(program)]
+
+
+def code_file(function: Any) -> Path:
+    """Return the file that the code of a function is in; "?" in this folder if none is known."""
+    code = getattr(getattr(function, "__func__", function), "__code__", None)
+    return Path(getattr(code, "co_filename", "?")).absolute()
 
 
 def _linked_files() -> list[Path]:
@@ -330,3 +170,108 @@ def _sha256(path: Path) -> str:
             f"{path}, which the scene is made of, cannot be read ({error.strerror or error}). Make "
             "it readable, or unlink it in Blender (File > External Data)."
         ) from error
+
+
+def disabled_drivers() -> list[Finding]:
+    """Find data-blocks with drivers that Blender has refused to evaluate, in the open file.
+
+    Call it when the scene has been evaluated.
+    """
+    names: dict[str, None] = {}
+    count = 0
+    for item, curve in _drivers():
+        if not (curve.is_valid and curve.driver.is_valid):
+            names[item.name] = None
+            count += 1
+    return [finding("driver-disabled", *names, count=count)] if count else []
+
+
+def driven_by_whole_frames() -> list[str]:
+    """Return the names of data-blocks whose drivers read the whole number of the frame."""
+    return list(dict.fromkeys(_names_of_readers(r"\bframe_current\b")))
+
+
+def may_move_at_whole_frames() -> bool:
+    """Return whether drivers or handlers of others may move objects at whole frames only."""
+    return moved_by_scripts() or bool(driven_by_whole_frames())
+
+
+def looks_at_view() -> bool:
+    """Return whether the scene may depend on which camera renders, or on numbers of objects.
+
+    True for Geometry Nodes that read the active camera, movie clips (constraints may follow them in
+    it), drivers that name a camera or a `pass_index`, and handlers of other add-ons and scripts.
+    """
+    nodes = (node for group in bpy.data.node_groups for node in group.nodes)
+    return (
+        moved_by_scripts()
+        or len(bpy.data.movieclips) > 0
+        or any(node.bl_idname == "GeometryNodeInputActiveCamera" for node in nodes)
+        or any(True for _ in _names_of_readers(r"\b(camera|pass_index)\b"))
+    )
+
+
+def reads_context() -> bool:
+    """Return whether scripts may ask, while Blender evaluates a render, which scene is active.
+
+    True for drivers that are Python expressions, and for handlers of other add-ons and scripts that
+    Blender calls when it evaluates a scene.
+    """
+    hooks = bpy.app.handlers
+    before_render = hooks.render_pre, hooks.depsgraph_update_pre, hooks.depsgraph_update_post
+    return (
+        moved_by_scripts()
+        or any(map(_of_others, itertools.chain(*before_render)))
+        or any(
+            curve.driver.type == "SCRIPTED" and not curve.driver.is_simple_expression
+            for _, curve in _drivers()
+        )
+    )
+
+
+def moved_by_scripts() -> bool:
+    """Return whether other add-ons or scripts have handlers that Blender calls at each frame."""
+    called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
+    return any(map(_of_others, called))
+
+
+def _of_others(handler: Any) -> bool:
+    own = __name__.rpartition(".blender.")[0]
+    return not getattr(handler, "__module__", "").startswith(own)
+
+
+def _drivers() -> Iterator[tuple[Any, Any]]:
+    """All data-blocks with each of their drivers that is not muted."""
+    for item in _data_blocks():
+        animation = getattr(item, "animation_data", None)
+        for curve in animation.drivers if animation is not None else ():
+            if not curve.mute:
+                yield item, curve
+
+
+def _names_of_readers(pattern: str) -> Iterator[str]:
+    """Names of the data-blocks with drivers that read something."""
+    for item, curve in _drivers():
+        if any(re.search(pattern, text) for text in _read_by(curve.driver)):
+            yield item.name
+
+
+def _read_by(driver: Any) -> Iterator[str]:
+    """Expression of a driver, and the paths of properties that its variables read."""
+    if driver.type == "SCRIPTED":
+        yield driver.expression
+    for variable in driver.variables:
+        if variable.type in ("SINGLE_PROP", "CONTEXT_PROP"):
+            yield from (target.data_path for target in variable.targets)
+
+
+def _data_blocks() -> Iterator[Any]:
+    """All data-blocks in use, and the node trees that are part of them."""
+    for kind in bpy.data.bl_rna.properties:
+        if kind.type == "COLLECTION" and kind.identifier != "all_ids":  # of 5.x: all once more
+            with_tree = "node_tree" in kind.fixed_type.bl_rna.properties
+            for item in getattr(bpy.data, kind.identifier):
+                if item.users:
+                    yield item
+                    if with_tree and item.node_tree is not None:
+                        yield item.node_tree

@@ -16,21 +16,11 @@ _CACHED_MODIFIERS = {"CLOTH", "PARTICLE_SYSTEM", "SOFT_BODY"}
 
 
 def simulation_frames(scene: Any, last: int) -> range:
-    """Return the frames to show, in order, so that simulations are known at all of them.
+    """Return the frames to show, in order, so that simulations are known at all of them up to
+    `last`.
 
     Blender computes a simulation that is not baked from one frame to the next. After a jump it
-    shows an earlier state.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    last
-        Last frame that is needed.
-
-    Returns
-    -------
-    range
-        Empty if nothing is simulated, or all is baked.
+    shows an earlier state. Empty if nothing is simulated, or all is baked.
     """
     starts = [cache.frame_start for cache in _caches(scene) if not cache.is_baked]
     if any(map(has_simulation_zone, scene.objects)):  # a step through baked ones does no harm
@@ -38,18 +28,24 @@ def simulation_frames(scene: Any, last: int) -> range:
     return range(min(starts), last + 1) if starts else range(0)
 
 
+def _caches(scene: Any) -> Iterator[Any]:
+    world = scene.rigidbody_world
+    if world is not None and world.enabled and world.point_cache is not None:
+        yield world.point_cache
+    for item in scene.objects:
+        for modifier in item.modifiers:
+            if modifier.type == "PARTICLE_SYSTEM":
+                if modifier.particle_system.settings.type == "EMITTER":
+                    yield modifier.particle_system.point_cache
+            elif modifier.type in _CACHED_MODIFIERS:
+                yield modifier.point_cache
+
+
 def renders_whole_frames_only(item: Any) -> bool:
     """Return whether Blender renders an object's shape of a whole frame at times after it.
 
-    Parameters
-    ----------
-    item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-        True for cloth and soft bodies that are not baked, and for cache files whose vertices are
-        not interpolated.
+    So it does with cloth and soft bodies that are not baked, and with cache files whose vertices
+    are not interpolated.
     """
     for modifier in item.modifiers:
         if modifier.type in ("CLOTH", "SOFT_BODY"):
@@ -63,20 +59,9 @@ def renders_whole_frames_only(item: Any) -> bool:
 def check_particles_are_baked(snapshot: Snapshot, otherwise: str) -> None:
     """Check that particles that carry objects or pieces of a mesh have a baked cache.
 
-    Between two frames Blender writes states of particles that are not baked into the cache of
-    whole frames, so that places depend on the order in which times are shown.
-
-    Parameters
-    ----------
-    snapshot
-        Of the scene that is rendered.
-    otherwise
-        Remedy for who does not bake.
-
-    Raises
-    ------
-    SceneError
-        A particle system is not baked.
+    Between two frames Blender writes states of particles that are not baked into the cache of whole
+    frames, so that places depend on the order in which times are shown. `otherwise` is the remedy
+    for who does not bake.
     """
     if not bpy.data.particles:
         return
@@ -107,31 +92,8 @@ def _carrying_particles(item: Any) -> Iterator[tuple[Any, Any]]:
                 yield modifier.object, systems[modifier.particle_system_index - 1]
 
 
-def _caches(scene: Any) -> Iterator[Any]:
-    world = scene.rigidbody_world
-    if world is not None and world.enabled and world.point_cache is not None:
-        yield world.point_cache
-    for item in scene.objects:
-        for modifier in item.modifiers:
-            if modifier.type == "PARTICLE_SYSTEM":
-                if modifier.particle_system.settings.type == "EMITTER":
-                    yield modifier.particle_system.point_cache
-            elif modifier.type in _CACHED_MODIFIERS:
-                yield modifier.point_cache
-
-
 def has_simulation_zone(item: Any) -> bool:
-    """Return whether an object has Geometry Nodes with a simulation zone.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-        True also where the zone is in a group of the node tree.
-    """
+    """Return whether an object has Geometry Nodes with a simulation zone, also within groups."""
     waiting = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
     met = set()
     while waiting:
@@ -147,17 +109,8 @@ def has_simulation_zone(item: Any) -> bool:
 
 
 def is_simulated_body(scene: Any, item: Any) -> bool:
-    """Return whether the rigid-body simulation of a scene moves an object.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-        False for passive and for animated bodies.
+    """Return whether the rigid-body simulation of a scene moves an object: no passive or animated
+    one.
     """
     world, body = scene.rigidbody_world, item.rigid_body
     return bool(

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The ground straight below a radar."""
+"""Views of a scene by the receiver that need no render: pixels, missing echoes, the ground.
+
+`measure_pixel_spans` measures what a pixel spans of range on flat surfaces in view, and how small
+objects in view are. `no_echo_findings` finds why a frame has no echo: an antenna inside a mesh,
+nothing in view, shaders that reflect nothing. `ground_below` finds the level surface straight below
+a radar.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Real
+from ...arrays import Mask, Real
 from ...errors import SceneError
 from ...findings import Finding, finding
 from ..materials import SURFACE_TYPES, assigned_materials
@@ -21,42 +27,35 @@ from ..state import EvaluatedObject, evaluated_mesh, evaluated_objects, read_num
 from .ground_truth import Boxes, antenna_positions
 from .rig import Rig
 
-# -------------------------------------------------------------------------------------------------
-# What a pixel spans of range on flat surfaces in view, and how small objects in view are.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Thickness of a flat surface over the shorter of its sides.
 _FLAT = 0.2
 #: Places at which a surface is looked at: distances from the foot of the radar, and directions.
 _PLACES = 64
 #: Flat surfaces that are looked at: the largest.
 _MOST_SURFACES = 16
+#: Directions that no modelled face is parallel to; a point inside has an odd number of faces in
+#: each of them, forwards and backwards.
+_DIRECTIONS = np.array([[0.71, 0.23, 0.66], [-0.37, 0.83, 0.42], [0.19, -0.58, -0.79]])
+#: Largest tilt of the ground that counts as level.
+_LEVEL_RAD = math.radians(1.0)
 
 
 @dataclass(frozen=True)
 class PixelSpans:
-    """What pixels meet, for a frame whose pixels are `width` / pixels across wide at distance 1.
+    """What pixels meet, for a frame whose pixels are `width` / pixels across wide at distance 1."""
 
-    Attributes
-    ----------
-    width
-        Width of the frame at distance 1.
-    surfaces
-        By the name of a flat surface: places (2, n), their range and the range that a pixel spans
-        there over its width at distance 1, both [m].
-    sizes
-        Largest angular size of each object, as a width at distance 1, by name.
-    """
-
+    #: Width of the frame at distance 1.
     width: float = 0.0
+    #: By the name of a flat surface: places (2, n), their range and the range that a pixel spans
+    #: there over its width at distance 1, both [m].
     surfaces: Mapping[str, Real] = field(default_factory=lambda: MappingProxyType({}))
+    #: Largest angular size of each object, as a width at distance 1, by name.
     sizes: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
 
     def longest_m(self, width_px: int, limit_m: float) -> dict[str, tuple[float, float]]:
-        """Return the largest range step of a pixel on each surface, and its range, up to a range.
+        """Return the largest range step of a pixel on each surface, and its range, both [m].
 
-        Both in metres; surfaces without a place up to `limit_m` are left out.
+        Surfaces without a place up to `limit_m` are left out.
         """
         found = {}
         for name, (range_m, span_m) in self.surfaces.items():
@@ -68,25 +67,27 @@ class PixelSpans:
         return found
 
 
+@dataclass(frozen=True)
+class GroundBelow:
+    """A level surface straight below a point, Blender units."""
+
+    #: Name of the object.
+    name: str
+    #: Of the face below the point, or None.
+    material: Any
+    #: World z of the surface.
+    height: float
+    #: Bounding box in the world, (8, 3).
+    corners: Real
+
+
 def measure_pixel_spans(
     boxes: Boxes, matrix: Real, edges: tuple[float, ...], metres: float
 ) -> PixelSpans:
-    """Measure boxes as a perspective receiver sees them.
+    """Measure boxes of what can echo as a perspective receiver sees them.
 
-    Parameters
-    ----------
-    boxes
-        Of what can echo.
-    matrix
-        Pose of the receiver, (4, 4) [Blender units]; it looks along -Z.
-    edges
-        Left, right, bottom and top of its frame at distance 1.
-    metres
-        Metres per Blender unit.
-
-    Returns
-    -------
-    PixelSpans
+    `matrix` is the pose of the receiver, (4, 4) [Blender units], which looks along -Z; `edges` are
+    left, right, bottom and top of its frame at distance 1; `metres` are those of a Blender unit.
     """
     if not boxes.rows.size:
         return PixelSpans(edges[1] - edges[0])
@@ -112,10 +113,8 @@ def measure_pixel_spans(
     return PixelSpans(edges[1] - edges[0], surfaces, sizes)
 
 
-def _in_view(
-    points: Real, edges: tuple[float, ...]
-) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Whether points in the receiver's axes (n, 3) are in its frame, (n,)."""
+def _in_view(points: Real, edges: tuple[float, ...]) -> Mask:
+    """Return which points in the receiver's axes (n, 3) are in its frame, (n,)."""
     left, right, bottom, top = edges
     ahead = -points[:, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -147,42 +146,17 @@ def _places(centre: Real, sides: Real, lengths: Real, edges: tuple[float, ...]) 
         return np.zeros((2, 0))
     points = points[kept]
     range_m = np.linalg.norm(points, axis=1)
-    tangent = (
-        np.sqrt(np.maximum(range_m**2 - height**2, 0.0)) / height
-    )  # of the angle to the normal
+    # Tangent of the angle to the normal.
+    tangent = np.sqrt(np.maximum(range_m**2 - height**2, 0.0)) / height
     # A pixel of width w at distance 1 turns the ray by w cos(angle off the axis), at most.
     span_m = range_m * tangent * (-points[:, 2] / range_m)
     return np.stack([range_m, span_m])
 
 
-# -------------------------------------------------------------------------------------------------
-# Why a frame has no echo: an antenna inside a mesh, nothing in view, shaders that reflect nothing.
-#
-# Called for such frames alone, because it looks at every triangle of what may surround an antenna.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Directions that no modelled face is parallel to; a point inside has an odd number of faces in
-#: each of them, forwards and backwards.
-_DIRECTIONS = np.array([[0.71, 0.23, 0.66], [-0.37, 0.83, 0.42], [0.19, -0.58, -0.79]])
-
-
 def no_echo_findings(depsgraph: Any, rig: Rig, seen: Sequence[str]) -> list[Finding]:
-    """Find why no echo was received.
+    """Find why a receiver whose rays met the objects `seen` received no echo: one error or more.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        At the frame's time.
-    rig
-        Antennas.
-    seen
-        Names of the objects that rays of the receiver met.
-
-    Returns
-    -------
-    list of Finding
-        At least one, each an error.
+    Only for such frames, because it looks at every triangle of what may surround an antenna.
     """
     surrounding = _surrounding(depsgraph, rig)
     if surrounding:
@@ -265,53 +239,11 @@ def _reflects(material: Any) -> bool:
     return False
 
 
-#: Largest tilt of the ground that counts as level.
-_LEVEL_RAD = math.radians(1.0)
-
-
-@dataclass(frozen=True)
-class GroundBelow:
-    """A level surface straight below a point, Blender units.
-
-    Attributes
-    ----------
-    name
-        Name of the object.
-    material : bpy.types.Material or None
-        Of the face below the point.
-    height
-        World z of the surface.
-    corners
-        Bounding box in the world, (8, 3).
-    """
-
-    name: str
-    material: Any
-    height: float
-    corners: Real
-
-
 def ground_below(depsgraph: Any, point: Real, name: str | None = None) -> GroundBelow:
-    """Find the ground: of the objects straight below a point the one with the largest area.
+    """Find the ground: of the objects straight below a point (3,) the one with the largest area.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    point
-        World coordinates, Blender units, (3,).
-    name
-        Name of the object that is the ground; None: search it.
-
-    Returns
-    -------
-    GroundBelow
-        The highest face of the object below the point.
-
-    Raises
-    ------
-    SceneError
-        Nothing, or not the named object, is below the point, or its face there is not level.
+    Of the object, or of the one with this name, it is the highest face below the point in the world
+    [Blender units]. `SceneError` if nothing is below the point, or the face is not level.
     """
     found: list[tuple[float, float, GroundBelow, float]] = []
     for item in evaluated_objects(depsgraph):

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rendered objects, and making them visible to Blender's evaluated scene as they render.
+"""Rendered objects: made visible to Blender's evaluated scene, without what encodes no range.
 
 Poses, meshes, extents and ground truth come from the scene of the viewport, which does not contain
 objects that are hidden there, and whose modifiers may have other settings. Cycles renders them
-nevertheless, so radarsim shows during a measurement what renders. Objects in a collection that
-does not render are not part of it.
+nevertheless, so radarsim shows during a measurement what renders (`show_what_renders`,
+`show_as_rendered`). Objects in a collection that does not render are not part of it.
+
+Light of another source is not encoded at the transmitter, and light from another material is not
+encoded at that surface, so both would have wrong ranges. `isolate` hides other lights. Objects
+without a Radar Material absorb, so they cast a radar shadow but return no echo. A
+`SettingsRestorer` takes all changes back.
 """
 
 from __future__ import annotations
@@ -29,16 +34,6 @@ from ..materials.physical_materials import READY, suggest_material
 from ..nodes import is_radar_material
 from ..state import SettingsRestorer, Snapshot, read_numbers, take_snapshot
 
-# -------------------------------------------------------------------------------------------------
-# Remove from a measurement what does not encode the range: other lights, other materials.
-#
-# Light of another source is not encoded at the transmitter, and light from another material is not
-# encoded at that surface, so both would have wrong ranges. radarsim hides other lights. Objects
-# without a Radar Material absorb, so they cast a radar shadow but return no echo. A
-# `SettingsRestorer` takes all changes back.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Object types that Cycles renders and that have no radar model.
 _UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
 _SCATTERING_NODES = {
@@ -47,35 +42,36 @@ _SCATTERING_NODES = {
     "ShaderNodeVolumeScatter",
 }
 ABSORBER_NAME = "radarsim absorber (temporary)"
+#: Settings of modifiers for the viewport, each with that for renders.
+_RENDER_SETTINGS = {
+    "levels": "render_levels",
+    "steps": "render_steps",
+    "viewport_resolution": "resolution",
+}
+#: Thickness of a pane that is modelled as an open mesh [m].
+_PANE_M = 4e-3
 
 
 def isolate(
     recorder: SettingsRestorer, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
 ) -> list[Finding]:
-    """Hide other lights than the transmitter, and what cannot echo.
+    """Hide other lights than the transmitter, and what cannot echo; name objects without an echo.
 
-    Parameters
-    ----------
-    recorder
-        Records the changes.
-    scene : bpy.types.Scene
-    emitter : bpy.types.Object
-        Transmitter.
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    any_material
-        A world volume encodes the range, so surfaces of all materials echo. Only volumes are
-        hidden, because their paths have no vertex on a surface.
-
-    Returns
-    -------
-    list of Finding
-        Objects that give no echo.
+    With `any_material` a world volume encodes the range, so surfaces of all materials echo. Only
+    volumes are hidden, because their paths have no vertex on a surface.
     """
-    _hide_other_lights(recorder, emitter)
+    # Even a weak light takes samples of the transmitter. scene.objects does not contain the lights
+    # of instanced collections, so this checks all objects of the file.
+    for item in bpy.data.objects:
+        if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
+            _hide(recorder, item)
+    _mute_animation(recorder, emitter, "hide_render")
     assigned = assigned_materials(depsgraph)
     if any_material:
-        return [*_optical(depsgraph), *_isolate_any_material(recorder, scene, assigned)]
+        known = cache(lambda material: is_radar_material(material) or _is_fog(material))
+        optical = dict.fromkeys(item.name for item in foreign_objects(depsgraph, known))
+        found = [finding("optical-material", *optical)] if optical else []
+        return found + _isolate_any_material(recorder, scene, assigned)
     is_radar = cache(is_radar_material)
     foreign = set(foreign_objects(depsgraph, is_radar))
     silent = [
@@ -87,7 +83,9 @@ def isolate(
     unsupported = [
         item.name for item in rendered if item.type in _UNSUPPORTED_TYPES and not item.hide_render
     ]
-    _absorb_other_materials(recorder)
+    for material in bpy.data.materials:
+        if not (material.is_grease_pencil or is_radar_material(material)):
+            _absorb(recorder, material)
     _absorb_bare_objects(recorder, assigned)
     for item in rendered:
         if item.type in _UNSUPPORTED_TYPES:
@@ -98,13 +96,6 @@ def isolate(
     if unsupported:
         findings.append(finding("object-without-surface", *unsupported))
     return findings
-
-
-def _optical(depsgraph: Any) -> list[Finding]:
-    """Name the objects whose echoes are those of an optical material."""
-    known = cache(lambda material: is_radar_material(material) or _is_fog(material))
-    names = dict.fromkeys(item.name for item in foreign_objects(depsgraph, known))
-    return [finding("optical-material", *names)] if names else []
 
 
 def _isolate_any_material(
@@ -167,25 +158,16 @@ def _scatters_inside(material: Any) -> bool:
     return False
 
 
-def echoes(item: Any, is_radar: Callable[[Any], bool] = is_radar_material) -> bool:
-    """Return whether an object can echo: a Radar Material in a slot or from Geometry Nodes.
+def _hide(recorder: SettingsRestorer, item: Any) -> None:
+    _mute_animation(recorder, item, "hide_render")
+    recorder.set(item, "hide_render", True)
 
-    Parameters
-    ----------
-    item : bpy.types.Object
-    is_radar
-        `is_radar_material`, or the same with a memory.
 
-    Returns
-    -------
-    bool
-        True also where Geometry Nodes might assign a Radar Material.
-    """
-    if item.type not in SURFACE_TYPES:
-        return False
-    if any(is_radar(material) for material in slot_materials(item)):
-        return True
-    return any(modifier.type == "NODES" for modifier in item.modifiers)
+def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> None:
+    """Prevent animation from changing a setting at the next frame."""
+    for curve in animation_curves(item.animation_data):
+        if curve.data_path == data_path:
+            recorder.set(curve, "mute", True)
 
 
 def _rendered(scene: Any) -> list[Any]:
@@ -202,82 +184,12 @@ def _rendered(scene: Any) -> list[Any]:
     return sorted(found, key=lambda item: item.name_full)
 
 
-def _hide_other_lights(recorder: SettingsRestorer, emitter: Any) -> None:
-    # Even a weak light takes samples of the transmitter. scene.objects does not contain the lights
-    # of instanced collections, so this checks all objects of the file.
-    for item in bpy.data.objects:
-        if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
-            _hide(recorder, item)
-    _mute_animation(recorder, emitter, "hide_render")
-
-
-def _hide(recorder: SettingsRestorer, item: Any) -> None:
-    _mute_animation(recorder, item, "hide_render")
-    recorder.set(item, "hide_render", True)
-
-
-def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> None:
-    """Prevent animation from changing a setting at the next frame."""
-    for curve in animation_curves(item.animation_data):
-        if curve.data_path == data_path:
-            recorder.set(curve, "mute", True)
-
-
-def animation_curves(animation: Any) -> Iterator[Any]:
-    """Yield F-curves and drivers of a data-block: layered actions (Blender 4.4) and older ones.
-
-    Parameters
-    ----------
-    animation : bpy.types.AnimData or None
-
-    Yields
-    ------
-    bpy.types.FCurve
-        One at a time.
-    """
-    if animation is None:
-        return
-    yield from animation.drivers
-    if animation.action is not None:
-        yield from action_curves(animation.action, getattr(animation, "action_slot", None))
-
-
-def action_curves(action: Any, slot: Any = None) -> Iterator[Any]:
-    """Yield the F-curves of an action: a layered one (Blender 4.4) or an older one.
-
-    Parameters
-    ----------
-    action : bpy.types.Action
-    slot : bpy.types.ActionSlot, optional
-        Only the curves of this slot of a layered action.
-
-    Yields
-    ------
-    bpy.types.FCurve
-        One at a time.
-    """
-    if not hasattr(action, "layers"):
-        yield from action.fcurves
-        return
-    for layer in action.layers:
-        for strip in layer.strips:
-            for bag in strip.channelbags:
-                if slot is None or bag.slot == slot:
-                    yield from bag.fcurves
-
-
-def _absorb_other_materials(recorder: SettingsRestorer) -> None:
-    for material in bpy.data.materials:
-        if material.is_grease_pencil or is_radar_material(material):
-            continue
-        if bpy.app.version < (5, 0, 0):  # always on later
-            recorder.set(material, "use_nodes", True)
-        if material.node_tree is not None:
-            _absorb(recorder, material)
-
-
 def _absorb(recorder: SettingsRestorer, material: Any) -> None:
     """Add an active output to a material that absorbs."""
+    if bpy.app.version < (5, 0, 0):  # always on later
+        recorder.set(material, "use_nodes", True)
+    if material.node_tree is None:
+        return
     nodes = material.node_tree.nodes
     outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
     volume_only = _has_volume_only(material.node_tree.get_output_node("CYCLES"))
@@ -348,23 +260,41 @@ def _fill_slot(recorder: SettingsRestorer, data: Any, index: int, absorber: Any)
     recorder.on_restore(data.name, undo)
 
 
-#: Settings of modifiers for the viewport, each with that for renders.
-_RENDER_SETTINGS = (
-    ("levels", "render_levels"),
-    ("steps", "render_steps"),
-    ("viewport_resolution", "resolution"),
-)
+def echoes(item: Any, is_radar: Callable[[Any], bool] = is_radar_material) -> bool:
+    """Return whether an object can echo: by a Radar Material in a slot, or by Geometry Nodes.
+
+    `is_radar` may be `is_radar_material` with a memory.
+    """
+    if item.type not in SURFACE_TYPES:
+        return False
+    if any(is_radar(material) for material in slot_materials(item)):
+        return True
+    return any(modifier.type == "NODES" for modifier in item.modifiers)
+
+
+def animation_curves(animation: Any) -> Iterator[Any]:
+    """Yield F-curves and drivers of a data-block's animation data, or of None."""
+    if animation is None:
+        return
+    yield from animation.drivers
+    if animation.action is not None:
+        yield from action_curves(animation.action, getattr(animation, "action_slot", None))
+
+
+def action_curves(action: Any, slot: Any = None) -> Iterator[Any]:
+    """Yield the F-curves of an action, layered (Blender 4.4) or older; of one slot if given."""
+    if not hasattr(action, "layers"):
+        yield from action.fcurves
+        return
+    for layer in action.layers:
+        for strip in layer.strips:
+            for bag in strip.channelbags:
+                if slot is None or bag.slot == slot:
+                    yield from bag.fcurves
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
-    """Make all rendered objects visible in the viewport, and those that only instances show.
-
-    Parameters
-    ----------
-    recorder
-        Restores the former visibility.
-    view_layer : bpy.types.ViewLayer
-    """
+    """Make all rendered objects visible in the viewport, and those that only instances show."""
     rendered = set()
     for layer in _rendered_collections(view_layer):
         recorder.set(layer, "hide_viewport", False)
@@ -400,111 +330,15 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
 
 
 def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
-    """Make visible what renders at some time, until Blender evaluates the animation again.
-
-    Parameters
-    ----------
-    recorder
-        Restores the former visibility.
-    view_layer : bpy.types.ViewLayer
-    """
+    """Make visible what renders at some time, until Blender evaluates the animation again."""
     for layer in _rendered_collections(view_layer):
         for item in filter(is_hidden_at_times, layer.collection.objects):
             recorder.set(item, "hide_render", False)
     show_what_renders(recorder, view_layer)
 
 
-def rendered_rows(snapshot: Snapshot) -> Indices:
-    """Return the rows of a snapshot that hold rendered surfaces."""
-    rendered = rendered_objects(snapshot.depsgraph.view_layer)
-    shapes, layout = snapshot.shapes, snapshot.layout
-    surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
-    itself = snapshot.of_shapes(
-        [s.original in rendered and not _shown_by_parent(s.original) for s in shapes]
-    )
-    by_instancer = np.array([item in rendered for item in (*layout.instancers, None)])
-    there = np.where(layout.instancer < 0, itself, by_instancer[layout.instancer])
-    return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
-
-
-def _shown_by_parent(item: Any) -> bool:
-    """Whether the parent's vertices or faces have instances of it: it renders only as these."""
-    return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
-
-
-def limited_visibility(depsgraph: Any) -> list[Finding]:
-    """Name the rendered objects that some kinds of rays do not meet.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of Finding
-        Objects without a direct echo, and those that waves pass through.
-    """
-    snapshot, layer = take_snapshot(depsgraph), depsgraph.view_layer
-    rows, layout = rendered_rows(snapshot), snapshot.layout
-    items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
-    # Instances also follow the settings of what makes them.
-    items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
-    unseen, passed = set(), set()
-    for item in items:
-        if (
-            not item.visible_camera
-            or item.is_holdout
-            or item.is_shadow_catcher
-            or item.holdout_get(view_layer=layer)
-            or item.indirect_only_get(view_layer=layer)
-        ):
-            unseen.add(item.name_full)
-        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy):
-            passed.add(item.name_full)
-    found = [finding("hidden-from-receiver", *sorted(unseen))] if unseen else []
-    return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
-
-
-def is_hidden_at_times(item: Any) -> bool:
-    """Return whether animation decides if an object renders.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-        True if an F-curve or a driver acts on its *Disable in Renders*.
-    """
-    return any(curve.data_path == "hide_render" for curve in animation_curves(item.animation_data))
-
-
-def hiding_is_animated() -> bool:
-    """Return whether animation hides or shows something in the open file.
-
-    Returns
-    -------
-    bool
-        True if an F-curve or driver acts on what objects or collections are visible.
-    """
-    owners = (*bpy.data.objects, *bpy.data.collections)  # older collections have no animation
-    animations = (getattr(item, "animation_data", None) for item in owners)
-    drivers = (curve for one in animations if one is not None for curve in one.drivers)
-    curves = (curve for action in bpy.data.actions for curve in action_curves(action))
-    return any("hide" in curve.data_path for curve in (*drivers, *curves))
-
-
 def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
-    """Give what the viewport evaluates its settings for renders: modifiers, node groups, curves...
-
-    Parameters
-    ----------
-    recorder
-        Restores the former settings.
-    scene : bpy.types.Scene
-    """
+    """Give modifiers, node groups, curves... in the viewport their settings for renders."""
     render = scene.render
     recorder.set(render, "simplify_subdivision", render.simplify_subdivision_render)
     recorder.set(render, "simplify_child_particles", render.simplify_child_particles_render)
@@ -512,7 +346,7 @@ def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
         recorder.set(item, "show_instancer_for_viewport", item.show_instancer_for_render)
         for modifier in item.modifiers:
             recorder.set(modifier, "show_viewport", modifier.show_render)
-            for own, of_renders in _RENDER_SETTINGS:
+            for own, of_renders in _RENDER_SETTINGS.items():
                 if hasattr(modifier, own) and hasattr(modifier, of_renders):
                     recorder.set(modifier, own, getattr(modifier, of_renders))
     for tree in bpy.data.node_groups:
@@ -545,6 +379,20 @@ def _replace_by_false(recorder: SettingsRestorer, tree: Any, node: Any) -> None:
     recorder.on_restore(tree.name, undo)
 
 
+def _rendered_collections(view_layer: Any) -> Iterator[Any]:
+    """Yield the layer collections that are rendered with a view layer."""
+
+    def below(layer: Any) -> Iterator[Any]:
+        if layer.exclude or layer.collection.hide_render:
+            return
+        yield layer
+        for child in layer.children:
+            yield from below(child)
+
+    for one in _view_layers(view_layer):
+        yield from below(one.layer_collection)
+
+
 def _present_collections(layer: Any) -> Iterator[Any]:
     """Yield this layer collection and those below it that are not excluded."""
     if not layer.exclude:
@@ -562,51 +410,71 @@ def _view_layers(view_layer: Any) -> list[Any]:
     return list(found.values())
 
 
-def _rendered_collections(view_layer: Any) -> Iterator[Any]:
-    """Yield the layer collections that are rendered with a view layer."""
-
-    def below(layer: Any) -> Iterator[Any]:
-        if layer.exclude or layer.collection.hide_render:
-            return
-        yield layer
-        for child in layer.children:
-            yield from below(child)
-
-    for one in _view_layers(view_layer):
-        yield from below(one.layer_collection)
-
-
-def rendered_objects(view_layer: Any) -> set[Any]:
-    """Return the objects that are rendered themselves; not those that are only instanced."""
-    return {
+def rendered_rows(snapshot: Snapshot) -> Indices:
+    """Return the rows of a snapshot that hold rendered surfaces."""
+    # Those that are rendered themselves; not those that are only instanced.
+    rendered = {
         item
-        for layer in _rendered_collections(view_layer)
+        for layer in _rendered_collections(snapshot.depsgraph.view_layer)
         for item in layer.collection.objects
         if not item.hide_render
     }
+    shapes, layout = snapshot.shapes, snapshot.layout
+    surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
+    itself = snapshot.of_shapes(
+        [s.original in rendered and not _shown_by_parent(s.original) for s in shapes]
+    )
+    by_instancer = np.array([item in rendered for item in (*layout.instancers, None)])
+    there = np.where(layout.instancer < 0, itself, by_instancer[layout.instancer])
+    return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
 
 
-# -------------------------------------------------------------------------------------------------
-# Materials of ordinary scenes, made for light: which radar materials they stand for.
-# -------------------------------------------------------------------------------------------------
+def _shown_by_parent(item: Any) -> bool:
+    """Whether the parent's vertices or faces have instances of it: it renders only as these."""
+    return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
 
 
-#: Thickness of a pane that is modelled as an open mesh [m].
-_PANE_M = 4e-3
+def limited_visibility(depsgraph: Any) -> list[Finding]:
+    """Name the rendered objects without a direct echo, and those that waves pass through."""
+    snapshot, layer = take_snapshot(depsgraph), depsgraph.view_layer
+    rows, layout = rendered_rows(snapshot), snapshot.layout
+    items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
+    # Instances also follow the settings of what makes them.
+    items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
+    unseen, passed = set(), set()
+    for item in items:
+        if (
+            not item.visible_camera
+            or item.is_holdout
+            or item.is_shadow_catcher
+            or item.holdout_get(view_layer=layer)
+            or item.indirect_only_get(view_layer=layer)
+        ):
+            unseen.add(item.name_full)
+        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy):
+            passed.add(item.name_full)
+    found = [finding("hidden-from-receiver", *sorted(unseen))] if unseen else []
+    return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
+
+
+def is_hidden_at_times(item: Any) -> bool:
+    """Return whether an F-curve or a driver acts on an object's *Disable in Renders*."""
+    return any(curve.data_path == "hide_render" for curve in animation_curves(item.animation_data))
+
+
+def hiding_is_animated() -> bool:
+    """Return whether animation hides or shows an object or collection of the open file."""
+    owners = (*bpy.data.objects, *bpy.data.collections)  # older collections have no animation
+    animations = (getattr(item, "animation_data", None) for item in owners)
+    drivers = (curve for one in animations if one is not None for curve in one.drivers)
+    curves = (curve for action in bpy.data.actions for curve in action_curves(action))
+    return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
 def suggest_materials(depsgraph: Any) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    dict
-        By material the key of `READY` for its name, else for that of an object with it, else None.
+    By material the key of `READY` for its name, else for that of an object with it, else None.
     """
     owners: dict[Any, list[str]] = {}
     for item, materials in assigned_materials(depsgraph):
@@ -620,24 +488,10 @@ def suggest_materials(depsgraph: Any) -> dict[Any, str | None]:
 
 
 def replace_material(material: Any, ready: str, carrier_hz: float, depsgraph: Any) -> Any:
-    """Put a ready radar material in the place of an optical one, which stays in the file.
+    """Put a radar material, a key of `READY`, in place of an optical one, which the file keeps.
 
-    Waves enter where all objects with the material are closed and have no other. Else it is
-    opaque, and glass a thin sheet.
-
-    Parameters
-    ----------
-    material : bpy.types.Material
-    ready
-        Key of `READY`.
-    carrier_hz
-        Carrier for the first evaluation [Hz].
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    bpy.types.Material
+    Waves enter where all objects with the material are closed and have no other. Else it is opaque,
+    and glass a thin sheet. `carrier_hz` is the carrier of the first evaluation.
     """
     asset = READY[ready]
     closed = all(

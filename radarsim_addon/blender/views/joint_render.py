@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several looks at a scene in one render: Blender's views of several cameras ("multi-view").
+"""Several views of a scene in one render, by Blender's views of several cameras ("multi-view").
 
 Of few pixels, a render takes longer to begin than to trace: Cycles compiles all shaders again that
 read the scene's attributes whenever the camera has changed. With the four replicates of 64 x 64
-pixels in one render it does so once, and they take about half of the processor time.
+pixels in one render (`JointRender`) it does so once, and they take about half of the processor
+time. All views have one seed. So this is for rays that need no chance: one reflection off surfaces
+that let nothing through.
 
-All views have one seed. So this is for rays that need no chance: one reflection off surfaces that
-let nothing through.
+Before each render Cycles also goes through all instances of the scene, which takes longer than the
+rays where they are many. `SecondView` adds a picture of the same rays, of other random numbers and
+another path class. Its camera is upside down, and that tells the transmitter which of its limits on
+the number of reflections holds. All other settings are those of the first view.
 """
 
 from __future__ import annotations
@@ -34,20 +38,24 @@ Look = tuple[ViewWindow, tuple[float, float]]
 MOST_TOGETHER = 16
 _NAME = "radarsim view (temporary)"
 _VIEW = "radarsim"
+_NODES = "nodes of the transmitter"
+_ORDERS = (
+    (attributes.ATTR_ORDER_MIN, attributes.ATTR_SECOND_ORDER_MIN),
+    (attributes.ATTR_ORDER_MAX, attributes.ATTR_SECOND_ORDER_MAX),
+)
+_UPSIDE_DOWN = Matrix.Diagonal((-1.0, -1.0, 1.0, 1.0))
+_LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
+#: Instances from which on Cycles takes long to go through them before each render.
+MANY_INSTANCES = 10_000
+#: Distance of places that are the same, relative to the farthest one from the world's origin, and
+#: the least fraction of the pixels that see the same.
+_SAME_PLACE, _MOST_PIXELS = 1e-4, 0.5
 
 
 class JointRender:
     """Cameras of a scene whose views come out of one render, `count` of them.
 
-    Parameters
-    ----------
-    recorder
-        Takes all back.
-    scene : bpy.types.Scene
-    camera : bpy.types.Object
-        The one whose kind and place the others have.
-    count
-        Number of views.
+    `camera` is the one whose kind and place the others have.
     """
 
     def __init__(self, recorder: SettingsRestorer, scene: Any, camera: Any, count: int) -> None:
@@ -69,7 +77,7 @@ class JointRender:
             self._add(recorder, number)
 
     def _add(self, recorder: SettingsRestorer, number: int) -> None:
-        suffix, views = self._suffix(number), self._scene.render.views
+        suffix, views = _suffix(number), self._scene.render.views
         data = self._camera.data.copy()
         data.name = _NAME + suffix
         recorder.on_restore(data.name, lambda: bpy.data.cameras.remove(data))
@@ -84,17 +92,13 @@ class JointRender:
     @property
     def names(self) -> list[str]:
         """Names of the passes' views, in the order of the cameras."""
-        return [_VIEW + self._suffix(number) for number in range(len(self.cameras))]
-
-    @staticmethod
-    def _suffix(number: int) -> str:
-        return f"_{number:05d}"
+        return [_VIEW + _suffix(number) for number in range(len(self.cameras))]
 
     def plan(self, looks: Sequence[Look]) -> None:
         """Say which looks come next, at the scene as it is now; drop the views of others."""
         # Blender finds the cameras by their names, which nothing else may have.
         names = (camera.name for camera in self.cameras)
-        found = all(name == _NAME + self._suffix(n) for n, name in enumerate(names))
+        found = all(name == _NAME + _suffix(n) for n, name in enumerate(names))
         self.looks = list(looks) if found else []
         self._ready, self.rendered = {}, False
 
@@ -136,42 +140,14 @@ class JointRender:
             render.use_multiview, self._scene.camera = False, own
 
 
-# -------------------------------------------------------------------------------------------------
-# A second picture of each render: the same rays, of other random numbers and another path class.
-#
-# Before each render Cycles goes through all instances of the scene, which takes longer than the
-# rays where they are many. The views of one render (Blender's multi-view) share that. Each has a
-# camera; this one is upside down, and that tells the transmitter which of its limits on the number
-# of reflections holds. All other settings are those of the first view.
-# -------------------------------------------------------------------------------------------------
-
-
-_NODES = "nodes of the transmitter"
-_ORDERS = (
-    (attributes.ATTR_ORDER_MIN, attributes.ATTR_SECOND_ORDER_MIN),
-    (attributes.ATTR_ORDER_MAX, attributes.ATTR_SECOND_ORDER_MAX),
-)
-_UPSIDE_DOWN = Matrix.Diagonal((-1.0, -1.0, 1.0, 1.0))
-_LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
-#: Instances from which on Cycles takes long to go through them before each render.
-MANY_INSTANCES = 10_000
-#: Distance of places that are the same, relative to the farthest one from the world's origin, and
-#: the least fraction of the pixels that see the same.
-_SAME_PLACE, _MOST_PIXELS = 1e-4, 0.5
+def _suffix(number: int) -> str:
+    return f"_{number:05d}"
 
 
 class SecondView:
     """A second view of all renders from now on.
 
-    Parameters
-    ----------
-    recorder
-        Takes everything back.
-    scene : bpy.types.Scene
-    cameras
-        Those of both views.
-    transmitter : bpy.types.Object
-        As `may_tell_views` wants it.
+    `cameras` are those of both views, `transmitter` is as `may_tell_views` wants it.
     """
 
     def __init__(
@@ -243,6 +219,7 @@ def _readers(tree: Any, attribute: str) -> list[Any]:
 
 
 def _emitter_node(light: Any) -> Any:
+    """Return the only Ring Emitter among a light's nodes; None if there is none, or several."""
     nodes = () if light.node_tree is None else light.node_tree.nodes
     groups = [node for node in nodes if node.type == "GROUP" and node.node_tree is not None]
     found = [n for n in groups if n.node_tree.get(KIND_PROPERTY) == RING_EMITTER_KIND]

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which path classes to render so that each pixel holds one path, and when nothing is left.
 
-Does not import bpy.
-
 A path class (n, t) lets the transmitter shine only on paths of n reflections that passed t
 transparent surfaces on the camera's side. At one sample a pixel and path class there is one path,
 so its range is exact; an open path class, rendered with the same paths, says pixel by pixel what
 the path classes must add up to. The plan below asks only for path classes in which something is
 left.
 
-:func:`trace_replicate` is a generator: it yields a `RenderRequest` and is sent the `View` that
-Cycles made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by
-a closed form in tests.
+`trace_replicate` is a generator: it yields a `RenderRequest` and is sent the `View` that Cycles
+made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by a
+closed form in tests. `rows_of_replicate` makes rows of the path table of what it found.
+`look_beyond` measures the power of the orders above the limit from one render. Does not import bpy.
 """
 
 from __future__ import annotations
@@ -36,36 +35,336 @@ from .requests import (
     variance_of_sum,
 )
 
-# -------------------------------------------------------------------------------------------------
-# Which last vertices each render of a tile replicate marks. Does not import bpy.
-#
-# The place of a last vertex is the ratio of two renders of its path class's marks: with the place
-# in their colours, and white. Every render with the same random paths can bring one of the two,
-# whatever path class the transmitter shines on in it. A class with both needs no render of its own
-# for them.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Least light that float32 holds with all its digits.
 _TINY = float(np.finfo(np.float32).tiny)
+#: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
+#: over a few reflections stays below it.
+_GREY_TOLERANCE = 1e-5
+#: Transparent surfaces after which it is asked whether anything worth following is left.
+_TAIL_EVERY = 4
+#: Differences of renders below this fraction of the minuend are float32 rounding.
+_ROUNDING = 1e-6
+#: Orders above the limit whose power is measured, without following their paths.
+_PROBED_ORDERS = 4
+
+
+@dataclass(frozen=True)
+class PathClassLayer:
+    """Paths of one path class, at most one a pixel."""
+
+    order: int
+    depth: int
+    #: Their radiance, or 0, (h, w).
+    amplitude: Real
+    #: The encoded render.
+    encoded: View
+    #: The same paths without range encoding (coloured scenes).
+    plain: View | None = None
+    #: Orders above 1: the last vertex in its colours, over those of `white`; of `encoded` if that
+    #: is None.
+    vertex: View | None = None
+    white: View | None = None
+    #: The encoded view's position is where the path first scatters.
+    position_is_first: bool = True
+
+
+@dataclass
+class TracedReplicate:
+    """All that was found in one tile replicate.
+
+    Powers are sums of amplitude times weight: W per square Blender unit.
+    """
+
+    #: Paths by class.
+    layers: list[PathClassLayer] = field(default_factory=list)
+    #: The first render: what is seen first in each pixel.
+    open_view: View | None = None
+    #: Power of all orders up to the limit.
+    total: float = 0.0
+    #: Parts of it in higher orders and behind more transparent surfaces that were not followed.
+    truncated_reflections: float = 0.0
+    truncated_transparency: float = 0.0
+    #: Power of the strongest path.
+    strongest: float = 0.0
+    #: Number of renders.
+    renders: int = 0
+    #: Whether the channels differ.
+    coloured: bool = False
+
+
+@dataclass(frozen=True)
+class TraceLimits:
+    """How far to follow paths."""
+
+    #: Most reflections.
+    max_reflections: int = 1
+    #: Most transparent surfaces on the camera's side.
+    max_depth: int = 64
+    #: Fraction of the total power below which what is left is not followed.
+    max_unfollowed_fraction: float = 1e-4
+    #: Radar Materials that let power through are made deterministic at order 1.
+    deterministic_transmission: bool = False
+    #: The range encoding is in the world's volume: materials may be of any kind, coloured ones too.
+    world_encoding: bool = False
+    #: Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
+    amplitude_channel: str = "mean"
+    #: Transparent surfaces from which on both polarisations are carried through all of them at
+    #: order 1, with `deterministic_transmission`; None: each surface takes the mean.
+    polarised_from: int | None = None
+    #: Numbers of objects that let nothing through, whatever the ray.
+    opaque: frozenset[int] = frozenset()
+    #: Nothing in the scene lets anything through, so that all paths are of depth 0.
+    all_opaque: bool = False
+    #: Renders can bring the marks of last vertices, see `VertexMark`.
+    vertex_marks: bool = False
+
+
+def trace_replicate(
+    limits: TraceLimits, weight: Real
+) -> Generator[RenderRequest, View, TracedReplicate]:
+    """Follow all paths of one tile replicate; yield each render that is needed, be sent its view.
+
+    `weight` is that of each pixel's power (its solid angle), (h, w).
+    """
+    found = TracedReplicate()
+    tracer = _Tracer(limits, weight, found)
+    lowest, view = 1, None
+    if limits.deterministic_transmission:
+        anything = yield from tracer.first_order_in_turn()
+        if not anything:
+            return found
+        lowest = 2
+        left, view = yield from tracer.orders_from_2()
+    else:
+        # The world's range encoding leaves paths as they are: the sum needs none. Materials that
+        # carry it weigh their lobes by it, so switching it would change the paths.
+        left = yield from tracer.open_render(PathClass(order_max=limits.max_reflections))
+    # Where nothing is of another depth than 0, the render of an order is that of its only class.
+    only = limits.all_opaque and (not limits.world_encoding or not found.coloured)
+    for order in range(lowest, limits.max_reflections + 1):
+        if tracer.power(np.abs(left)) <= limits.max_unfollowed_fraction * found.total:
+            break
+        if order == limits.max_reflections == lowest:
+            base = left  # what is left holds no other order
+        else:
+            path_class = PathClass(order_min=order, order_max=order)
+            view = yield from tracer.render(
+                RenderRequest(path_class, encoded=only or not limits.world_encoding),
+                (order, 0),
+                echoes=only,
+            )
+            base = tracer.amplitude(view)
+        if tracer.power(base) > 0:
+            yield from tracer.depths_of(order, base, view if only else None)
+        left = left - base
+    found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
+    powers = (np.max(layer.amplitude * weight, initial=0.0) for layer in found.layers)
+    found.strongest = float(max(powers, default=0.0))
+    return found
+
+
+class _Tracer:
+    """The steps of `trace_replicate` with their common state."""
+
+    def __init__(self, limits: TraceLimits, weight: Real, found: TracedReplicate) -> None:
+        self._limits = limits
+        self._weight = weight
+        self._found = found
+        self._marks = MarkedVertices(limits)
+
+    def render(
+        self,
+        request: RenderRequest,
+        path_class: tuple[int, int] | None = None,
+        echoes: bool = False,
+    ) -> Generator[RenderRequest, View, View]:
+        """Make a render; it marks vertices of a path class, or of one after it: see `choose`."""
+        if path_class is not None:
+            mark = self._marks.choose(request, path_class, echoes)
+            request = dataclasses.replace(request, mark=mark)
+        view = yield request
+        self._found.renders += 1
+        self._marks.keep(request, view)
+        return view
+
+    def power(self, amplitude: Real) -> float:
+        return float(np.sum(amplitude * self._weight))
+
+    def amplitude(self, view: View) -> Real:
+        """The channel that is the amplitude; blue, unless the scene is coloured."""
+        return amplitude_of(view, self._limits.amplitude_channel if self._found.coloured else "B")
+
+    def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
+        """What the path classes must add up to; also tells whether the scene is coloured."""
+        found, limits = self._found, self._limits
+        view = yield from self.render(
+            RenderRequest(path_class, encoded=not limits.world_encoding), (1, 0)
+        )
+        found.open_view = view
+        if limits.world_encoding:
+            scale = view.channels().max(axis=0)
+            spread = scale - view.channels().min(axis=0)
+            found.coloured = bool(np.any(spread > _GREY_TOLERANCE * scale))
+        amplitude = self.amplitude(view)
+        found.total = self.power(amplitude)
+        return amplitude
+
+    def orders_from_2(self) -> Generator[RenderRequest, View, tuple[Real, View | None]]:
+        """Everything above order 1, up to the limit: amplitudes, and the view of them."""
+        found, limits = self._found, self._limits
+        if limits.max_reflections == 1:
+            return np.zeros_like(self._weight), None
+        path_class = PathClass(order_min=2, order_max=limits.max_reflections)
+        encoded = limits.all_opaque or not limits.world_encoding
+        view = yield from self.render(RenderRequest(path_class, encoded=encoded), (2, 0))
+        later = self.amplitude(view)
+        found.total += self.power(later)
+        return later, view
+
+    def depths_of(
+        self, order: int, base: Real, only: View | None = None
+    ) -> Generator[RenderRequest, View, None]:
+        """All depths of one order, until they add up to `base`. Lobes are left to chance.
+
+        `only` is the view of `base` where there is no depth but 0.
+        An empty path class is no reason to stop (a wholly transparent layer leaves a hole).
+        """
+        left, limits = base.copy(), self._limits
+        region = bounding_region(base > 0)
+        for depth in range(limits.max_depth + 1):
+            path_class = PathClass(order, order, depth, depth)
+            layer = yield from self.layer(order, depth, path_class, region, only)
+            left -= layer.amplitude
+            if self.power(np.abs(left)) <= limits.max_unfollowed_fraction * self._found.total:
+                break
+            # Below this it is rounding of what was found.
+            region = bounding_region(left > _ROUNDING * base)
+        self._found.truncated_transparency += self.power(np.maximum(left, 0.0))
+
+    def first_order_in_turn(self) -> Generator[RenderRequest, View, bool]:
+        """Order 1, with every Radar Material in front of the path class passed deterministically.
+
+        How far to go is read from what is seen, not from a render of all that is left: in that one
+        lobes are left to chance, and a small target behind a pane would go missing whenever the lot
+        falls on the pane's reflection. Only from time to time is such a tail rendered, to end a
+        long chain of layers whose rest may stay unfollowed, and at the end, to tell what lies
+        beyond the last path class. Return whether anything is seen at all.
+        """
+        found, limits = self._found, self._limits
+        left, in_layers = 0.0, 0.0
+        region: Region | None = None
+        for depth in range(limits.max_depth + 1):
+            if depth and depth % _TAIL_EVERY == 0:
+                left = yield from self._tail(depth, region)
+                if left <= limits.max_unfollowed_fraction * (in_layers + left):
+                    break
+            path_class = PathClass(1, 1, depth, depth, surface_depth=depth)
+            layer = yield from self.layer(1, depth, path_class, region)
+            if depth == 0:
+                found.open_view = layer.encoded
+            in_layers += self.power(layer.amplitude)
+            open_pixels = self._lets_through(layer.encoded)
+            left = 0.0
+            if not open_pixels.any():
+                break
+            region = bounding_region(open_pixels)
+        else:
+            left = yield from self._tail(limits.max_depth + 1, region)
+        found.total = in_layers + left
+        found.truncated_transparency += left
+        index = found.open_view.object_index if found.open_view is not None else None
+        return index is None or bool(np.any(index > 0))
+
+    def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
+        """Power of order 1 at this depth and behind, lobes behind it left to chance."""
+        path_class = PathClass(1, 1, depth, None, surface_depth=depth)
+        encoded = not self._limits.world_encoding
+        view = yield from self.render(RenderRequest(path_class, encoded=encoded, region=region))
+        return self.power(self.amplitude(view))
+
+    def _lets_through(self, view: View) -> NDArray[np.bool_]:
+        """Pixels in which something may lie behind the surface that was seen."""
+        if view.object_index is None:
+            return np.ones(view.blue.shape, dtype=bool)
+        closed = np.isin(view.object_index, [0, *self._limits.opaque])
+        return np.asarray(~closed)
+
+    def layer(
+        self,
+        order: int,
+        depth: int,
+        path_class: PathClass,
+        region: Region | None,
+        encoded: View | None = None,
+    ) -> Generator[RenderRequest, View, PathClassLayer]:
+        coloured = self._found.coloured
+        if encoded is None:
+            encoded = yield from self.render(
+                RenderRequest(path_class, region=region, all_channels=coloured),
+                (order, depth),
+                echoes=True,
+            )
+        plain = None
+        if coloured:
+            plain = yield from self.render(RenderRequest(path_class, encoded=False, region=region))
+        amplitude = self.amplitude(plain or encoded)
+        least = self._limits.polarised_from
+        certain = path_class.surface_depth is not None
+        if certain and least is not None and depth >= least and np.any(amplitude > 0):
+            view = yield from self.render(
+                RenderRequest(path_class, encoded=False, by_polarisation=True, region=region)
+            )
+            amplitude = mean_of_polarisations(view, amplitude)
+        vertex = white = None
+        if order > 1 and np.any(amplitude > 0):
+            marks = self._marks.found(order, depth, coloured, amplitude)
+            if marks is None:
+                vertex = yield from self.render(
+                    RenderRequest(path_class, vertex=True, region=region, all_channels=coloured),
+                    self._marks.after(order, depth),
+                )
+            else:
+                vertex, white = marks
+        first = depth == 0 or path_class.surface_depth is not None
+        layer = PathClassLayer(order, depth, amplitude, encoded, plain, vertex, white, first)
+        if np.any(amplitude > 0):
+            self._found.layers.append(layer)
+        return layer
+
+
+def amplitude_of(view: View, channel: str) -> Real:
+    """Return the channel that is the amplitude: "R", "G", "B" or "mean"."""
+    if channel == "mean":
+        red, green, blue = view.channels()
+        return np.asarray((red + green + blue) / 3)
+    planes = {"R": view.red, "G": view.green, "B": view.blue}
+    return planes[channel].astype(np.float64)
+
+
+def mean_of_polarisations(view: View, amplitude: Real) -> Real:
+    """Return the amplitude with the mean of both polarisations on each of the two ways.
+
+    The view has p on both ways in red, s on the first or the last way in green and blue. s on both
+    follows: the ways are independent factors of a path. `amplitude` stays where p passes nothing.
+    """
+    red, green, blue = view.channels()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        both_s = green * blue / red
+    mean = (red + green + blue + both_s) / 4
+    return np.where((red > 0) & (amplitude > 0), mean, amplitude)
 
 
 class MarkedVertices:
-    """Marks of path classes in the renders of one tile replicate.
+    """Marks of last vertices in the renders of one tile replicate.
 
-    Parameters
-    ----------
-    max_reflections, max_depth, all_opaque
-        As in `TraceLimits`.
-    enabled
-        Whether renders can bring marks.
+    The place of a last vertex is the ratio of two renders of its path class's marks: with the place
+    in their colours, and white. Every render with the same random paths can bring one of the two,
+    whatever path class the transmitter shines on in it. A class with both needs no render of its
+    own for them.
     """
 
-    def __init__(
-        self, max_reflections: int, max_depth: int, all_opaque: bool, enabled: bool
-    ) -> None:
-        self._max_reflections, self._max_depth = max_reflections, max_depth
-        self._all_opaque, self._enabled = all_opaque, enabled
+    def __init__(self, limits: TraceLimits) -> None:
+        self._limits = limits
         #: Renders of marks; the second key is whether their blue has range encoding.
         self._views: dict[tuple[VertexMark, bool], View] = {}
 
@@ -74,26 +373,17 @@ class MarkedVertices:
     ) -> VertexMark | None:
         """Return what a render should mark: half of the marks of a path class or of the next ones.
 
-        Parameters
-        ----------
-        request
-            The render.
-        path_class
-            Order and depth of the first one of which something may be left.
-        echoes
-            The render is that of the echoes of this class. If it has none of its marks yet, half of
-            them is of no use: the transmitter's colours will have to tell the vertex.
-
-        Returns
-        -------
-        VertexMark or None
-            None where nothing is left to mark, or the paths would not be those of the renders that
-            bring the other half.
+        `path_class` has order and depth of the first one of which something may be left. `echoes`:
+        the render is that of the echoes of this class. If it has none of its marks yet, half of
+        them is of no use: the transmitter's colours will have to tell the vertex. None where
+        nothing is left to mark, or the paths would not be those of the renders that bring the other
+        half.
         """
         asked = request.path_class
         # Rays that pass surfaces with certainty take other paths than rays that leave it to chance.
-        certain = asked.surface_depth is not None and not self._all_opaque
-        if not self._enabled or not request.encoded or certain or asked.order_max is None:
+        limits = self._limits
+        certain = asked.surface_depth is not None and not limits.all_opaque
+        if not limits.vertex_marks or not request.encoded or certain or asked.order_max is None:
             return None
         if path_class[0] == 1:  # its vertex is known
             path_class, echoes = (2, 0), False
@@ -101,7 +391,7 @@ class MarkedVertices:
             path_class = self.after(*path_class)
         # A ray meets one more surface than it is reflected by; but if it may only end there, it
         # passes what is transparent before with certainty.
-        highest = asked.order_max + self._all_opaque
+        highest = asked.order_max + limits.all_opaque
         for order, depth in self._classes(*path_class):
             if order > highest:
                 return None
@@ -133,18 +423,14 @@ class MarkedVertices:
 
     def after(self, order: int, depth: int) -> tuple[int, int]:
         """Return the next path class of which something may be left."""
-        return (order + 1, 0) if self._all_opaque else (order, depth + 1)
+        return (order + 1, 0) if self._limits.all_opaque else (order, depth + 1)
 
     def _classes(self, order: int, depth: int) -> Iterator[tuple[int, int]]:
         """This path class and those after it."""
-        while order <= self._max_reflections and depth <= self._max_depth:
+        limits = self._limits
+        while order <= limits.max_reflections and depth <= limits.max_depth:
             yield order, depth
             order, depth = self.after(order, depth)
-
-
-# -------------------------------------------------------------------------------------------------
-# From the renders of one view to rows of the path table. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
 
 
 def rows_of_replicate(
@@ -155,21 +441,8 @@ def rows_of_replicate(
 ) -> PathRows:
     """Make the rows of all paths of one tile replicate, path class by path class.
 
-    Parameters
-    ----------
-    traced
-        What was found.
-    shared
-        Rays and transmitter.
-    metres_per_unit
-        Length of a Blender unit [m].
-    vertex_map
-        Origin (3,) and scale of the last vertex in the transmitter's colour, Blender units.
-
-    Returns
-    -------
-    ndarray
-        (paths,), of `PATH_DTYPE`.
+    `shared` has rays and transmitter; `vertex_map` origin (3,) and scale of the last vertex in the
+    transmitter's colour, Blender units.
     """
     found = [np.flatnonzero(layer.amplitude > 0) for layer in traced.layers]
     rows = np.zeros(sum(index.size for index in found), dtype=PATH_DTYPE)
@@ -179,42 +452,6 @@ def rows_of_replicate(
         assemble_rows(pixels, index, shared, rows[start : start + index.size])
         start += index.size
     return rows
-
-
-def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
-    """Return where the rays of these rows start, (paths, 3), or (3,) where it is one place for all.
-
-    Parameters
-    ----------
-    traced
-        What was found.
-    origin_m
-        Of all pixels, (3,) or (h, w, 3).
-
-    Returns
-    -------
-    ndarray
-    """
-    if origin_m.ndim == 1:
-        return origin_m
-    parts = [origin_m[layer.amplitude > 0] for layer in traced.layers]
-    return np.concatenate(parts) if parts else np.empty((0, 3))
-
-
-def pixel_numbers(traced: TracedReplicate) -> Indices:
-    """Return the pixel of each of these rows, counted row by row from 1, (paths,).
-
-    Parameters
-    ----------
-    traced
-        What was found.
-
-    Returns
-    -------
-    ndarray
-    """
-    parts = [np.flatnonzero(layer.amplitude > 0) + 1 for layer in traced.layers]
-    return np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
 
 
 def _pixels(
@@ -275,32 +512,33 @@ def _coloured_ratio(encoded: Real, plain: Real) -> Real:
     return np.asarray(np.take_along_axis(ratios, best[None], axis=0)[0])
 
 
-# -------------------------------------------------------------------------------------------------
-# Power of the orders above the limit, from one render. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
+def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
+    """Return where the rays of these rows start, (paths, 3) [m], or (3,) for one place for all.
+
+    `origin_m` is that of all pixels, (3,) or (h, w, 3).
+    """
+    if origin_m.ndim == 1:
+        return origin_m
+    parts = [origin_m[layer.amplitude > 0] for layer in traced.layers]
+    return np.concatenate(parts) if parts else np.empty((0, 3))
 
 
-#: Orders above the limit whose power is measured, without following their paths.
-_PROBED_ORDERS = 4
+def pixel_numbers(traced: TracedReplicate) -> Indices:
+    """Return the pixel of each of these rows, counted row by row from 1, (paths,)."""
+    parts = [np.flatnonzero(layer.amplitude > 0) + 1 for layer in traced.layers]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
 
 
 @dataclass(frozen=True)
 class PowerBeyond:
-    """Power of the orders above the limit: W per square Blender unit.
+    """Power of the orders above the limit: W per square Blender unit."""
 
-    Attributes
-    ----------
-    power, variance
-        Their power, and the square of its standard error.
-    strongest_ray
-        Most power that one ray brought.
-    pixels_per_ray
-        Pixels of the frame that share a ray.
-    """
-
+    #: Their power, and the square of its standard error.
     power: float = 0.0
     variance: float = 0.0
+    #: Most power that one ray brought.
     strongest_ray: float = 0.0
+    #: Pixels of the frame that share a ray.
     pixels_per_ray: float = 1.0
 
 
@@ -309,431 +547,21 @@ def look_beyond(
 ) -> Generator[RenderRequest, View, PowerBeyond]:
     """Measure the power of the next `_PROBED_ORDERS` orders, whose paths are not followed.
 
-    Parameters
-    ----------
-    limits
-        As for `trace_replicate`.
-    weight
-        As for `trace_replicate`.
-    pixels_per_ray
-        Pixels of the frame for each pixel of this view.
-    coloured
-        Whether `trace_replicate` found colours in the scene.
-
-    Yields
-    ------
-    RenderRequest
-        Its only render.
-
-    Returns
-    -------
-    PowerBeyond
+    `coloured` is what `trace_replicate` found of the scene.
     """
     view = yield RenderRequest(orders_beyond(limits), encoded=not limits.world_encoding)
     return power_seen_beyond(limits, view, weight, pixels_per_ray, coloured)
 
 
 def orders_beyond(limits: TraceLimits) -> PathClass:
-    """Return the orders whose power is measured.
-
-    Parameters
-    ----------
-    limits
-        As for `trace_replicate`.
-
-    Returns
-    -------
-    PathClass
-    """
+    """Return the orders whose power is measured."""
     return PathClass(limits.max_reflections + 1, limits.max_reflections + _PROBED_ORDERS)
 
 
 def power_seen_beyond(
     limits: TraceLimits, view: View, weight: Real, pixels_per_ray: float, coloured: bool
 ) -> PowerBeyond:
-    """Return the power in a view of `orders_beyond`.
-
-    Parameters
-    ----------
-    limits, weight, pixels_per_ray, coloured
-        As for `look_beyond`.
-    view
-        What was rendered.
-
-    Returns
-    -------
-    PowerBeyond
-    """
+    """Return the power in a view of `orders_beyond`."""
     power = amplitude_of(view, limits.amplitude_channel if coloured else "B") * weight
     strongest = float(power.max(initial=0.0))
     return PowerBeyond(float(power.sum()), variance_of_sum(power), strongest, pixels_per_ray)
-
-
-#: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
-#: over a few reflections stays below it.
-_GREY_TOLERANCE = 1e-5
-#: Transparent surfaces after which it is asked whether anything worth following is left.
-_TAIL_EVERY = 4
-#: Differences of renders below this fraction of the minuend are float32 rounding.
-_ROUNDING = 1e-6
-
-
-@dataclass(frozen=True)
-class PathClassLayer:
-    """Paths of one path class, at most one a pixel: `amplitude` is their radiance, (h, w), or 0.
-
-    `encoded` is the encoded render, `plain` the same paths without range encoding (coloured
-    scenes). `vertex` (orders above 1) has the last vertex in its colours, over those of `white`; of
-    `encoded` if that is None. `position_is_first`: the encoded view's position is where the path
-    first scatters.
-    """
-
-    order: int
-    depth: int
-    amplitude: Real
-    encoded: View
-    plain: View | None = None
-    vertex: View | None = None
-    white: View | None = None
-    position_is_first: bool = True
-
-
-@dataclass
-class TracedReplicate:
-    """All that was found in one tile replicate.
-
-    Powers are sums of amplitude times weight: W per square Blender unit.
-
-    Attributes
-    ----------
-    layers
-        Paths by class.
-    open_view
-        The first render: what is seen first in each pixel.
-    total
-        Power of all orders up to the limit.
-    truncated_reflections, truncated_transparency
-        Parts of it in higher orders and behind more transparent surfaces that were not followed.
-    strongest
-        Power of the strongest path.
-    renders
-        Number of renders.
-    coloured
-        Whether the channels differ.
-    """
-
-    layers: list[PathClassLayer] = field(default_factory=list)
-    open_view: View | None = None
-    total: float = 0.0
-    truncated_reflections: float = 0.0
-    truncated_transparency: float = 0.0
-    strongest: float = 0.0
-    renders: int = 0
-    coloured: bool = False
-
-
-@dataclass(frozen=True)
-class TraceLimits:
-    """How far to follow paths.
-
-    Parameters
-    ----------
-    max_reflections
-        Most reflections.
-    max_depth
-        Most transparent surfaces on the camera's side.
-    max_unfollowed_fraction
-        Share of the total power below which what is left is not followed.
-    deterministic_transmission
-        Radar Materials that let power through are made deterministic at order 1.
-    world_encoding
-        The range encoding is in the world's volume: materials may be of any kind, coloured ones
-        too.
-    amplitude_channel
-        Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
-    polarised_from
-        Transparent surfaces from which on both polarisations are carried through all of them at
-        order 1, with `deterministic_transmission`; None: each surface takes the mean.
-    opaque
-        Numbers of objects that let nothing through, whatever the ray.
-    all_opaque
-        Nothing in the scene lets anything through, so that all paths are of depth 0.
-    vertex_marks
-        Renders can bring the marks of last vertices, see `VertexMark`.
-    """
-
-    max_reflections: int = 1
-    max_depth: int = 64
-    max_unfollowed_fraction: float = 1e-4
-    deterministic_transmission: bool = False
-    world_encoding: bool = False
-    amplitude_channel: str = "mean"
-    polarised_from: int | None = None
-    opaque: frozenset[int] = frozenset()
-    all_opaque: bool = False
-    vertex_marks: bool = False
-
-
-def trace_replicate(
-    limits: TraceLimits, weight: Real
-) -> Generator[RenderRequest, View, TracedReplicate]:
-    """Follow all paths of one tile replicate.
-
-    Parameters
-    ----------
-    limits
-        How far.
-    weight
-        Weight of each pixel's power (its solid angle), (h, w).
-
-    Yields
-    ------
-    RenderRequest
-        The render that is needed next; send the `View` that came out of it.
-
-    Returns
-    -------
-    TracedReplicate
-        What was found.
-    """
-    found = TracedReplicate()
-    tracer = _Tracer(limits, weight, found)
-    lowest, view = 1, None
-    if limits.deterministic_transmission:
-        anything = yield from tracer.first_order_in_turn()
-        if not anything:
-            return found
-        lowest = 2
-        left, view = yield from tracer.orders_from_2()
-    else:
-        # The world's range encoding leaves paths as they are: the sum needs none. Materials that
-        # carry it weigh their lobes by it, so switching it would change the paths.
-        left = yield from tracer.open_render(PathClass(order_max=limits.max_reflections))
-    # Where nothing is of another depth than 0, the render of an order is that of its only class.
-    only = limits.all_opaque and (not limits.world_encoding or not found.coloured)
-    for order in range(lowest, limits.max_reflections + 1):
-        if tracer.power(np.abs(left)) <= limits.max_unfollowed_fraction * found.total:
-            break
-        if order == limits.max_reflections == lowest:
-            base = left  # what is left holds no other order
-        else:
-            path_class = PathClass(order_min=order, order_max=order)
-            view = yield from tracer.render(
-                RenderRequest(path_class, encoded=only or not limits.world_encoding),
-                (order, 0),
-                echoes=only,
-            )
-            base = tracer.amplitude(view)
-        if tracer.power(base) > 0:
-            yield from tracer.depths_of(order, base, view if only else None)
-        left = left - base
-    found.truncated_reflections = tracer.power(np.maximum(left, 0.0))
-    powers = (np.max(layer.amplitude * weight, initial=0.0) for layer in found.layers)
-    found.strongest = float(max(powers, default=0.0))
-    return found
-
-
-def amplitude_of(view: View, channel: str) -> Real:
-    """The channel that is the amplitude: "R", "G", "B" or "mean"."""
-    if channel == "mean":
-        red, green, blue = view.channels()
-        return np.asarray((red + green + blue) / 3)
-    planes = {"R": view.red, "G": view.green, "B": view.blue}
-    return planes[channel].astype(np.float64)
-
-
-class _Tracer:
-    """The steps of :func:`trace_replicate` with their common state."""
-
-    def __init__(self, limits: TraceLimits, weight: Real, found: TracedReplicate) -> None:
-        self._limits = limits
-        self._weight = weight
-        self._found = found
-        self._marks = MarkedVertices(
-            limits.max_reflections, limits.max_depth, limits.all_opaque, limits.vertex_marks
-        )
-
-    def render(
-        self,
-        request: RenderRequest,
-        path_class: tuple[int, int] | None = None,
-        echoes: bool = False,
-    ) -> Generator[RenderRequest, View, View]:
-        """Make a render; it marks vertices of a path class, or of one after it: see `choose`."""
-        if path_class is not None:
-            mark = self._marks.choose(request, path_class, echoes)
-            request = dataclasses.replace(request, mark=mark)
-        view = yield request
-        self._found.renders += 1
-        self._marks.keep(request, view)
-        return view
-
-    def power(self, amplitude: Real) -> float:
-        return float(np.sum(amplitude * self._weight))
-
-    def amplitude(self, view: View) -> Real:
-        """The channel that is the amplitude; blue, unless the scene is coloured."""
-        return amplitude_of(view, self._limits.amplitude_channel if self._found.coloured else "B")
-
-    def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
-        """What the path classes must add up to; also tells whether the scene is coloured."""
-        found, limits = self._found, self._limits
-        view = yield from self.render(
-            RenderRequest(path_class, encoded=not limits.world_encoding), (1, 0)
-        )
-        found.open_view = view
-        found.coloured = limits.world_encoding and _is_coloured(view)
-        amplitude = self.amplitude(view)
-        found.total = self.power(amplitude)
-        return amplitude
-
-    def orders_from_2(self) -> Generator[RenderRequest, View, tuple[Real, View | None]]:
-        """Everything above order 1, up to the limit: amplitudes, and the view of them."""
-        found, limits = self._found, self._limits
-        if limits.max_reflections == 1:
-            return np.zeros_like(self._weight), None
-        path_class = PathClass(order_min=2, order_max=limits.max_reflections)
-        encoded = limits.all_opaque or not limits.world_encoding
-        view = yield from self.render(RenderRequest(path_class, encoded=encoded), (2, 0))
-        later = self.amplitude(view)
-        found.total += self.power(later)
-        return later, view
-
-    def depths_of(
-        self, order: int, base: Real, only: View | None = None
-    ) -> Generator[RenderRequest, View, None]:
-        """All depths of one order, until they add up to `base`. Lobes are left to chance.
-
-        `only` is the view of `base` where there is no depth but 0.
-        An empty path class is no reason to stop (a wholly transparent layer leaves a hole).
-        """
-        left = base.copy()
-        region = bounding_region(base > 0)
-        for depth in range(self._limits.max_depth + 1):
-            path_class = PathClass(order, order, depth, depth)
-            layer = yield from self.layer(order, depth, path_class, region, only)
-            left -= layer.amplitude
-            if self._spent(left):
-                break
-            # Below this it is rounding of what was found.
-            region = bounding_region(left > _ROUNDING * base)
-        self._found.truncated_transparency += self.power(np.maximum(left, 0.0))
-
-    def first_order_in_turn(self) -> Generator[RenderRequest, View, bool]:
-        """Order 1, with every Radar Material in front of the path class passed deterministically.
-
-        How far to go is read from what is seen, not from a render of all that is left: in that
-        one lobes are left to chance, and a small target behind a pane would go missing whenever
-        the lot falls on the pane's reflection. Only from time to time is such a tail rendered,
-        to end a long chain of layers whose rest may stay unfollowed, and at the end, to tell
-        what lies beyond the last path class.
-
-        Returns
-        -------
-        bool
-            Whether anything is seen at all.
-        """
-        found, limits = self._found, self._limits
-        left, in_layers = 0.0, 0.0
-        region: Region | None = None
-        for depth in range(limits.max_depth + 1):
-            if depth and depth % _TAIL_EVERY == 0:
-                left = yield from self._tail(depth, region)
-                if left <= limits.max_unfollowed_fraction * (in_layers + left):
-                    break
-            path_class = PathClass(1, 1, depth, depth, surface_depth=depth)
-            layer = yield from self.layer(1, depth, path_class, region)
-            if depth == 0:
-                found.open_view = layer.encoded
-            in_layers += self.power(layer.amplitude)
-            open_pixels = self._lets_through(layer.encoded)
-            left = 0.0
-            if not open_pixels.any():
-                break
-            region = bounding_region(open_pixels)
-        else:
-            left = yield from self._tail(limits.max_depth + 1, region)
-        found.total = in_layers + left
-        found.truncated_transparency += left
-        index = found.open_view.object_index if found.open_view is not None else None
-        return index is None or bool(np.any(index > 0))
-
-    def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
-        """Power of order 1 at this depth and behind, lobes behind it left to chance."""
-        path_class = PathClass(1, 1, depth, None, surface_depth=depth)
-        encoded = not self._limits.world_encoding
-        view = yield from self.render(RenderRequest(path_class, encoded=encoded, region=region))
-        return self.power(self.amplitude(view))
-
-    def _lets_through(self, view: View) -> NDArray[np.bool_]:
-        """Pixels in which something may lie behind the surface that was seen."""
-        if view.object_index is None:
-            return np.ones(view.blue.shape, dtype=bool)
-        closed = np.isin(view.object_index, [0, *self._limits.opaque])
-        return np.asarray(~closed)
-
-    def layer(
-        self,
-        order: int,
-        depth: int,
-        path_class: PathClass,
-        region: Region | None,
-        encoded: View | None = None,
-    ) -> Generator[RenderRequest, View, PathClassLayer]:
-        coloured = self._found.coloured
-        if encoded is None:
-            encoded = yield from self.render(
-                RenderRequest(path_class, region=region, all_channels=coloured),
-                (order, depth),
-                echoes=True,
-            )
-        plain = None
-        if coloured:
-            plain = yield from self.render(RenderRequest(path_class, encoded=False, region=region))
-        amplitude = self.amplitude(plain or encoded)
-        if self._is_polarised(path_class, depth) and np.any(amplitude > 0):
-            view = yield from self.render(
-                RenderRequest(path_class, encoded=False, by_polarisation=True, region=region)
-            )
-            amplitude = mean_of_polarisations(view, amplitude)
-        vertex = white = None
-        if order > 1 and np.any(amplitude > 0):
-            marks = self._marks.found(order, depth, coloured, amplitude)
-            if marks is None:
-                vertex = yield from self.render(
-                    RenderRequest(path_class, vertex=True, region=region, all_channels=coloured),
-                    self._marks.after(order, depth),
-                )
-            else:
-                vertex, white = marks
-        first = depth == 0 or path_class.surface_depth is not None
-        layer = PathClassLayer(order, depth, amplitude, encoded, plain, vertex, white, first)
-        if np.any(amplitude > 0):
-            self._found.layers.append(layer)
-        return layer
-
-    def _is_polarised(self, path_class: PathClass, depth: int) -> bool:
-        least = self._limits.polarised_from
-        return path_class.surface_depth is not None and least is not None and depth >= least
-
-    def _spent(self, left: Real) -> bool:
-        return self.power(np.abs(left)) <= self._limits.max_unfollowed_fraction * self._found.total
-
-
-def mean_of_polarisations(view: View, amplitude: Real) -> Real:
-    """Return the amplitude with the mean of both polarisations on each of the two ways.
-
-    The view has p on both ways in red, s on the first or the last way in green and blue. s on both
-    follows: the ways are independent factors of a path. `amplitude` stays where p passes nothing.
-    """
-    red, green, blue = view.channels()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        both_s = green * blue / red
-    mean = (red + green + blue + both_s) / 4
-    return np.where((red > 0) & (amplitude > 0), mean, amplitude)
-
-
-def _is_coloured(view: View) -> bool:
-    scale = view.channels().max(axis=0)
-    spread = scale - view.channels().min(axis=0)
-    return bool(np.any(spread > _GREY_TOLERANCE * scale))

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What one render is asked for and what comes out of it: path classes, regions, views.
 
-Does not import bpy.
+A `ViewWindow` is the part of the receiver's image that a tile has. A `RenderRequest` asks for the
+paths of a `PathClass` in a `Region` of it, and a `View` has their light. Does not import bpy.
 """
 
 from __future__ import annotations
@@ -18,11 +19,6 @@ from numpy.typing import NDArray
 from ...arrays import Indices, Real, Single
 from ...contract import ReceiverRecord
 
-# -------------------------------------------------------------------------------------------------
-# The part of the receiver's image that one render contains, and its seed. No bpy.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Rays that are enough for a sum, and pixels per side of those that share a ray, at most.
 _ENOUGH_RAYS, _MOST_SHARED = 4096, 4
 
@@ -31,14 +27,7 @@ _ENOUGH_RAYS, _MOST_SHARED = 4096, 4
 class ViewWindow:
     """A part of the field of view: its edges in the camera's coordinates, and its pixels.
 
-    Attributes
-    ----------
-    left, right, bottom, top
-        Edges: tangents, metres (orthographic), or longitude and latitude [rad] (`sphere`).
-    width_px, height_px
-        Pixels.
-    sphere
-        Whether the coordinates are longitude and latitude.
+    The edges are tangents, metres (orthographic), or longitude and latitude [rad] (`sphere`).
     """
 
     left: float
@@ -81,9 +70,7 @@ class ViewWindow:
     def edges_of(
         self, offset_px: tuple[float, float], across: int, down: int
     ) -> tuple[float, float, float, float]:
-        """Return left, right, bottom and top of so many pixels from the upper left corner, moved by
-        fractions of a pixel.
-        """
+        """Return the edges of so many pixels from the upper left corner, moved by `offset_px`."""
         left = self.left + offset_px[0] * self.step_u
         top = self.top + offset_px[1] * self.step_v
         return left, left + across * self.step_u, top - down * self.step_v, top
@@ -97,71 +84,33 @@ class ViewWindow:
         )
 
 
-def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:
-    """Return Cycles' seed for one replicate of a tile. It does not depend on the tiles' order.
-
-    Parameters
-    ----------
-    seed
-        Seed of the run.
-    window
-        The tile.
-    replicate
-        Number of the replicate, from 0.
-
-    Returns
-    -------
-    int
-        From 0 to 2**31 - 1.
-    """
-    edges = (window.left, window.right, window.bottom, window.top)
-    key = struct.pack("<4q4d", seed, replicate, window.width_px, window.height_px, *edges)
-    return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1
-
-
-#: Regions larger than this fraction of the view are rendered as the whole view.
-_LARGEST_REGION = 0.85
-
-
 @dataclass(frozen=True)
 class PathClass:
     """Paths that the transmitter shines on, by reflections and by transparent surfaces passed.
 
     Both ends are included; None is no limit.
-
-    Attributes
-    ----------
-    order_min, order_max
-        Reflections.
-    depth_min, depth_max
-        Transparent surfaces passed on the receiver's side.
-    surface_depth
-        Makes the Radar Material deterministic in front of the class: camera rays pass straight
-        through (with their transmission as weight) while fewer transparent surfaces than this lie
-        behind them. None leaves lobes to chance.
     """
 
+    #: Reflections.
     order_min: int = 1
     order_max: int | None = None
+    #: Transparent surfaces passed on the receiver's side.
     depth_min: int = 0
     depth_max: int | None = None
+    #: Makes the Radar Material deterministic in front of the class: camera rays pass straight
+    #: through (with their transmission as weight) while fewer transparent surfaces than this lie
+    #: behind them. None leaves lobes to chance.
     surface_depth: int | None = None
 
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the pixels of a view.
+    """A rectangle of the pixels of a view; row 0 is the top one."""
 
-    Attributes
-    ----------
-    left, right
-        First column, and the one after the last.
-    top, bottom
-        First row, and the one after the last; row 0 is the top one.
-    """
-
+    #: First column, and the one after the last.
     left: int
     right: int
+    #: First row, and the one after the last.
     top: int
     bottom: int
 
@@ -172,81 +121,55 @@ class VertexMark:
 
     It comes in a light group of its own and leaves the transmitter's as it is. The colours of a
     render with `place` over those of a render without it tell where the vertex is.
-
-    Attributes
-    ----------
-    order, depth
-        The path class: reflections, and transparent surfaces passed on the receiver's side.
-    place
-        The colours tell where the surface is; else they are white. Both are dimmed by the way
-        from the receiver to the surface, by the same factor in all renders with the same paths.
     """
 
+    #: The path class: reflections, and transparent surfaces passed on the receiver's side.
     order: int
     depth: int
+    #: The colours tell where the surface is; else they are white. Both are dimmed by the way from
+    #: the receiver to the surface, by the same factor in all renders with the same paths.
     place: bool
 
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """One render.
+    """One render."""
 
-    Attributes
-    ----------
-    path_class
-        Paths that echo.
-    encoded
-        With range encoding; a plain render tells the amplitude.
-    vertex
-        The transmitter's colours tell where it shines: the last vertex.
-    region
-        The only pixels that can hold something (the others are 0 in the view); None: all.
-    all_channels
-        Range encoding in blue, too.
-    by_polarisation
-        Red, green and blue are the two polarisations instead of the range encoding: see
-        `attributes.ATTR_BY_POLARISATION`.
-    mark
-        Last vertices that shine besides; None: none.
-    beyond
-        Orders of which the same render makes a second view, of the same rays; the transparent
-        surfaces are those of `path_class`. For scenes that have a second view.
-    """
-
+    #: Paths that echo.
     path_class: PathClass
+    #: With range encoding; a plain render tells the amplitude.
     encoded: bool = True
+    #: The transmitter's colours tell where it shines: the last vertex.
     vertex: bool = False
+    #: The only pixels that can hold something (the others are 0 in the view); None: all.
     region: Region | None = None
+    #: Range encoding in blue, too.
     all_channels: bool = False
+    #: Red, green and blue are the two polarisations instead of the range encoding: see
+    #: `attributes.ATTR_BY_POLARISATION`.
     by_polarisation: bool = False
+    #: Last vertices that shine besides; None: none.
     mark: VertexMark | None = None
+    #: Orders of which the same render makes a second view, of the same rays; the transparent
+    #: surfaces are those of `path_class`. For scenes that have a second view.
     beyond: PathClass | None = None
 
 
 @dataclass(frozen=True)
 class View:
-    """What came out of one render, arrays of h x w pixels; float32 where Cycles made them.
+    """What came out of one render, arrays of h x w pixels; float32 where Cycles made them."""
 
-    Attributes
-    ----------
-    red, green, blue
-        Light of the radar's transmitter, per square Blender unit.
-    position
-        First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
-    object_index
-        Its object's number in the run's list, 0 where there is none.
-    marks
-        Light of the vertices that the request has marked; None where it has none.
-    beyond
-        Light of the transmitter in the second view, if one was asked for.
-    """
-
+    #: Light of the radar's transmitter, per square Blender unit.
     red: Real | Single
     green: Real | Single
     blue: Real | Single
+    #: First surface seen, world space in Blender units, (h, w, 3); NaN where there is none.
     position: Real | Single | None = None
+    #: Its object's number in the run's list, 0 where there is none.
     object_index: NDArray[np.int32] | None = None
+    #: Light of the vertices that the request has marked; None where it has none.
     marks: View | None = None
+    #: Light of the transmitter in the second view, if one was asked for.
     beyond: View | None = None
 
     def only(self, pixels: NDArray[np.bool_]) -> View:
@@ -267,6 +190,13 @@ class View:
         """Return red, green and blue of pixels, counted row by row, (3, n)."""
         planes = (self.red, self.green, self.blue)
         return np.stack([plane.take(pixels) for plane in planes], dtype=np.float64)
+
+
+def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:
+    """Return Cycles' seed for one replicate of a tile, whatever the order of the tiles."""
+    edges = (window.left, window.right, window.bottom, window.top)
+    key = struct.pack("<4q4d", seed, replicate, window.width_px, window.height_px, *edges)
+    return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1
 
 
 def variance_of_sum(power: Real) -> float:
@@ -291,4 +221,4 @@ def bounding_region(pixels: NDArray[np.bool_]) -> Region | None:
         return Region(0, 1, 0, 1)
     region = Region(int(cols[0]), int(cols[-1]) + 1, int(rows[0]), int(rows[-1]) + 1)
     area = (region.right - region.left) * (region.bottom - region.top)
-    return None if area > _LARGEST_REGION * pixels.size else region
+    return None if area > 0.85 * pixels.size else region

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Puts a scene into the state for one path per pixel, and makes the renders of that state.
 
-On top of the measuring settings of the rings: a camera of our own that can look at any part of
-the field of view, one sample through the pixel centre, and render passes for position and object.
-Where the materials do not carry the range encoding, a world volume does.
+On top of the measuring settings of the rings: a camera of our own that can look at any part of the
+field of view, one sample through the pixel centre, and render passes for position and object. Where
+the materials do not carry the range encoding, a world volume does.
+
+`PathScene.begin` sets the path class of a `RenderRequest`, `render` writes a multilayer EXR file,
+and `end` reads the `View` from it (`read_views`). Up to Blender 4.5 such a file has one part, from
+5.0 on a part for each pass; channels are named ``Layer.Pass.Component`` in both, or
+``Layer.Pass.View.Component``.
 """
 
 from __future__ import annotations
@@ -12,6 +17,7 @@ import contextlib
 import dataclasses
 import shutil
 from collections.abc import Collection, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,141 +61,6 @@ from .view_setup import (
     set_format,
 )
 
-# -------------------------------------------------------------------------------------------------
-# Reads the multilayer EXR files that Blender just wrote: passes by name. Does not import bpy.
-#
-# Up to Blender 4.5 such a file has one part, from 5.0 on a part for each pass; channels are named
-# ``Layer.Pass.Component`` in both, or ``Layer.Pass.View.Component``.
-# -------------------------------------------------------------------------------------------------
-
-
-def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single]]:
-    """Read the wanted passes of the only view layer in a multilayer EXR, those that are there.
-
-    Pass to component ("R", "X"...) to float32 array (height, width). Of files with several views
-    the names are "pass.view". RenderError where unreadable.
-    """
-    kind, module = exr_backend()
-    names = set(wanted)
-    try:
-        read = _openexr if kind == "OpenEXR" else _openimageio
-        planes = read(module, path, names)
-    except (RuntimeError, ValueError, TypeError, OSError) as error:
-        raise RenderError(
-            f"The render in {path} cannot be read ({error}). Is the disk for temporary files full?"
-        ) from error
-    passes: dict[str, dict[str, Single]] = {}
-    for channel, plane in planes.items():
-        name = _wanted(channel, names)
-        passes.setdefault(name, {})[channel.rpartition(".")[2]] = plane
-    return passes
-
-
-def read_views(
-    path: Path,
-    lights: Sequence[str],
-    names: Sequence[str],
-    size: tuple[int, int],
-    region: Region | None,
-) -> list[View]:
-    """Read views by their names from a multilayer EXR; the only one has none: "".
-
-    `lights` are the passes of the transmitter's light, and of marks if there are any; `size` is the
-    width and height of a view, of which the file has the `region` (None: all). RenderError where a
-    light is missing.
-    """
-
-    def whole(plane: Single) -> Single:
-        return _whole(plane, size, region)
-
-    # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
-    kinds = *lights, "Position", "Object Index", "IndexOB"
-    ends = [f".{name}" if name else "" for name in names]
-    passes = read_passes(path, [kind + end for kind in kinds for end in ends])
-    views = []
-    for end in ends:
-        own: list[View] = []
-        for name in (light + end for light in lights):
-            if name not in passes:
-                raise RenderError(
-                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
-                )
-            red, green, blue = (whole(passes[name][channel]) for channel in "RGB")
-            own.append(View(red, green, blue))
-        position = number = None
-        if "Position" + end in passes:
-            place = passes["Position" + end]
-            position = np.stack([whole(place[axis]) for axis in "XYZ"], axis=-1)
-        index = passes.get("Object Index" + end) or passes.get("IndexOB" + end)
-        if index is not None:
-            number = np.rint(whole(next(iter(index.values())))).astype(np.int32)
-            if position is not None:
-                position[number == 0] = np.nan  # nothing was hit
-        light, marks = own[0], own[1] if len(own) > 1 else None
-        views.append(
-            dataclasses.replace(light, position=position, object_index=number, marks=marks)
-        )
-    return views
-
-
-def _whole(plane: Single, size: tuple[int, int], region: Region | None) -> Single:
-    """A channel over the whole view: 0 outside the region."""
-    width, height = size
-    expected = (height, width)
-    if region is not None:
-        expected = (region.bottom - region.top, region.right - region.left)
-    if plane.shape != expected:
-        raise RenderError(
-            f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
-            f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
-        )
-    if region is None:
-        return plane
-    filled = np.zeros((height, width), dtype=np.float32)
-    filled[region.top : region.bottom, region.left : region.right] = plane
-    return filled
-
-
-def _wanted(channel: str, names: Collection[str]) -> str:
-    """The wanted pass that a channel is of, "pass" or "pass.view"; empty: none."""
-    parts = channel.split(".")[:-1]
-    found = (".".join(parts[-count:]) for count in (1, 2) if len(parts) > count)
-    return next((name for name in found if name in names), "")
-
-
-def _openexr(module: Any, path: Path, names: Collection[str]) -> dict[str, Single]:
-    found: dict[str, Single] = {}
-    with module.File(str(path), separate_channels=True) as file:
-        for part in file.parts:
-            for name, channel in part.channels.items():
-                if _wanted(name, names):
-                    found[name] = np.asarray(channel.pixels, dtype=np.float32)
-    return found
-
-
-def _openimageio(module: Any, path: Path, names: Collection[str]) -> dict[str, Single]:
-    source = module.ImageInput.open(str(path))
-    if source is None:
-        raise RuntimeError(module.geterror() or "OpenImageIO cannot open it")
-    found: dict[str, Single] = {}
-    try:
-        index = 0
-        while source.seek_subimage(index, 0):
-            spec = source.spec()
-            index += 1
-            if not any(_wanted(name, names) for name in spec.channelnames):
-                continue
-            pixels = source.read_image(index - 1, 0, 0, spec.nchannels, module.FLOAT)
-            if pixels is None:
-                raise RuntimeError(source.geterror() or "OpenImageIO cannot read its pixels")
-            for number, name in enumerate(spec.channelnames):
-                if _wanted(name, names):
-                    found[name] = np.ascontiguousarray(np.asarray(pixels)[..., number])
-    finally:
-        source.close()
-    return found
-
-
 #: Renders of fewer pixels than this get one thread: more of them wait for one another longer than
 #: they save, in twice the processor time.
 _ONE_THREAD_BELOW_PX = 1 << 13
@@ -201,20 +72,12 @@ _LEAST_PX = 4
 
 
 class PathScene:
-    """The scene while paths are measured; :meth:`restore` gives it back.
+    """The scene while paths are measured; `restore` gives it back.
 
-    Parameters
-    ----------
-    scene, view_layer, camera, transmitter : bpy types
-    metres_per_unit
-    range_encoding_length_m
-        k.
-    world_encoding
-        A world volume carries the range encoding instead of Radar Materials.
-    view
-        Camera that renders, if it is in the scene already; who has made it takes it back.
-    vertex_marks
-        Whether requests may mark last vertices: all surfaces are Radar Materials, or absorb.
+    `range_encoding_length_m` is k. With `world_encoding` a world volume carries the range encoding
+    instead of Radar Materials. `view` is the camera that renders, if it is in the scene already;
+    who has made it takes it back. With `vertex_marks` requests may mark last vertices: all surfaces
+    are Radar Materials, or absorb.
     """
 
     def __init__(
@@ -312,10 +175,7 @@ class PathScene:
         return unrestored + (self._own_camera.restore() if self._own_camera else [])
 
     def remove_files(self) -> None:
-        """Remove the temporary files."""
         shutil.rmtree(self._folder, ignore_errors=True)
-
-    # -- antennas at the scene's present time ------------------------------------------------------
 
     def place(self, depsgraph: Any) -> list[list[float]]:
         """Put our camera where the receiver is at the depsgraph's time; return its pose in metres.
@@ -377,36 +237,23 @@ class PathScene:
     def look_together(self, window: ViewWindow, offsets_px: Sequence[tuple[float, float]]) -> None:
         """Say at what `look` will aim next, one after the other, for the same first request."""
         small = window.width_px * window.height_px < _ONE_THREAD_BELOW_PX
-        if (
-            self._joint is not None
-            and small
-            and min(window.width_px, window.height_px) >= _LEAST_PX
-        ):
+        fits = small and min(window.width_px, window.height_px) >= _LEAST_PX
+        if self._joint is not None and fits:
             self._joint.plan([(window, offset_px) for offset_px in offsets_px])
-
-    # -- one render --------------------------------------------------------------------------------
 
     def begin(self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None) -> None:
         """Set the path classes for a render.
 
-        Parameters
-        ----------
-        request
-            What is asked for.
-        vertex
-            Origin and scale for the last vertex, Blender units.
+        `vertex` has origin and scale for the last vertex, Blender units.
         """
         scene, path_class = self._scene, request.path_class
         self._request = request
         self._set_frame(request.region)
+        order, depth = path_class.order_max, path_class.depth_max
         scene[attributes.ATTR_ORDER_MIN] = path_class.order_min - 0.5
-        scene[attributes.ATTR_ORDER_MAX] = (
-            0.0 if path_class.order_max is None else path_class.order_max + 0.5
-        )
+        scene[attributes.ATTR_ORDER_MAX] = 0.0 if order is None else order + 0.5
         scene[attributes.ATTR_DEPTH_MIN] = path_class.depth_min + 0.5
-        scene[attributes.ATTR_DEPTH_MAX] = (
-            0.0 if path_class.depth_max is None else path_class.depth_max + 1.5
-        )
+        scene[attributes.ATTR_DEPTH_MAX] = 0.0 if depth is None else depth + 1.5
         self._set_surfaces(path_class)
         if self._second is not None:
             scene.render.use_multiview = request.beyond is not None
@@ -421,7 +268,11 @@ class PathScene:
         scene[attributes.ATTR_BY_POLARISATION] = float(request.by_polarisation)
         inverse_k = self._inverse_k if request.encoded else 0.0
         if self._world_encoding:
-            self._set_channels(request)
+            if request.encoded:
+                colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN
+                socket = self._volume.inputs["Color"]
+                if tuple(socket.default_value) != colour:  # Blender compiles the shader again
+                    socket.default_value = colour
             scene[attributes.ATTR_INVERSE_CODE_LENGTH] = 0.0
             scene[attributes.ATTR_WORLD_CODE] = inverse_k
         else:
@@ -441,16 +292,6 @@ class PathScene:
         scene[attributes.ATTR_MARK_ORDER] = 0.0 if mark is None else mark.order - 1.0
         scene[attributes.ATTR_MARK_DEPTH] = 0.0 if mark is None else mark.depth + 1.0
         scene[attributes.ATTR_MARK_SCALE] = scale if mark is not None and mark.place else 0.0
-
-    def _set_channels(self, request: RenderRequest) -> None:
-        """Which channels the world's volume attenuates; renders without range encoding do not
-        ask."""
-        if not request.encoded:
-            return
-        colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN
-        socket = self._volume.inputs["Color"]
-        if tuple(socket.default_value) != colour:  # Blender compiles the world's shader again
-            socket.default_value = colour
 
     def _set_frame(self, region: Region | None) -> None:
         """Resolution, and the border that leaves out pixels that hold nothing."""
@@ -476,23 +317,19 @@ class PathScene:
                 render.threads = threads
 
     def _set_surfaces(self, path_class: PathClass) -> None:
-        scene = self._scene
-        certain = path_class.surface_depth is not None
-        scene[attributes.ATTR_SURFACE_DEPTH] = (
-            (path_class.surface_depth or 0) + 0.5 if certain else 0.0
-        )
+        scene, surface_depth = self._scene, path_class.surface_depth
+        passed = 0.0 if surface_depth is None else surface_depth + 0.5
+        scene[attributes.ATTR_SURFACE_DEPTH] = passed
         # The path class itself ends camera rays; a tail (no upper limit) lets them go on.
-        stop = certain and path_class.depth_max is not None
-        scene[attributes.ATTR_SURFACE_STOP] = (path_class.surface_depth or 0) + 0.5 if stop else 0.0
+        stop = surface_depth is not None and path_class.depth_max is not None
+        scene[attributes.ATTR_SURFACE_STOP] = passed if stop else 0.0
         # Cycles is told by this of the custom properties, too: writing those from Python tells it
         # nothing, and an update tag of the whole scene would take several times as long. With rays
         # that end at the path class, position and object are those of the path class's surface.
         self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
 
     def render(self) -> None:
-        """Render and write the render passes (not for use in the UI); RenderError where Cycles
-        failed.
-        """
+        """Render and write the passes, but not in the UI; `RenderError` where Cycles failed."""
         joint, whole = self._joint, self._request.region is None
         if joint is not None and whole and joint.begins_at(self._look):
             for camera, look in zip(joint.cameras, joint.looks, strict=True):
@@ -538,3 +375,127 @@ class PathScene:
         with contextlib.suppress(OSError):  # a file that is written over goes to the disk at once
             path.unlink()
         return views
+
+
+def read_views(
+    path: Path,
+    lights: Sequence[str],
+    names: Sequence[str],
+    size: tuple[int, int],
+    region: Region | None,
+) -> list[View]:
+    """Read views by their names from a multilayer EXR; the only one has none: "".
+
+    `lights` are the passes of the transmitter's light, and of marks if there are any; `size` is the
+    width and height of a view, of which the file has the `region` (None: all). RenderError where a
+    light is missing.
+    """
+    whole = partial(_whole, size=size, region=region)
+    # Multi-part files name the same pass "Object Index" or "IndexOB" by version.
+    kinds = *lights, "Position", "Object Index", "IndexOB"
+    ends = [f".{name}" if name else "" for name in names]
+    passes = read_passes(path, [kind + end for kind in kinds for end in ends])
+    views = []
+    for end in ends:
+        own: list[View] = []
+        for name in (light + end for light in lights):
+            if name not in passes:
+                raise RenderError(
+                    f"The render has no pass {name}; found {', '.join(passes) or 'none'}."
+                )
+            red, green, blue = (whole(passes[name][channel]) for channel in "RGB")
+            own.append(View(red, green, blue))
+        position = number = None
+        if "Position" + end in passes:
+            place = passes["Position" + end]
+            position = np.stack([whole(place[axis]) for axis in "XYZ"], axis=-1)
+        index = passes.get("Object Index" + end) or passes.get("IndexOB" + end)
+        if index is not None:
+            number = np.rint(whole(next(iter(index.values())))).astype(np.int32)
+            if position is not None:
+                position[number == 0] = np.nan  # nothing was hit
+        light, marks = own[0], own[1] if len(own) > 1 else None
+        views.append(
+            dataclasses.replace(light, position=position, object_index=number, marks=marks)
+        )
+    return views
+
+
+def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single]]:
+    """Read the wanted passes of the only view layer in a multilayer EXR, those that are there.
+
+    Pass to component ("R", "X"...) to float32 array (height, width). Of files with several views
+    the names are "pass.view". RenderError where unreadable.
+    """
+    kind, module = exr_backend()
+    names = set(wanted)
+    try:
+        read = _openexr if kind == "OpenEXR" else _openimageio
+        planes = read(module, path, names)
+    except (RuntimeError, ValueError, TypeError, OSError) as error:
+        raise RenderError(
+            f"The render in {path} cannot be read ({error}). Is the disk for temporary files full?"
+        ) from error
+    passes: dict[str, dict[str, Single]] = {}
+    for channel, plane in planes.items():
+        name = _wanted(channel, names)
+        passes.setdefault(name, {})[channel.rpartition(".")[2]] = plane
+    return passes
+
+
+def _whole(plane: Single, size: tuple[int, int], region: Region | None) -> Single:
+    """A channel over the whole view: 0 outside the region."""
+    width, height = size
+    expected = (height, width)
+    if region is not None:
+        expected = (region.bottom - region.top, region.right - region.left)
+    if plane.shape != expected:
+        raise RenderError(
+            f"The render has {plane.shape[1]} x {plane.shape[0]} pixels; expected "
+            f"{expected[1]} x {expected[0]}. Report this with the scene's render settings."
+        )
+    if region is None:
+        return plane
+    filled = np.zeros((height, width), dtype=np.float32)
+    filled[region.top : region.bottom, region.left : region.right] = plane
+    return filled
+
+
+def _wanted(channel: str, names: Collection[str]) -> str:
+    """The wanted pass that a channel is of, "pass" or "pass.view"; empty: none."""
+    parts = channel.split(".")[:-1]
+    found = (".".join(parts[-count:]) for count in (1, 2) if len(parts) > count)
+    return next((name for name in found if name in names), "")
+
+
+def _openexr(module: Any, path: Path, names: Collection[str]) -> dict[str, Single]:
+    found: dict[str, Single] = {}
+    with module.File(str(path), separate_channels=True) as file:
+        for part in file.parts:
+            for name, channel in part.channels.items():
+                if _wanted(name, names):
+                    found[name] = np.asarray(channel.pixels, dtype=np.float32)
+    return found
+
+
+def _openimageio(module: Any, path: Path, names: Collection[str]) -> dict[str, Single]:
+    source = module.ImageInput.open(str(path))
+    if source is None:
+        raise RuntimeError(module.geterror() or "OpenImageIO cannot open it")
+    found: dict[str, Single] = {}
+    try:
+        index = 0
+        while source.seek_subimage(index, 0):
+            spec = source.spec()
+            index += 1
+            if not any(_wanted(name, names) for name in spec.channelnames):
+                continue
+            pixels = source.read_image(index - 1, 0, 0, spec.nchannels, module.FLOAT)
+            if pixels is None:
+                raise RuntimeError(source.geterror() or "OpenImageIO cannot read its pixels")
+            for number, name in enumerate(spec.channelnames):
+                if _wanted(name, names):
+                    found[name] = np.ascontiguousarray(np.asarray(pixels)[..., number])
+    finally:
+        source.close()
+    return found

@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Additions to a scene for one path per pixel: render passes, object numbers, world volume."""
+"""Additions to a scene for one path per pixel, each taken back by a `SettingsRestorer`.
+
+- `ViewCamera`: a camera of our own that can look at any part of the field of view.
+- `number_objects`, `add_passes`, `set_format`: passes for position and object, in EXR files.
+- `add_encoding_world`: a world volume that carries the range encoding.
+- `ImageLamps`: lamps in the places of the transmitter's images behind mirrors.
+- `add_vertex_marks`: surfaces that shine where paths of one class have their last vertex.
+- `EmptyScene`: a scene without objects, from which another one is rendered.
+"""
 
 from __future__ import annotations
 
@@ -24,27 +32,46 @@ from ..scene import NEAR_CLIP_UNITS, PATTERN_PROPERTY, reads_context
 from ..state import SettingsRestorer
 from .requests import Region
 
-# -------------------------------------------------------------------------------------------------
-# The camera of our own that can look at any part of the field of view.
-# -------------------------------------------------------------------------------------------------
-
-
 _NAME, _SECOND = "radarsim view (temporary)", "radarsim second view (temporary)"
+LIGHT_GROUP = "radarsim"
+MARK_GROUP = "radarsim_vertices"
+_WORLD = "radarsim range encoding (temporary)"
+#: Properties of the scene that tell materials and transmitter which paths count.
+PATH_GATES = (
+    attributes.ATTR_ORDER_MIN,
+    attributes.ATTR_ORDER_MAX,
+    attributes.ATTR_DEPTH_MIN,
+    attributes.ATTR_DEPTH_MAX,
+    attributes.ATTR_SURFACE_DEPTH,
+    attributes.ATTR_SURFACE_STOP,
+    attributes.ATTR_VERTEX_SCALE,
+    attributes.ATTR_MARK_ORDER,
+    attributes.ATTR_MARK_DEPTH,
+    attributes.ATTR_MARK_SCALE,
+    attributes.ATTR_WORLD_CODE,
+    attributes.ATTR_BY_POLARISATION,
+)
+#: Settings of Cycles for the number of reflections.
+BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
+#: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
+ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
+ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
+_LAMP = "radarsim image (temporary)"
+_NOTHING = "radarsim no obstacle (temporary)"
+_PREFIX = "Vertex mark: "
+_SUM = "with the surface"
+#: Reflections and transparent surfaces are whole numbers; they are equal within this.
+_SAME = 0.25
+#: Objects of the file from which on it is worth another scene.
+_MANY = 500
+_EMPTY_NAME = "radarsim empty (temporary)"
 
 
 class ViewCamera:
     """A camera that a scene renders with from now on, until `restore`.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-
-    Attributes
-    ----------
-    item : bpy.types.Object
-        The camera, at the world's origin.
-    second : bpy.types.Object
-        One more, for `SecondView`: Blender sorts all objects when one is added later.
+    `item` is the camera, at the world's origin; `second` is one more, for `SecondView`: Blender
+    sorts all objects when one is added later.
     """
 
     def __init__(self, scene: Any) -> None:
@@ -90,44 +117,8 @@ class ViewCamera:
         return self._recorder.restore()
 
 
-LIGHT_GROUP = "radarsim"
-MARK_GROUP = "radarsim_vertices"
-_WORLD = "radarsim range encoding (temporary)"
-#: Properties of the scene that tell materials and transmitter which paths count.
-PATH_GATES = (
-    attributes.ATTR_ORDER_MIN,
-    attributes.ATTR_ORDER_MAX,
-    attributes.ATTR_DEPTH_MIN,
-    attributes.ATTR_DEPTH_MAX,
-    attributes.ATTR_SURFACE_DEPTH,
-    attributes.ATTR_SURFACE_STOP,
-    attributes.ATTR_VERTEX_SCALE,
-    attributes.ATTR_MARK_ORDER,
-    attributes.ATTR_MARK_DEPTH,
-    attributes.ATTR_MARK_SCALE,
-    attributes.ATTR_WORLD_CODE,
-    attributes.ATTR_BY_POLARISATION,
-)
-#: Settings of Cycles for the number of reflections.
-BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
-
-#: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
-ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
-ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
-
-
 def set_border(render: Any, region: Region, width_px: int, height_px: int) -> None:
-    """Set the border of a render; its pixels are bit by bit those of the whole.
-
-    Parameters
-    ----------
-    render : bpy.types.RenderSettings
-        Settings of the scene.
-    region
-        What is rendered.
-    width_px, height_px
-        Size of the whole picture.
-    """
+    """Set the border of a render; its pixels are bit by bit those of the whole picture."""
     # A quarter of a pixel inside: Blender cuts the product with the width down to a whole number.
     render.border_min_x = (region.left + 0.25) / width_px
     render.border_max_x = min((region.right + 0.25) / width_px, 1.0)
@@ -183,7 +174,7 @@ def number_objects(
 ) -> tuple[list[str], frozenset[int], frozenset[int]]:
     """Give every surface a number that its pixels carry.
 
-    Returns the names, and the numbers of those that let nothing through, and that are not rendered.
+    Return the names, and the numbers of those that let nothing through, and that are not rendered.
     """
     opaque, hidden = set(), set()
     opaque_material = cache(lets_nothing_through)
@@ -198,7 +189,7 @@ def number_objects(
 
 
 def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmitter: Any) -> None:
-    """Position, object, and a light group of the transmitter alone."""
+    """Add passes for position and object, and a light group of the transmitter alone."""
     recorder.set(view_layer, "use_pass_position", True)
     recorder.set(view_layer, "use_pass_object_index", True)
     recorder.set(view_layer, "use_pass_z", False)
@@ -269,22 +260,14 @@ def _is_opaque(item: Any, opaque_material: Callable[[Any], bool]) -> bool:
     return all(opaque_material(slot.material) for slot in slots)
 
 
-# -------------------------------------------------------------------------------------------------
-# Lamps in the places of the transmitter's images, of which one at a time shines.
-#
-# An image lamp has the transmitter's own light data. Nothing blocks it: what lies between a surface
-# and the place behind a mirror is no obstacle, and what is one is found in numpy. Light linking
-# does this with a blocker collection that holds one empty mesh; an empty collection would block
-# everything. Both range encodings stay right, because the ray goes straight to the image.
-# -------------------------------------------------------------------------------------------------
-
-
-_LAMP = "radarsim image (temporary)"
-_NOTHING = "radarsim no obstacle (temporary)"
-
-
 class ImageLamps:
-    """The transmitter of a scene, and lamps in the places of its images."""
+    """The transmitter of a scene, and lamps in the places of its images: one of all shines.
+
+    An image lamp has the transmitter's own light data. Nothing blocks it: what lies between a
+    surface and the place behind a mirror is no obstacle, and what is one is found in numpy. Light
+    linking does this with a blocker collection that holds one empty mesh; an empty collection would
+    block everything. Both range encodings stay right, because the ray goes straight to the image.
+    """
 
     def __init__(self, recorder: SettingsRestorer, scene: Any, emitter: Any) -> None:
         self._recorder, self._scene, self._emitter = recorder, scene, emitter
@@ -311,7 +294,13 @@ class ImageLamps:
 
     def _add(self) -> None:
         if self._blocker is None:
-            self._make_blocker()
+            mesh = bpy.data.meshes.new(_NOTHING)
+            self._recorder.on_restore(_NOTHING, lambda: bpy.data.meshes.remove(mesh))
+            dummy = bpy.data.objects.new(_NOTHING, mesh)
+            self._recorder.on_restore(_NOTHING, lambda: bpy.data.objects.remove(dummy))
+            blocker = self._blocker = bpy.data.collections.new(_NOTHING)
+            self._recorder.on_restore(_NOTHING, lambda: bpy.data.collections.remove(blocker))
+            blocker.objects.link(dummy)
             # Changed from render to render: the recorder leaves equal values alone.
             emitter = self._emitter
             self._recorder.on_restore(
@@ -325,37 +314,16 @@ class ImageLamps:
         self._scene.collection.objects.link(lamp)
         self._lamps.append(lamp)
 
-    def _make_blocker(self) -> None:
-        mesh = bpy.data.meshes.new(_NOTHING)
-        self._recorder.on_restore(_NOTHING, lambda: bpy.data.meshes.remove(mesh))
-        dummy = bpy.data.objects.new(_NOTHING, mesh)
-        self._recorder.on_restore(_NOTHING, lambda: bpy.data.objects.remove(dummy))
-        blocker = bpy.data.collections.new(_NOTHING)
-        self._recorder.on_restore(_NOTHING, lambda: bpy.data.collections.remove(blocker))
-        blocker.objects.link(dummy)
-        self._blocker = blocker
-
-
-# -------------------------------------------------------------------------------------------------
-# Surfaces that shine where paths of one class have their last vertex.
-#
-# A render tells where that is by colours of light. The transmitter's own would have to be another
-# render. Light of the surfaces is a light group of its own, so each render has both. Cycles does
-# not sample it like a lamp (emission sampling "NONE"), so it leaves all paths as they are.
-#
-# The light is added to the node groups of the Radar Materials for the time of a measurement. A
-# surface that shines is shaded where the last ray of a path ends, which other runs do without.
-# -------------------------------------------------------------------------------------------------
-
-
-_PREFIX = "Vertex mark: "
-_SUM = "with the surface"
-#: Reflections and transparent surfaces are whole numbers; they are equal within this.
-_SAME = 0.25
-
 
 def add_vertex_marks(recorder: SettingsRestorer, scene: Any, view_layer: Any) -> None:
-    """Give all Radar Materials the light of `VertexMark`, and their objects its light group."""
+    """Give all Radar Materials the light of `VertexMark`, and their objects its light group.
+
+    A render tells where the last vertex is by colours of light. The transmitter's own would have to
+    be another render. Light of the surfaces is a light group of its own, so each render has both.
+    Cycles does not sample it like a lamp (emission sampling "NONE"), so it leaves all paths as they
+    are. A surface that shines is shaded where the last ray of a path ends, which other runs do
+    without.
+    """
     add_light_group(recorder, scene, view_layer, MARK_GROUP)
     for item in numbered_objects():
         recorder.set(item, "lightgroup", MARK_GROUP)
@@ -399,32 +367,17 @@ def _remove_light(tree: Any) -> None:
 
 
 def _surface_output(tree: Any) -> Any:
-    """The input of a group's output node that is its surface."""
+    """Return the input of a group's output node that is its surface."""
     ends = (node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
     return next(ends).inputs[SURFACE.name]
-
-
-# -------------------------------------------------------------------------------------------------
-# An empty scene from which another one is rendered.
-#
-# An operator that Python calls first evaluates the scene of the context, all objects of it: 10 ms
-# for 1000 objects, before each render. The render evaluates objects of its own, and reads none of
-# these.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Objects of the file from which on it is worth another scene.
-_MANY = 500
-_EMPTY_NAME = "radarsim empty (temporary)"
 
 
 class EmptyScene:
     """A scene without objects, which is made where it is first worth it.
 
-    Parameters
-    ----------
-    recorder
-        Removes it.
+    An operator that Python calls first evaluates the scene of the context, all objects of it: 10 ms
+    for 1000 objects, before each render. The render evaluates objects of its own, and reads none of
+    these.
     """
 
     def __init__(self, recorder: SettingsRestorer) -> None:
