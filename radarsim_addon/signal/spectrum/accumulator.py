@@ -98,7 +98,7 @@ class Spectrum:
     times_s
         Pulse times, (pulses,) [s].
     report
-        What was chosen, its cost and its error.
+        Ways that were chosen, their cost and error.
     """
 
     still: Complex
@@ -140,8 +140,8 @@ class SpectrumAccumulator:
         Frequencies come one after the other; `times_s` are then those of frequency count//2 of
         each pulse. None: all at once. Not with `extra_cycles` or folding in range.
     pulse
-        What is sent, for motion while it is under way: values are then those of the received
-        pulses. None: nothing moves meanwhile. Not with `ramp` or `extra_cycles`.
+        The transmitted pulse, for motion while it is under way: values are then those of the
+        received pulses. None: nothing moves meanwhile. Not with `ramp` or `extra_cycles`.
     interval_s
         From pulse to pulse, for folding in Doppler; None: the shortest of `times_s` [s].
     chunk

@@ -6,7 +6,7 @@ c_k of T_k. Since |T_k| <= 1, the coefficients beyond degree 1 bound the departu
 a constant range rate. Nodes are uneven, so periodic motion cannot hide between them; values at
 other times are compared with the polynomial as well.
 
-Where antenna gains change during the burst an amplitude is a(t) = sum_k c_k T_k(t): each term is
+If antenna gains change during the burst, an amplitude is a(t) = sum_k c_k T_k(t): each term is
 one more transform of all pulses, weighted with T_k afterwards, or one more product per path and
 pulse. Amplitudes that no polynomial follows, as at nulls of a pattern, are taken at every pulse.
 """
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Complex, Mask, Real
 from ..motion import Rows
-from .grid import Weights
+from .grid import Weights, chebyshev_nodes
 
 Values = TypeVar("Values", Real, Complex)
 
@@ -50,8 +50,7 @@ class BurstBasis:
         first_s, last_s = float(times_s.min()), float(times_s.max())
         self.middle_s = (first_s + last_s) / 2
         self.half_s = (last_s - first_s) / 2
-        nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
-        self.nodes_s: Real = self.middle_s + self.half_s * nodes
+        self.nodes_s: Real = self.middle_s + self.half_s * chebyshev_nodes(count)
         self.checks_s: Real = first_s + (last_s - first_s) * _CHECKS
         self._inverse = np.linalg.inv(self.at(self.nodes_s)).T
         self._at_checks = self.at(self.checks_s).T

@@ -136,7 +136,7 @@ class PulseShape:
         middle = (samples.size - 1) / 2
         #: From the middle of the pulse to its ends [s].
         self.half_s = max(middle, 0.5) / rate_hz
-        self._times = (np.arange(samples.size) - middle) / max(middle, 0.5)
+        self._times: Real = np.asarray((np.arange(samples.size) - middle) / max(middle, 0.5))
         self._bases: dict[int, NodeWeights] = {}
         #: Spectrum of the pulse, frequencies ascending, and its root mean square.
         self.spectrum = self._spectrum(samples)
@@ -154,15 +154,12 @@ class PulseShape:
 
     def _weights(self, nodes: int) -> NodeWeights:
         if nodes not in self._bases:
-            vander = np.polynomial.chebyshev.chebvander
-            inverse = np.linalg.inv(vander(_places(nodes), nodes - 1))
-            at_samples = np.asarray((vander(self._times, nodes - 1) @ inverse).T, np.float64)
-            self._bases[nodes] = self._basis(at_samples)
+            self._bases[nodes] = self._basis(lagrange(chebyshev_nodes(nodes), self._times))
         return self._bases[nodes]
 
     def times_s(self, nodes: int) -> Real:
         """Times u_j of the nodes from the middle of the pulse, (nodes,) [s]."""
-        return self.half_s * _places(nodes)
+        return self.half_s * chebyshev_nodes(nodes)
 
     def joined(self, spectra: Complex) -> Complex:
         """Spectra of the echoes from those S at each node, (..., nodes, frequencies)."""
@@ -183,7 +180,7 @@ class PulseShape:
 class CodeShape(PulseShape):
     """A code that repeats without end, received for one of its periods; samples (n,).
 
-    What is received at t_m + u, u from the middle of the period, has the delay tau(t_m + u): S is
+    A sample received at t_m + u, u from the middle of the period, has the delay tau(t_m + u): S is
     that of all samples, each of which takes it at its own time. So the sums at the nodes are turned
     into samples, and these are weighted by L_j(u).
     """
@@ -209,8 +206,16 @@ class CodeShape(PulseShape):
         return np.ones_like(rate_mps)
 
 
-def _places(nodes: int) -> Real:
-    return np.asarray(np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes))
+def chebyshev_nodes(count: int) -> Real:
+    """Zeros of T_count, within -1 and 1."""
+    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
+
+
+def lagrange(nodes: Real, places: Real) -> Real:
+    """Lagrange polynomials of nodes at places, all within -1 and 1, (nodes, places)."""
+    vander = np.polynomial.chebyshev.chebvander
+    inverse = np.linalg.inv(vander(nodes, nodes.size - 1))
+    return np.asarray((vander(places, nodes.size - 1) @ inverse).T, dtype=np.float64)
 
 
 def nodes_for(bend_rad: float, tolerance: float) -> int:
@@ -284,7 +289,7 @@ class FrequencyGrid:
 
 @dataclass(frozen=True)
 class ReceiveWindow:
-    """Which delays are received, and whether echoes of earlier pulses are among them.
+    """The delays that are received, and whether echoes of earlier pulses are among them.
 
     Attributes
     ----------
@@ -420,7 +425,7 @@ class SynthesisContext:
         return RECEPTION if self.ramp is not None else None
 
 
-def place(
+def received_rows(
     sums: SynthesisContext, length_m: Real
 ) -> tuple[slice | NDArray[np.intp], Real | None, int]:
     """Rows of the paths whose echoes are received at one pulse, their orders q (None: all 0), and

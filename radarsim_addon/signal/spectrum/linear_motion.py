@@ -10,7 +10,7 @@ at the frequencies (k df, f_n (t_m - t_b)). The first of these are regular (type
 not (type 3). Nothing is left out: range migration and the Doppler shift of every frequency are
 included.
 
-Where frequencies come one after the other, each has its own time s = t_m - t_b + k dt. A ramp that
+If frequencies come one after the other, each has its own time s = t_m - t_b + k dt. A ramp that
 is mixed with itself also leaves K tau^2 / 2 cycles; elsewhere K is 0. Phases are taken about the
 middle of all paths (`MiddleMotion`): with tau = (tau_c + beta_c s) + (x + y s), beta = beta_c + y,
 f = f_c + u and F = f_c - K tau_c,

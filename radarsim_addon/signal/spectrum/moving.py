@@ -79,7 +79,7 @@ class MovingPathAccumulator(PulseSums):
         self.fast += self._count_fast(fit.fastest_mps[fit.smooth])
         if fit.smooth.any():
             self._report.motion_error_rad = self._phase_bound_rad
-            self._left_out(amplitude[fit.smooth], self._phase_bound_rad)
+            self._add_phase_error(amplitude[fit.smooth], self._phase_bound_rad)
         linear = fit.linear & self._type3_possible()
         curved = fit.smooth & ~linear
         if curved.any():

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .amplitudes import AMPLITUDE_NODES, BurstBasis, used_terms
-from .grid import SynthesisContext, Weights, phasors, reduce_cycles
+from .grid import SynthesisContext, Weights, lagrange, phasors, reduce_cycles
 from .linear_motion import LinearRows
 from .nufft import TIGHTEST, Backend
 from .transform import (
@@ -49,8 +49,8 @@ from .transform import (
     SynthesisReport,
     Transform,
     engine_tolerance,
-    left_out_rad,
     pulse_left_out_rad,
+    ramp_left_out_rad,
 )
 
 T = TypeVar("T")
@@ -178,9 +178,7 @@ class CommonMotion:
     def at_pulses(self, spectra: Complex, sums: SynthesisContext, times_s: Real) -> Complex:
         """Spectra at pulses, (pulses, frequencies), from those at the nodes."""
         place = (times_s - self.nodes_s[0]) / (self.nodes_s[-1] - self.nodes_s[0])
-        degree = self.nodes_s.size - 1
-        vander = np.polynomial.chebyshev.chebvander
-        weights = vander(2 * place - 1, degree) @ np.linalg.inv(vander(_lobatto(degree), degree))
+        weights = lagrange(_lobatto(self.nodes_s.size - 1), 2 * place - 1).T
         found: Complex = weights @ (spectra * self._turns(sums, self.nodes_s).conj())
         found *= self._turns(sums, times_s)
         return found
@@ -204,7 +202,7 @@ class CommonMotion:
         )
 
 
-def left_out(tolerance: float) -> float:
+def interpolation_error(tolerance: float) -> float:
     """Error of the interpolation relative to sum |a|."""
     return max(_NODES_SHARE * engine_tolerance(tolerance), TIGHTEST)
 
@@ -258,7 +256,7 @@ def _degree(
     turns, light = _cycle(sums.grid.highest_hz), SPEED_OF_LIGHT_MPS
     # the last ones are rounding
     tails_rad = turns * np.cumsum(apart_m[::-1])[::-1]
-    used = max(int(np.count_nonzero(tails_rad > left_out(tolerance) / 2)), 1)
+    used = max(int(np.count_nonzero(tails_rad > interpolation_error(tolerance) / 2)), 1)
     size_m, apart_m = size_m[:used], apart_m[:used]
     power = _RHO[:, None] ** np.arange(1, used + 1)
     # lengths and their rates within the ellipses
@@ -271,7 +269,7 @@ def _degree(
         exponent += video * (farthest_m + length_m / 2) * length_m
     if sums.pulse is not None:  # motion within it mixes its frequencies
         exponent += _cycle(abs(sums.grid.step_hz) * sums.grid.count) * length_m
-    exponent += np.log(16 / (left_out(tolerance) * (_RHO - 1)))
+    exponent += np.log(16 / (interpolation_error(tolerance) * (_RHO - 1)))
     return max(math.ceil(float((exponent / np.log(_RHO)).min())), 1)
 
 
@@ -386,7 +384,7 @@ class PulseSums:
             found = np.stack([found[:, 0], rate_mps], axis=1)
         return found
 
-    def _left_out(self, amplitude: Weights, error: float) -> None:
+    def _add_phase_error(self, amplitude: Weights, error: float) -> None:
         """Add an error of all terms, relative to the amplitudes."""
         size, terms = np.abs(amplitude), self._times_s.size * self._sums.grid.count
         size = size if size.ndim == 1 else size.sum(axis=1)
@@ -458,7 +456,7 @@ class PulseSums:
     def _watched(self, lengths_m: Callable[[], Real], pulses: slice) -> Real:
         """These lengths; keeps the phase of their motion that is left out."""
         found = lengths_m()
-        left_out = pulse_left_out_rad if self._sums.ramp is None else left_out_rad
+        left_out = pulse_left_out_rad if self._sums.ramp is None else ramp_left_out_rad
         self._left_rad.append(left_out(found, self._sums, self._times_s[pulses]))
         return found
 
@@ -480,4 +478,4 @@ class PulseSums:
         moving = self._matrix()
         moving += group.at_pulses(other._matrix(), self._sums, self._times_s)
         self.error.add(group.error(other.error, self._times_s.size))
-        self._left_out(amplitude, left_out(self._tolerance))
+        self._add_phase_error(amplitude, interpolation_error(self._tolerance))

@@ -26,9 +26,11 @@ from .grid import (
     RECEPTION,
     SynthesisContext,
     Weights,
+    chebyshev_nodes,
+    lagrange,
     nodes_for,
     phasors,
-    place,
+    received_rows,
     reduce_cycles,
     reduced_cycles,
 )
@@ -73,7 +75,7 @@ class ErrorSum:
 
     @classmethod
     def of(cls, engine: float, frequencies: int, squares: float, total: float) -> ErrorSum:
-        """Of one transform: sum |c|^2 and sum |c| of its paths."""
+        """Error of one transform, from sum |c|^2 and sum |c| of its paths."""
         relative = engine + _ROUNDING * frequencies
         root = math.sqrt(frequencies)
         return cls(
@@ -83,13 +85,13 @@ class ErrorSum:
         )
 
     def add(self, other: ErrorSum) -> None:
-        """Of results that are added: never less than either."""
+        """Add the error of a result that is added: never less than either."""
         self.random += other.random
         self.bound += other.bound
         self.energy += other.energy
 
     def of_each(self, parts: int) -> ErrorSum:
-        """Of one of several parts that share it evenly."""
+        """Error of one of several parts that share it evenly."""
         return ErrorSum(
             self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
         )
@@ -145,7 +147,7 @@ class PulseTransform(EachPulse):
         """
         count, kept = self._sums.grid.count, length_m.size
         if order is None:
-            rows, order, kept = place(self._sums, length_m)
+            rows, order, kept = received_rows(self._sums, length_m)
             length_m, amplitude = length_m[rows], amplitude[rows]
         if length_m.size == 0:
             return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
@@ -254,7 +256,7 @@ class PulseMotionTransform(EachPulse):
         middle, rate_mps, *lost_m = length_m
         kept, count = middle.size, sums.grid.count
         if order is None:
-            rows, order, kept = place(sums, middle)
+            rows, order, kept = received_rows(sums, middle)
             middle, rate_mps, amplitude = middle[rows], rate_mps[rows], amplitude[rows]
             lost_m = [one[rows] for one in lost_m]
         if not middle.size:
@@ -306,7 +308,7 @@ def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> E
 #     f_n tau - K tau^2 / 2 = f_c tau_0 - K tau_0^2 / 2 + n [df tau_0 + (f_c - K tau_0) b]
 #         + n^2 [df b + (f_c - K tau_0) g / 2 - K b^2 / 2]
 #
-# and terms in n^3, see `left_out_rad`. Times are of reception (`Meeting`). The second term is the
+# and terms in n^3, see `ramp_left_out_rad`. Times are of reception (`Meeting`). The second term is the
 # range-Doppler coupling of such radars: a moving target appears where it will be f_c / (df / dt)
 # later. The third bends the phase, by B T v / 2c cycles at the ends of the ramp, 0.009 rad for 1
 # GHz, 50 us and 17 m/s. It is interpolated: spectra with n^2 held at Chebyshev nodes q_j of its
@@ -482,10 +484,8 @@ class RampTransform(EachPulse):
     def _basis(self, nodes: int) -> tuple[Real, Real]:
         """Nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
         if nodes not in self._bases:
-            at = np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
-            vander = np.polynomial.chebyshev.chebvander
-            everywhere = vander(self._square / self._half - 1, nodes - 1)
-            weights = np.asarray(everywhere @ np.linalg.inv(vander(at, nodes - 1))).T
+            at = chebyshev_nodes(nodes)
+            weights = lagrange(at, self._square / self._half - 1)
             self._bases[nodes] = (self._half * (1 + at), np.ascontiguousarray(weights))
         return self._bases[nodes]
 
@@ -520,7 +520,7 @@ def _received(lengths_m: Real, half_s: float) -> Real:
     return lengths_m + RECEPTION.moved_m(lengths_m, rates_mps)
 
 
-def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
+def ramp_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
     """Largest phase that the motion (pulses, 3, rows) [m] has beyond `RampTransform`, about. In
     n^3: f_c times the change of the acceleration (between pulses; unknown for a single one), less
     what the parabola through three lengths takes off, and n df times half the acceleration.
@@ -575,7 +575,7 @@ class SynthesisReport:
     pulses, frequencies
         Size of the result.
     steps
-        What was chosen for how many paths, and its cost.
+        Ways that were chosen, for how many paths, and their cost.
     error_estimate
         Relative L2 error to the direct sum, for phases that are random just outside the band, with
         that of fitted motion; cancellation within the band counts. 0 where there is no echo.
@@ -592,12 +592,12 @@ class SynthesisReport:
     doppler_ambiguous_count
         Moving paths whose phase turns by more than half a cycle from pulse to pulse.
     ramp_residual_phase_rad
-        Where frequencies come one after the other: phase of the motion meanwhile beyond the second
+        If frequencies come one after the other: phase of the motion meanwhile beyond the second
         order in time, about [rad].
     wall_s
         Time spent in all [s].
     notes
-        What was done in addition to the steps, in whole sentences.
+        Remarks on the steps, in whole sentences.
     """
 
     backend: str
