@@ -55,7 +55,7 @@ class PathClassPixels:
 
 @dataclass(frozen=True)
 class TileReplicate:
-    """What all pixels of one tile at one sub-pixel offset share."""
+    """One tile at one sub-pixel offset: numbers that all its pixels share."""
 
     rays: PixelRays
     transmitter_m: Real  #: in world space, (3,) [m]

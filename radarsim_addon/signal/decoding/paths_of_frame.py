@@ -253,7 +253,7 @@ def iter_path_chunks(
     Yields
     ------
     Paths
-        Those of a ring (at most three rings are in memory), or of some rows of the table.
+        Paths of a ring (at most three rings are in memory), or of some rows of the table.
 
     Raises
     ------

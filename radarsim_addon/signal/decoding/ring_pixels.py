@@ -66,14 +66,14 @@ def pixel_grid(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
     Parameters
     ----------
     receiver
-        Of the frame.
+        Receiver of the frame.
     width_px, height_px
         Pixels of the image.
 
     Returns
     -------
     PixelGrid
-        Of all pixels.
+        Tangents and solid angles of all pixels.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class Decoded:
     mixing
         G B / R^2: 1 for one path, 1 + (spread of l / k)^2 for several; NaN where undefined.
     solid_angle_sr, u, v
-        Of the pixels, see :class:`PixelGrid`.
+        As in :class:`PixelGrid`.
     range_encoding_underflow
         Pixels with an echo whose R is denormal or zero: too far for this range encoding length.
         Masked.
