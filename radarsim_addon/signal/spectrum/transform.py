@@ -308,8 +308,8 @@ def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> E
 #     f_n tau - K tau^2 / 2 = f_c tau_0 - K tau_0^2 / 2 + n [df tau_0 + (f_c - K tau_0) b]
 #         + n^2 [df b + (f_c - K tau_0) g / 2 - K b^2 / 2]
 #
-# and terms in n^3, see `ramp_left_out_rad`. Times are of reception (`Meeting`). The second term is the
-# range-Doppler coupling of such radars: a moving target appears where it will be f_c / (df / dt)
+# and terms in n^3, see `ramp_left_out_rad`. Times are of reception (`Meeting`). The second term is
+# the range-Doppler coupling of such radars: a moving target appears where it will be f_c/(df/dt)
 # later. The third bends the phase, by B T v / 2c cycles at the ends of the ramp, 0.009 rad for 1
 # GHz, 50 us and 17 m/s. It is interpolated: spectra with n^2 held at Chebyshev nodes q_j of its
 # range, weighted by the Lagrange polynomials of n^2 (`nodes_for` has the error). Paths that are
