@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From pixels to paths: camera models, range encoding, path classes, two-snapshot range rates.
+"""From pixels to paths: the files of a frame become `Paths` with lengths [m] and range rates [m/s].
 
-In: the colour channels of renders, the folder of a frame. Out: path lengths [m], range rates [m/s],
-`Paths`, and `FrameInput`: a frame opened once.
+`paths_of_frame` opens a frame once (`FrameInput`) and yields its paths: rows of a path table, or
+decoded rings. `ring_pixels` turns the colours of a ring into range and radiance, and two snapshots
+into range rates. `path_class_pixels` makes rows of the path table from gated renders. `cameras` has
+the rays and solid angles of pixels.
 """
 
 from .cameras import PixelRays, pixel_rays

@@ -19,8 +19,8 @@ from ...errors import SchemaError
 
 KINDS = ("perspective", "orthographic", "equirectangular")
 
-#: Images up to so many pixels, and how many of them, whose rays are kept: 5 MB. A radar that stands
-#: still has the same rays in all frames.
+#: Images up to so many pixels, and how many of them, whose rays are kept: 5 MB. A stationary radar
+#: has the same rays in all frames.
 _KEPT_PX, _KEPT_IMAGES = 1 << 14, 8
 #: Pixels whose solid angles are computed at once: their numbers stay in the processor's cache.
 _TOGETHER = 1 << 13
@@ -28,32 +28,21 @@ _TOGETHER = 1 << 13
 
 @dataclass(frozen=True)
 class PixelRays:
-    """Rays of an image of h x w pixels.
+    """Rays of an image of h x w pixels, in world space."""
 
-    Attributes
-    ----------
-    origin_m
-        Start of the rays, world space [m]; (3,) or, orthographic, (h, w, 3).
-    direction
-        Unit vectors, world space; (h, w, 3).
-    near_cosine
-        Cosine between each ray and the normal of the near clip surface, a plane across the
-        boresight or, equirectangular, a sphere; (h, w).
-    solid_angle_sr
-        Solid angle of each pixel [sr]; (h, w). Orthographic: the area over 1 m^2; multiply by
-        (1 m / r)^2 to compare.
-    """
-
-    origin_m: Real
-    direction: Real
+    origin_m: Real  #: start of the rays [m]; (3,) or, orthographic, (h, w, 3)
+    direction: Real  #: unit vectors, (h, w, 3)
+    #: Cosine between each ray and the normal of the near clip surface, a plane across the boresight
+    #: or, equirectangular, a sphere; (h, w).
     near_cosine: Real
+    #: Solid angle of each pixel [sr]; (h, w). Orthographic: the area over 1 m^2; multiply by
+    #: (1 m / r)^2 to compare.
     solid_angle_sr: Real
 
 
 def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
-    """Camera coordinates u (w,) and v (h,), falling with the row, of the pixel centres.
-
-    Tangents (perspective), metres (orthographic) or longitude and latitude in radians.
+    """Camera coordinates u (w,) and v (h,), falling with the row, of the pixel centres: tangents
+    (perspective), metres (orthographic) or longitude and latitude in radians.
     """
     u = receiver.left + (np.arange(width_px) + 0.5) * ((receiver.right - receiver.left) / width_px)
     v = receiver.top - (np.arange(height_px) + 0.5) * ((receiver.top - receiver.bottom) / height_px)
@@ -96,20 +85,7 @@ def solid_angles_sr(receiver: ReceiverRecord, width_px: int, height_px: int) -> 
 
 
 def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
-    """Compute origins, directions and solid angles of all pixels.
-
-    Parameters
-    ----------
-    receiver
-        Receiver: projection, edges of the image and pose.
-    width_px, height_px
-        Pixels of the image.
-
-    Returns
-    -------
-    PixelRays
-        Of all pixels, (height, width); those of small images may not be changed.
-    """
+    """Rays of all pixels; those of small images may not be changed."""
     if width_px * height_px > _KEPT_PX:
         return _rays(receiver, width_px, height_px)
     edges = receiver.left, receiver.right, receiver.bottom, receiver.top
@@ -119,7 +95,7 @@ def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
 
 @dataclass(frozen=True)
 class _Image:
-    """An image, told from others by the bits of all that its rays are made of."""
+    """An image, distinguished from others by the bits of all that its rays are made of."""
 
     kind: str
     numbers: bytes

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From gated renders to rows of the path table: lengths and vertices in float64."""
+"""From gated renders to rows of the path table: lengths and vertices in float64.
+
+Lengths come from vertex positions where the whole path is known and agrees with the range encoding.
+For order 1 seen directly the Position pass lies on the surface to float32 of the *object's*
+distance from the origin, so its range stays exact at long stand-off. Else lengths come from the
+encoding, l = -k ln(encoded / plain).
+"""
 
 from __future__ import annotations
 
@@ -31,91 +37,48 @@ _LEAST_DENOMINATOR = 1e-3
 
 @dataclass(frozen=True)
 class PathClassPixels:
-    """One path class's renders, flattened to the pixels that hold a path.
+    """One path class's renders, flattened to the n pixels that hold a path."""
 
-    Attributes
-    ----------
-    order, depth
-        Reflections, and transparent surfaces passed on the receiver's side.
-    amplitude
-        Radiance [W m^-2 sr^-1], (n,).
-    log_ratio
-        ln(encoded / plain), minus the encoded length over that of the range encoding, (n,); -inf
-        where unknown.
-    mixing
-        G B / R^2, (n,); NaN where undefined.
-    position_m
-        First surface seen, from the Position pass [m], (n, 3); NaN where unknown.
-    vertex_m
-        Last vertex from the transmitter's colours [m], (n, 3); NaN where unknown.
-    object, first_object
-        Numbers of the objects at the last and at the first vertex, (n,); 0 where unknown.
-    position_is_first
-        Whether position_m is the first scatterer: nothing transparent lies before it, or what
-        does was passed with certainty.
-    """
-
-    order: int
-    depth: int
-    amplitude: Real
-    log_ratio: Real
-    mixing: Real
-    position_m: Real
-    vertex_m: Real
-    object: NDArray[np.int32]
-    first_object: NDArray[np.int32]
+    order: int  #: reflections
+    depth: int  #: transparent surfaces passed on the receiver's side
+    amplitude: Real  #: radiance [W m^-2 sr^-1], (n,)
+    log_ratio: Real  #: ln(encoded / plain) = -l / k, (n,); -inf where unknown
+    mixing: Real  #: G B / R^2, (n,); NaN where undefined
+    position_m: Real  #: first surface seen, from the Position pass [m], (n, 3); NaN: unknown
+    vertex_m: Real  #: last vertex from the transmitter's colours [m], (n, 3); NaN: unknown
+    object: NDArray[np.int32]  #: number of the object at the last vertex, (n,); 0: unknown
+    first_object: NDArray[np.int32]  #: the same at the first vertex
+    #: Whether position_m is the first scatterer: nothing transparent lies before it, or a surface
+    #: that does was passed with certainty.
     position_is_first: bool
 
 
 @dataclass(frozen=True)
 class TileReplicate:
-    """What all pixels of one tile at one sub-pixel offset share.
-
-    Attributes
-    ----------
-    rays
-        Of all pixels.
-    transmitter_m
-        Place of the transmitter in world space, (3,) [m].
-    range_encoding_length_m
-        k of exp(-l/k) [m].
-    near_clip_m
-        What the near clip surface cuts from the first segment [m].
-    effective_area_m2
-        lambda^2/(4 pi) of the receiver [m^2].
-    fraction
-        One over the number of replicates of the tile, which share its solid angle.
-    tile, replicate
-        Their numbers.
-    interiors_delay
-        Whether paths may be delayed by what they pass.
-    interior_sigma
-        Standard deviation of lengths that passed the interior of an object, over the length: Cycles
-        rounds the depths inside.
-    interior_sigma_m
-        The same for the rounding of their absorption, which the range encoding shares [m].
-    delayed_to
-        Whether something delays the ways from the transmitter to points (n, 3), (n,); None where
-        what is seen directly is not delayed.
-    """
+    """One tile at one sub-pixel offset: numbers that all its pixels share."""
 
     rays: PixelRays
-    transmitter_m: Real
-    range_encoding_length_m: float
-    near_clip_m: float
-    effective_area_m2: float
-    fraction: float
+    transmitter_m: Real  #: in world space, (3,) [m]
+    range_encoding_length_m: float  #: k of exp(-l/k) [m]
+    near_clip_m: float  #: length that the near clip surface cuts from the first segment [m]
+    effective_area_m2: float  #: lambda^2/(4 pi) of the receiver [m^2]
+    fraction: float  #: one over the number of replicates of the tile, which share its solid angle
     tile: int
     replicate: int
-    interiors_delay: bool = False
+    interiors_delay: bool = False  #: whether the interiors that paths pass may delay them
+    #: Standard deviation of lengths that passed the interior of an object, over the length: Cycles
+    #: rounds the depths inside.
     interior_sigma: float = 0.0
+    #: The same for the rounding of their absorption, which the range encoding shares [m].
     interior_sigma_m: float = 0.0
+    #: Whether something delays the ways from the transmitter to points (n, 3), (n,); None: nothing
+    #: delays surfaces that are seen directly.
     delayed_to: Callable[[Real], Mask] | None = None
 
 
 @dataclass(frozen=True)
 class _Vertices:
-    """Scatterers, lengths and what is known of them."""
+    """Scatterers, lengths with their standard deviation, and flags of n paths."""
 
     first_m: Real
     last_m: Real
@@ -125,18 +88,7 @@ class _Vertices:
 
 
 def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
-    """Return ln(encoded / plain) of each pixel; -inf where float32 does not carry the encoded one.
-
-    Parameters
-    ----------
-    encoded, plain
-        The same channel with and without range encoding, of one shape.
-
-    Returns
-    -------
-    ndarray
-        As the channels.
-    """
+    """ln(encoded / plain) of each pixel; -inf where float32 does not carry the encoded one."""
     ratio = np.zeros_like(plain)
     usable = (encoded >= _TINY) & (plain > 0)
     np.divide(encoded, plain, out=ratio, where=usable)
@@ -147,11 +99,11 @@ def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
 def first_vertex_order_2(
     receiver_m: Real, direction: Real, last_scatterer_m: Real, transmitter_m: Real, length_m: Real
 ) -> tuple[Real, Real]:
-    """Compute the first vertex of paths with two reflections, (n, 3), and its conditioning, (n,).
+    """First vertex of paths with two reflections, (n, 3) [m], and its conditioning, (n,).
 
-    |P1 - P2| + |P1 - C| = L - |P2 - T| with P1 = C + r d gives
-    r = (s^2 - |P2 - C|^2) / (2 (s - d . (P2 - C))), s = L - |P2 - T|. The conditioning is the
-    denominator over 2 s: the result is poor where it is small.
+    |P1 - P2| + |P1 - C| = L - |P2 - T| with P1 = C + r d gives r = (s^2 - |P2 - C|^2) / (2 (s - d .
+    (P2 - C))), s = L - |P2 - T|. The conditioning is the denominator over 2 s: the result is poor
+    where it is small.
     """
     to_last = last_scatterer_m - receiver_m
     s = length_m - distances(last_scatterer_m, transmitter_m)
@@ -165,30 +117,8 @@ def first_vertex_order_2(
 def assemble_rows(
     pixels: PathClassPixels, index: Indices, shared: TileReplicate, into: PathRows | None = None
 ) -> PathRows:
-    """Make the rows of one path class.
-
-    Parameters
-    ----------
-    pixels
-        The path class's n pixels with a path.
-    index
-        Numbers of these in the tile, counted row by row, (n,).
-    shared
-        What they share.
-    into
-        Rows of zeros to fill in, (n,); None: new ones.
-
-    Returns
-    -------
-    ndarray
-        (n,), of `PATH_DTYPE`.
-
-    Notes
-    -----
-    Lengths come from vertex positions in float64 where the whole path is known and agrees with the
-    range encoding (order 1 seen directly: the Position pass lies on the surface to float32 of the
-    *object's* distance from the origin, so its range stays exact at long stand-off), else from the
-    encoding.
+    """Rows (n,) of one path class; `index` are the numbers of its pixels in the tile, counted row
+    by row, (n,). `into`: rows of zeros to fill in; None: new ones.
     """
     rays = shared.rays
     direction = rays.direction.reshape(-1, 3).take(index, axis=0)
@@ -230,7 +160,7 @@ def assemble_rows(
 def _encoded_length(
     pixels: PathClassPixels, near_cosine: Real, shared: TileReplicate
 ) -> tuple[Real, Real]:
-    """Lengths by the range encoding, and their standard deviation from float32, (n,) each."""
+    """Lengths by the range encoding, and their standard deviation from float32, (n,) each [m]."""
     scale_m = shared.range_encoding_length_m
     known = np.isfinite(pixels.log_ratio)
     length_m = np.where(known, -scale_m * pixels.log_ratio, 0.0)
@@ -252,7 +182,7 @@ def _one_reflection(
     sigma_m: Real,
     shared: TileReplicate,
 ) -> _Vertices:
-    """Order 1: the scatterer is what the pixel sees, or lies where the encoding says."""
+    """Order 1: the scatterer is the surface that the pixel sees, or lies where encoding says."""
     transmitter_m = shared.transmitter_m
     # Rounding of the world's coordinates, and of the ray, which ends near the pixel's own.
     there_m = distances(pixels.position_m, origin_m)

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths of a radar frame, from its rings or from its path table."""
+"""Paths of a radar frame, from its rings or from its path table.
+
+`open_frame` reads and checks all that processing needs: whoever holds a `FrameInput` opens no file
+by name. Tables are memory-mapped and ring images come one at a time, so the memory needed does not
+grow with the number of paths or rings.
+"""
 
 from __future__ import annotations
 
@@ -51,37 +56,19 @@ from .ring_pixels import (
     ring_geometry,
 )
 
-# -------------------------------------------------------------------------------------------------
-# A radar frame opened once: all that processing needs of it, read and checked.
-#
-# Whoever holds a :class:`FrameInput` opens no file by name. Tables are memory-mapped and ring
-# images come one at a time, so the memory needed does not grow with the number of paths or rings.
-# -------------------------------------------------------------------------------------------------
-
-
+#: From ring and snapshot index to sidecar and colour channels, as `RadarFrame.image`.
 ImageReader = Callable[[int, int], tuple[RenderRecord, dict[str, Single]]]
-"""From ring and snapshot index to sidecar and colour channels, as :meth:`RadarFrame.image`."""
 
 
 @dataclass(frozen=True)
 class FrameTable:
-    """The path table of one render of a burst.
+    """The path table of one render of a burst."""
 
-    Attributes
-    ----------
-    record
-        Its sidecar.
-    rows
-        Its rows, memory-mapped, checked against the SHA-256 of the sidecar, (path_count,).
-    motion
-        Motion of the antennas and of the bodies that the rows number; None: nothing moves.
-    grids
-        Pixels of its views.
-    """
-
-    record: PathsRecord
-    rows: PathRows
+    record: PathsRecord  #: its sidecar
+    rows: PathRows  #: memory-mapped, checked against the SHA-256 of the sidecar, (path_count,)
+    #: Motion of the antennas and of the bodies that the rows number; None: nothing moves.
     motion: FrameMotion | None
+    #: Pixels of its views.
     grids: GridPlaces = field(default_factory=GridPlaces, compare=False, repr=False)
 
 
@@ -121,13 +108,7 @@ class FrameInput:
 
     @property
     def table(self) -> FrameTable:
-        """The table of the burst's first render.
-
-        Raises
-        ------
-        ConfigError
-            The frame holds ring images.
-        """
+        """The table of the burst's first render; `ConfigError` if the frame holds ring images."""
         if not self.tables:
             raise ConfigError(
                 f"{self.frame.path} was measured by rings, which do not know the object of a path. "
@@ -172,11 +153,14 @@ def open_frame(
     FrameFileError, SchemaError
         A file is missing or damaged, or files do not belong together.
     """
-    tables: tuple[FrameTable, ...] = ()
+    tables: list[FrameTable] = []
     if frame.sampling_mode == "paths":
         # a later render of the burst is opened by itself, the first one with all that follow
         renders = [frame.render] if frame.render else range(frame.visibility_updates)
-        tables = tuple(_open_table(frame.of_burst(n)) for n in renders)
+        for number in renders:
+            render = frame.of_burst(number)
+            record, rows = open_frame_table(render.path, render.number, render.record.fingerprint)
+            tables.append(FrameTable(record, rows, frame_motion(render.path, record)))
     sidecar: PathsRecord | RenderRecord = (
         tables[0].record
         if tables
@@ -190,35 +174,14 @@ def open_frame(
         receiver=sidecar.receiver,
         transmitter=sidecar.transmitter,
         ground_truth=frame.scene(),
-        tables=tables,
+        tables=tuple(tables),
         images=frame.image,
     )
 
 
 def as_input(frame: RadarFrame | FrameInput) -> FrameInput:
-    """Return an opened frame as it is, and open one that is not.
-
-    Parameters
-    ----------
-    frame
-        Radar frame, or its input.
-
-    Returns
-    -------
-    FrameInput
-        As :func:`open_frame` gives it.
-    """
+    """Return an opened frame as it is, and open one that is not."""
     return frame if isinstance(frame, FrameInput) else open_frame(frame)
-
-
-def _open_table(render: RadarFrame) -> FrameTable:
-    record, rows = open_frame_table(render.path, render.number, render.record.fingerprint)
-    return FrameTable(record, rows, frame_motion(render.path, record))
-
-
-# -------------------------------------------------------------------------------------------------
-# Decoded renders of a frame's rings, a few at a time.
-# -------------------------------------------------------------------------------------------------
 
 
 class RingReader:
@@ -228,11 +191,11 @@ class RingReader:
         self._frame, self._images = frame_input.frame, frame_input.images
         self._kept: dict[tuple[int, int], Decoded] = {}
         self._grids: dict[object, PixelGrid] = {}
-        self._antennas = frame_input.receiver, frame_input.transmitter
+        #: Receiver and transmitter at t.
+        self.antennas = frame_input.receiver, frame_input.transmitter
         self._times_s: dict[int, float] = {}
 
     def get(self, ring: int, snapshot_index: int) -> Decoded:
-        """Pixels of a ring in one snapshot."""
         key = (ring, snapshot_index)
         if key not in self._kept:
             record, channels = self._images(ring, snapshot_index)
@@ -244,18 +207,13 @@ class RingReader:
                     f"other rings of the snapshot at {time_s} s. Render this frame again."
                 )
             if snapshot_index == 0:
-                self._antennas = record.receiver, record.transmitter
+                self.antennas = record.receiver, record.transmitter
             view = repr(record.receiver)
             if view not in self._grids:
                 self._grids.clear()
                 self._grids[view] = pixel_grid(record.receiver, record.width_px, record.height_px)
             self._kept[key] = decode(record, channels, self._grids[view])
         return self._kept[key]
-
-    @property
-    def antennas(self) -> tuple[ReceiverRecord, TransmitterRecord]:
-        """Receiver and transmitter at t."""
-        return self._antennas
 
     @property
     def snapshot_interval_s(self) -> float:
@@ -272,7 +230,6 @@ class RingReader:
         return measured_s
 
     def drop_before(self, ring: int) -> None:
-        """Let go of the rings before."""
         for key in [key for key in self._kept if key[0] < ring]:
             del self._kept[key]
 
@@ -291,12 +248,12 @@ def iter_path_chunks(
         one snapshot, every range rate is 0 and flagged. Of several visibility updates the first is
         taken, or that of `RadarFrame.of_burst`.
     max_range_rate_mps
-        Limit of a believable |range rate|, see :func:`.decoding.snapshot_rate.range_rate` [m/s].
+        Limit of a believable |range rate|, see :func:`range_rate` [m/s].
 
     Yields
     ------
     Paths
-        Those of a ring (at most three rings are in memory), or of some rows of the table.
+        Paths of a ring (at most three rings are in memory), or of some rows of the table.
 
     Raises
     ------
@@ -337,21 +294,9 @@ def iter_path_chunks(
 def table_paths(
     record: PathsRecord, table: PathRows, motion: FrameMotion | None, first_row: int = 0
 ) -> Iterator[Paths]:
-    """Yield the paths of an opened table in parts that fit into memory.
-
-    Parameters
-    ----------
-    record, table
-        From :func:`.paths.open_frame_table`.
-    motion
-        The frame's, see :func:`.paths.frame_motion`; None: nothing is known, all is stationary.
-    first_row
-        Number of the table's first row, for a part of a larger one.
-
-    Yields
-    ------
-    Paths
-        `row` numbers the rows of the table. Rows without a length are counted and left out.
+    """Yield the paths of an opened table in parts that fit into memory. `row` numbers the rows of
+    the table, from `first_row` for a part of a larger one. Rows without a length are counted and
+    left out.
     """
     if motion is not None and not motion.moving:
         motion = None

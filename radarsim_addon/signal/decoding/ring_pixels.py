@@ -1,8 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the colours of one render to range and radiance per pixel (Eq. 2-4 of the paper).
+"""From the colours of a ring's renders to range, radiance and range rate per pixel (Eq. 2-4, 12).
 
-The render holds B = L, R = L exp(-l/k), G = L exp(-2 l/k) for a path of total length l; so
-l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one path.
+**Range** (`decode`). A render holds B = L, R = L exp(-l/k), G = L exp(-2 l/k) for a path of total
+length l; so l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one path.
+
+**Range rate** (`range_rate`), from two snapshots (Eq. 12, with this project's sign):
+
+    v = (r(t + dt) - r(t)) / dt,      f_D = -2 v / lambda
+
+v is positive when the range grows: a receding target has negative Doppler and stands on the left of
+a map, as in the paper's Fig. 9; Eq. 12 as printed has the other sign. Differencing along a fixed
+ray gives the range rate of the material only where the surface moves along the ray: a sphere
+spinning in place reads zero, and so does flat ground below a moving radar.
 """
 
 from __future__ import annotations
@@ -29,6 +38,9 @@ from .cameras import pixel_centres, solid_angles_sr
 _SMALLEST_NORMAL = float(np.finfo(np.float32).tiny)
 #: R may exceed B by this factor through float32 rounding at zero length; beyond, it is not encoded.
 _ROUNDING = 1e-5
+#: Default limit of a believable |range rate| [m/s]. Above it, the pixel saw another surface in the
+#: second snapshot: the background appearing behind a target's edge.
+MAX_RANGE_RATE_MPS = 300.0
 
 
 @dataclass(frozen=True)
@@ -54,14 +66,14 @@ def pixel_grid(receiver: ReceiverRecord, width_px: int, height_px: int) -> Pixel
     Parameters
     ----------
     receiver
-        Of the frame.
+        Receiver of the frame.
     width_px, height_px
         Pixels of the image.
 
     Returns
     -------
     PixelGrid
-        Of all pixels.
+        Tangents and solid angles of all pixels.
 
     Raises
     ------
@@ -98,7 +110,7 @@ class Decoded:
     mixing
         G B / R^2: 1 for one path, 1 + (spread of l / k)^2 for several; NaN where undefined.
     solid_angle_sr, u, v
-        Of the pixels, see :class:`PixelGrid`.
+        As in :class:`PixelGrid`.
     range_encoding_underflow
         Pixels with an echo whose R is denormal or zero: too far for this range encoding length.
         Masked.
@@ -185,94 +197,6 @@ def decode(
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# Geometry of paths that a pixel's direction and a total length give: those of one reflection.
-# -------------------------------------------------------------------------------------------------
-
-
-def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
-    """Compute the scatterer of paths with one reflection from direction and total length.
-
-    Parameters
-    ----------
-    length_m
-        Total lengths L, (n,) [m].
-    direction
-        From the receiver, unit vectors d, (n, 3).
-    receiver_m, transmitter_m
-        Places C and T, (3,) [m].
-
-    Returns
-    -------
-    ndarray
-        (n, 3) [m]; NaN where the length is below the baseline.
-
-    Notes
-    -----
-    On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
-    baseline b = |C - T|.
-    """
-    baseline_m = np.asarray(receiver_m - transmitter_m, dtype=np.float64)
-    square = length_m**2 - baseline_m @ baseline_m
-    below = 2 * (length_m + direction @ baseline_m)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along_m = np.where((square > 0) & (below > 0), square / below, np.nan)
-    return np.asarray(receiver_m + along_m[:, None] * direction, dtype=np.float64)
-
-
-def ring_geometry(
-    decoded: Decoded,
-    row: Integers,
-    col: Integers,
-    receiver: ReceiverRecord,
-    transmitter: TransmitterRecord,
-    single: bool,
-) -> PathGeometry:
-    """Geometry of some pixels (row, col) of a ring, with poses at t.
-
-    `single`: every path has one reflection. Else vertices and orders are unknown (NaN and 0).
-    """
-    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
-    local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)
-    local /= np.linalg.norm(local, axis=-1, keepdims=True)
-    direction = local @ pose[:3, :3].T
-    zeros = np.zeros(row.size, dtype=np.int32)
-    vertex = np.full((row.size, 3), np.nan)
-    if single:
-        transmitter_m = np.asarray(transmitter.matrix_world, dtype=np.float64)[:3, 3]
-        vertex = single_vertex_m(
-            decoded.total_length_m[row, col], direction, pose[:3, 3], transmitter_m
-        )
-    return PathGeometry(
-        order=zeros + (1 if single else 0),
-        transparent_depth=zeros,
-        first_scatterer_m=vertex,
-        last_scatterer_m=vertex,
-        direction=direction,
-        first_object=zeros,
-        last_object=zeros,
-    )
-
-
-# -------------------------------------------------------------------------------------------------
-# Range rate per pixel from two snapshots (Eq. 12 of the paper, with this project's sign).
-#
-#     v = (r(t + dt) - r(t)) / dt,      f_D = -2 v / lambda
-#
-# v is positive when the range grows: a receding target has negative Doppler and stands on the left
-# of a map, as in the paper's Fig. 9; Eq. 12 as printed has the other sign.
-#
-# Differencing along a fixed ray gives the range rate of the material only where the surface moves
-# along the ray: a sphere spinning in place reads zero, and so does flat ground below a moving
-# radar.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Default limit of a believable |range rate| [m/s]. Above it, the pixel saw another surface in the
-#: second snapshot: the background appearing behind a target's edge.
-MAX_RANGE_RATE_MPS = 300.0
-
-
 def range_rate(
     first: Decoded,
     second: Decoded,
@@ -336,3 +260,51 @@ def range_rate(
     rate = np.zeros(start.shape)
     rate[known] = step[known] / snapshot_interval_s
     return rate, flags
+
+
+def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
+    """Scatterers of paths with one reflection, (n, 3) [m], from total lengths L (n,) and unit
+    vectors d from the receiver, (n, 3); NaN where the length is below the baseline.
+
+    On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
+    baseline b = |C - T|.
+    """
+    baseline_m = np.asarray(receiver_m - transmitter_m, dtype=np.float64)
+    square = length_m**2 - baseline_m @ baseline_m
+    below = 2 * (length_m + direction @ baseline_m)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along_m = np.where((square > 0) & (below > 0), square / below, np.nan)
+    return np.asarray(receiver_m + along_m[:, None] * direction, dtype=np.float64)
+
+
+def ring_geometry(
+    decoded: Decoded,
+    row: Integers,
+    col: Integers,
+    receiver: ReceiverRecord,
+    transmitter: TransmitterRecord,
+    single: bool,
+) -> PathGeometry:
+    """Geometry of some pixels (row, col) of a ring, with poses at t. `single`: every path has one
+    reflection; else vertices and orders are unknown (NaN and 0).
+    """
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    direction = local @ pose[:3, :3].T
+    zeros = np.zeros(row.size, dtype=np.int32)
+    vertex = np.full((row.size, 3), np.nan)
+    if single:
+        transmitter_m = np.asarray(transmitter.matrix_world, dtype=np.float64)[:3, 3]
+        vertex = single_vertex_m(
+            decoded.total_length_m[row, col], direction, pose[:3, 3], transmitter_m
+        )
+    return PathGeometry(
+        order=zeros + (1 if single else 0),
+        transparent_depth=zeros,
+        first_scatterer_m=vertex,
+        last_scatterer_m=vertex,
+        direction=direction,
+        first_object=zeros,
+        last_object=zeros,
+    )

@@ -2,6 +2,11 @@
 """From paths and a waveform to the complex samples that the receiver records.
 
 In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impairments where asked.
+
+`synthesis` sums the paths' spectra in every channel, for pulses (`EchoSynthesizer`) or waveforms
+that sample frequencies (`StretchSynthesizer`), and forms the samples. `echoes` has their record,
+options and time axes, and joins the renders of a burst. `receiver` adds phase noise, thermal noise
+and the rounding of an ADC.
 """
 
 from .echoes import (

@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples of a burst, the options of their synthesis, and their time axes."""
+"""Samples of a burst, the options of their synthesis, their time axes, and several renders as one.
+
+Where visibility changes during a burst (a target comes out from behind a wall) one render cannot
+serve all of it. Each of several renders has its own table, whose paths have their lengths at every
+pulse. `interpolate_renders` adds the echoes of all with weights that are hat functions of slow
+time: 1 at the pulse that a render shows, 0 at its neighbours', and their sum is 1 at every pulse.
+Phases are those of each render's own paths, so a surface seen by two of them fades from one to the
+other without a jump.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,16 +26,11 @@ from ...errors import ConfigError, SchemaError
 from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import FrameInput
-from ..paths import Paths
-from ..radar import Channel, FmcwWaveform, LineWaveform, PmcwWaveform, Radar
-from ..scattering import Link, amplitude_history
+from ..radar import LineWaveform, PmcwWaveform, Radar
 from ..spectrum import (
     TOLERANCE,
-    AmplitudeHistory,
     Backend,
-    FrequencyGrid,
     Method,
-    Ramp,
     SynthesisReport,
 )
 
@@ -93,22 +94,8 @@ class Echoes:
 
 
 def only_channel(values: Values) -> Values:
-    """Return values of a single channel without the axis of channels.
-
-    Parameters
-    ----------
-    values
-        (1, ...).
-
-    Returns
-    -------
-    ndarray
-        (...), a view.
-
-    Raises
-    ------
-    ConfigError
-        There are several channels.
+    """Values (1, ...) of a single channel without the axis of channels, a view. `ConfigError` if
+    there are several channels.
     """
     if values.shape[0] != 1:
         raise ConfigError(
@@ -119,25 +106,7 @@ def only_channel(values: Values) -> Values:
 
 
 def one_channel(radar: Radar, number: int) -> Radar:
-    """Return the radar with one of its channels.
-
-    Parameters
-    ----------
-    radar
-        Radar of at least one channel.
-    number
-        Channel, from 0.
-
-    Returns
-    -------
-    Radar
-        With that channel alone.
-
-    Raises
-    ------
-    ConfigError
-        There is no such channel.
-    """
+    """The radar with one of its channels alone, counted from 0 (`ConfigError` if there is none)."""
     if not 0 <= number < len(radar.channels):
         raise ConfigError(
             f"Channel {number} of a radar with {len(radar.channels)}; expected 0 to "
@@ -164,23 +133,7 @@ def pulse_times_s(radar: Radar) -> Real:
 
 
 def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
-    """Return the range limits as two floats.
-
-    Parameters
-    ----------
-    range_limits_m
-        One-way ranges (start, stop) [m].
-
-    Returns
-    -------
-    start_m, stop_m
-        The same [m].
-
-    Raises
-    ------
-    ConfigError
-        Not 0 <= start < stop, or a stop above 1e15 m.
-    """
+    """The range limits as two floats [m]. `ConfigError` if not 0 <= start < stop <= 1e15 m."""
     start_m, stop_m = float(range_limits_m[0]), float(range_limits_m[1])
     if not 0 <= start_m < stop_m <= MAX_LENGTH_M:
         raise ConfigError(
@@ -191,19 +144,8 @@ def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
 
 
 def window_samples(radar: Radar, range_limits_m: tuple[float, float]) -> int:
-    """Return the samples that the receiver records of each pulse.
-
-    Parameters
-    ----------
-    radar
-        Pulses record their range limits; other waveforms a sample for each frequency.
-    range_limits_m
-        One-way ranges (start, stop) [m].
-
-    Returns
-    -------
-    int
-        Number of samples.
+    """Samples that the receiver records of each pulse. Pulses record their range limits; other
+    waveforms a sample for each frequency.
     """
     waveform = radar.waveform
     if waveform.family == "line":
@@ -227,13 +169,12 @@ class EchoOptions:
     tolerance
         Relative L2 error of the spectrum S(f) against the direct sum.
     slow_time_transform
-        "auto", "type3", "per-pulse" or "direct", see
-        :class:`.spectrum.accumulator.SpectrumAccumulator`.
+        "auto", "type3", "per-pulse" or "direct", see :class:`.spectrum.SpectrumAccumulator`.
     range_folding
         Whether echoes later than the pulse interval fall into the window of a later pulse. False:
-        they stand at their true delay.
+        they stay at their true delay.
     motion_within_pulse
-        Whether paths move while a pulse is under way. False: "stop and go". Of FMCW and stepped
+        Whether paths move while a pulse is under way. False: "stop and go". In FMCW and stepped
         frequency they always do.
     chunk
         Paths transformed at a time; the result does not depend on it beyond rounding.
@@ -253,29 +194,9 @@ class EchoOptions:
     chunk: int = 1 << 17
     speckle_seed: int | None = None
 
-    def history(
-        self, paths: Paths, channel: Channel, radar: Radar, link: Link | None
-    ) -> AmplitudeHistory:
-        """Return the amplitudes of paths in a channel, see :func:`.scattering.amplitude`."""
-        return amplitude_history(
-            paths,
-            channel,
-            frequency_hz=radar.waveform.carrier_hz,
-            pulses=radar.burst.pulses,
-            amplitude_model=self.amplitude_model,
-            receiver_gain=self.receiver_gain,
-            link=link,
-            speckle_seed=self.speckle_seed,
-        )
-
 
 #: What is done unless asked otherwise.
 DEFAULT_OPTIONS = EchoOptions()
-
-
-# -------------------------------------------------------------------------------------------------
-# Frequency-sampled waveforms: pulses, grid and ramp that their synthesis needs.
-# -------------------------------------------------------------------------------------------------
 
 
 def line_waveform(radar: Radar) -> LineWaveform:
@@ -287,90 +208,18 @@ def line_waveform(radar: Radar) -> LineWaveform:
 
 
 def line_times_s(radar: Radar) -> Real:
-    """Return when each row of samples begins, from the frame's time.
-
-    Parameters
-    ----------
-    radar
-        Waveform and burst.
-
-    Returns
-    -------
-    ndarray
-        (rows,) [s]; one row per pulse, for PMCW one per code.
+    """When each row of samples begins, from the frame's time, (rows,) [s]: one row per pulse, for
+    PMCW one per code.
     """
-    waveform = radar.waveform
-    times_s = np.arange(radar.burst.pulses) / radar.burst.prf_hz
+    waveform, times_s = radar.waveform, pulse_times_s(radar)
     if isinstance(waveform, PmcwWaveform):
         codes_s = np.arange(waveform.code_repeats) * waveform.code_s
         times_s = (times_s[:, None] + codes_s).ravel()
     return np.asarray(times_s)
 
 
-class Oscillator(Protocol):
-    """What multiplies the samples of a path of some delay."""
-
-    @property
-    def step_s(self) -> float:
-        """Distance of the delays for which there are factors [s]."""
-
-    def factor(self, order: int) -> Complex:
-        """At the delay order x step_s, (rows, N)."""
-
-
-def line_grid(waveform: LineWaveform) -> FrequencyGrid:
-    """Frequencies of the samples, exact where the engine has its zero."""
-    ahead = waveform.grid_count // 2 - Fraction(waveform.grid_middle)
-    centre_hz = Fraction(waveform.carrier_hz) + ahead * Fraction(waveform.grid_step_hz)
-    return FrequencyGrid.centred(centre_hz, waveform.grid_step_hz, waveform.grid_count)
-
-
-def line_ramp(waveform: LineWaveform) -> Ramp | None:
-    """When they are taken; None: all at once."""
-    if waveform.grid_interval_s == 0:
-        return None
-    video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
-    return Ramp(waveform.grid_interval_s, video)
-
-
-# -------------------------------------------------------------------------------------------------
-# Several renders of one burst as one: each stands for the pulses around the time it shows.
-#
-# Where visibility changes during a burst (a target comes out from behind a wall) one render cannot
-# serve it all. Each of several has its own table, whose paths have their lengths at every pulse.
-# The echoes of all are added with weights that are hat functions of slow time: 1 at the pulse that
-# a render shows, 0 at its neighbours', and their sum is 1 at every pulse. Phases are those of each
-# render's own paths, so what is seen by two of them fades from one to the other without a jump.
-# -------------------------------------------------------------------------------------------------
-
-
-def interpolation_weights(slow_time_s: Real, shown_s: Sequence[float]) -> Real:
-    """Weights of renders that show the scene at `shown_s`, (renders, pulses); columns sum to 1."""
-    nodes = np.asarray(shown_s, dtype=np.float64)
-    if nodes.size == 1:
-        return np.ones((1, slow_time_s.size))
-    hats = np.eye(nodes.size)
-    return np.array([np.interp(slow_time_s, nodes, hat) for hat in hats])
-
-
 def render_times_s(frame_input: FrameInput) -> list[float]:
-    """Return when each render of a frame's burst shows the scene, after the frame's time t.
-
-    Parameters
-    ----------
-    frame_input
-        Frame of the sampling mode "paths".
-
-    Returns
-    -------
-    list of float
-        Ascending times, one for each render [s].
-
-    Raises
-    ------
-    SchemaError
-        The times are not in order.
-    """
+    """When each render of a frame's burst shows the scene, after the frame's time t [s]."""
     motions = [table.motion for table in frame_input.tables]
     times = [0.0 if motion is None else motion.epoch_offset_s for motion in motions]
     if any(later <= earlier for earlier, later in itertools.pairwise(times)):
@@ -382,65 +231,37 @@ def render_times_s(frame_input: FrameInput) -> list[float]:
 
 
 def pulses_of_render(radar: Radar, shown_s: Sequence[float], number: int) -> Mask:
-    """Return the pulses whose interpolated echoes this render contributes to, in any channel.
-
-    Parameters
-    ----------
-    radar
-        Burst and channels.
-    shown_s
-        Scene time of each render after the start of the burst, ascending [s].
-    number
-        Index of the render in `shown_s`.
-
-    Returns
-    -------
-    ndarray of bool
-        (pulses,), True where the weight is above 0.
+    """Pulses to whose interpolated echoes this render contributes, in any channel, (pulses,).
+    `shown_s` are the scene times of all renders after the start of the burst, ascending.
     """
     return np.asarray((_weights(radar, shown_s, number) > 0).any(axis=0))
 
 
 def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
-    """Return the echoes of a burst from those of its renders.
-
-    Parameters
-    ----------
-    parts
-        Echoes of each render, at least for the pulses of `pulses_of_render`; from a generator, one
-        at a time is in memory.
-    shown_s
-        When each render shows the scene, ascending [s].
-
-    Returns
-    -------
-    Echoes
-        Samples (channels, rows, samples); between two renders their weights are linear in time.
+    """Echoes of a burst from those of its renders, which show the scene at the ascending times
+    `shown_s`. Each needs the pulses of `pulses_of_render` only; from a generator, one at a time is
+    in memory.
     """
-    weighted = (_weighted(part, shown_s, number) for number, part in enumerate(parts))
-    return functools.reduce(_sum, weighted)
-
-
-def _weighted(part: Echoes, shown_s: Sequence[float], number: int) -> Echoes:
-    """Echoes of a render times its weight at each pulse of each channel."""
-    weight = _weights(part.radar, shown_s, number)
-    rows = np.repeat(weight, part.samples.shape[1] // part.radar.burst.pulses, axis=1)
-    return dataclasses.replace(
-        part,
-        samples=rows[..., None] * part.samples,
-        outside=part.outside * float(weight.mean()),
-    )
+    total: Echoes | None = None
+    for number, part in enumerate(parts):
+        weight = _weights(part.radar, shown_s, number)
+        rows = np.repeat(weight, part.samples.shape[1] // part.radar.burst.pulses, axis=1)
+        samples, outside = rows[..., None] * part.samples, part.outside * float(weight.mean())
+        if total is not None:
+            samples, outside = samples + total.samples, total.outside + outside
+        total = dataclasses.replace(total or part, samples=samples, outside=outside)
+    assert total is not None  # a burst has at least one render
+    return total
 
 
 def _weights(radar: Radar, shown_s: Sequence[float], number: int) -> Real:
-    """Weight of a render at each pulse of each channel, (channels, pulses)."""
+    """Weight of a render at each pulse of each channel, (channels, pulses); all
+    renders' sum to 1.
+    """
     offsets_s = np.array([channel.start_offset_s for channel in radar.channels])
     times_s = pulse_times_s(radar) + offsets_s[:, None]
-    weights = interpolation_weights(times_s.ravel(), shown_s)
-    return np.asarray(weights[number].reshape(times_s.shape))
-
-
-def _sum(total: Echoes, part: Echoes) -> Echoes:
-    return dataclasses.replace(
-        total, samples=part.samples + total.samples, outside=total.outside + part.outside
-    )
+    nodes = np.asarray(shown_s, dtype=np.float64)
+    if nodes.size == 1:
+        return np.ones(times_s.shape)
+    weights = np.interp(times_s.ravel(), nodes, np.eye(nodes.size)[number])
+    return np.asarray(weights.reshape(times_s.shape))

@@ -1,7 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a receiver does to the echoes: phase noise, thermal noise, sampling with few bits.
+"""A receiver's effects on echoes: phase noise, thermal noise, sampling with few bits. All are off
+by default.
 
-All of it is off unless asked for.
+**Phase noise** is that of the oscillator that transmitter and receiver share. The transmitted wave
+carries exp(j phi(t)), the mixer takes exp(j phi(t)) off again; of a path of delay tau
+
+    exp(j [phi(t - tau) - phi(t)])
+
+is left, whose spectrum is that of phi times 4 sin^2(pi f tau): range correlation (Budge and Burt,
+IEEE National Radar Conference 1993). Near echoes are therefore clean close to the carrier. Pulses
+and PMCW: `add_phase_noise` puts it on the samples. FMCW and stepped frequency: the synthesis puts
+it on path by path, with the factors of `LineOscillator`.
 """
 
 from __future__ import annotations
@@ -22,19 +31,6 @@ from ...physics.radar_equation import complex_noise, noise_power_w
 from ..radar import FmcwWaveform, PmcwWaveform, Radar, SteppedWaveform, replica
 from ..spectrum import smooth_size
 from .echoes import Echoes, line_times_s, line_waveform
-
-# -------------------------------------------------------------------------------------------------
-# Phase noise of the oscillator that transmitter and receiver share.
-#
-# The transmitted wave carries exp(j phi(t)), the mixer takes exp(j phi(t)) off again; of a path of
-# delay tau
-#
-#     exp(j [phi(t - tau) - phi(t)])
-#
-# is left, whose spectrum is that of phi times 4 sin^2(pi f tau): range correlation (Budge and Burt,
-# IEEE National Radar Conference 1993). Near echoes are therefore clean close to the carrier.
-# -------------------------------------------------------------------------------------------------
-
 
 #: Samples of the oscillator's phase over a burst (512 MB with its spectrum).
 _MOST_SAMPLES = 1 << 25
@@ -141,11 +137,8 @@ class PhaseTrack:
 
 def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex:
     """Samples (channels, rows, samples) of ideal pulse or PMCW echoes with an oscillator's phase
-    noise.
-
-    The transmitted samples carry the phase, so range correlation is exact. Echoes that the window
-    cuts are treated as if they ended there. FMCW and stepped frequency (`ConfigError`):
-    `LineOscillator`.
+    noise. The transmitted samples carry the phase, so range correlation is exact. Echoes that the
+    window cuts are treated as if they ended there.
     """
     waveform = echoes.radar.waveform
     if isinstance(waveform, PmcwWaveform):
@@ -159,7 +152,7 @@ def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex
 
 
 def _scene(samples: Complex, spectrum: Complex) -> Complex:
-    """What multiplied the pulse's spectrum; 0 where the pulse holds nothing."""
+    """Spectrum of the scene, which multiplied the pulse's; 0 where the pulse holds nothing."""
     power = np.abs(spectrum) ** 2
     least = _EMPTY * float(power.max())
     weight = np.where(power > least, np.conj(spectrum) / np.maximum(power, least), 0.0)
@@ -400,7 +393,7 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
 
 def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[Real, float, int]:
     """Round values to the steps of an ADC with two's complement; also returns the scale and how
-    many were outside its codes. `full_scale`, the amplitude of code -2^(bits-1), None: clips
+    many were outside its codes. `full_scale` is the amplitude of code -2^(bits-1); None: clips
     nothing. Codes end at 2^(bits-1) - 1; one bit is the sign alone, as half of full scale.
     """
     half = 2 ** (bits - 1)

@@ -1,11 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which engine makes the raw samples of which waveform."""
+"""Raw samples of a burst from paths, for every family of waveforms (Eq. 9-14 of the paper, with the
+carrier phase).
+
+**Pulses** (`EchoSynthesizer`). The complex baseband echo
+
+    s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
+
+is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by
+`SpectrumAccumulator`; t_m = m/PRF from the frame's time t. The pulse that comes back is scaled in
+time by the range rate (`PulseMotionTransform`).
+
+**Waveforms whose receiver samples frequencies** (family "line", `StretchSynthesizer`). Sample k of
+a pulse that begins at t_m is taken at t = t_m + u_k, when the transmitter is at f_k = f0 + (k - k0)
+df. After the mixer a path of delay tau(t) leaves
+
+    s_k = a exp(-j 2 pi [f_k tau - K tau^2 / 2]),      K = df / (time between samples)
+
+with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
+3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs
+(`RampTransform`); PMCW holds all frequencies at once, and paths move while a code is received
+(`CodeShape`). Received times conjugate of transmitted, so phases fall with delay as everywhere.
+Only phase noise, which differs from path to path, is put on here.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 
 import numpy as np
 
@@ -15,7 +37,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion, PathMotion
 from ..paths import Paths, channel_lengths
 from ..radar import Channel, FmcwWaveform, PmcwWaveform, Radar, replica, replica_spectrum
-from ..scattering import Link, reverse_amplitudes
+from ..scattering import Link, amplitude_history, reverse_amplitudes
 from ..spectrum import (
     TOLERANCE,
     AmplitudeHistory,
@@ -24,6 +46,7 @@ from ..spectrum import (
     FrequencyGrid,
     Method,
     PulseShape,
+    Ramp,
     ReceiveWindow,
     Spectrum,
     SpectrumAccumulator,
@@ -35,10 +58,7 @@ from .echoes import (
     DEFAULT_OPTIONS,
     Echoes,
     EchoOptions,
-    Oscillator,
     check_window,
-    line_grid,
-    line_ramp,
     line_times_s,
     line_waveform,
     pulse_times_s,
@@ -46,26 +66,19 @@ from .echoes import (
 )
 from .receiver import LineOscillator, PhaseNoise, takes_phase_noise_by_path
 
-# -------------------------------------------------------------------------------------------------
-# One sum of spectra for each channel of a radar.
-# -------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True)
 class ChannelPaths:
-    """What makes lengths and amplitudes of paths in the channels of a radar. `link`: gains at every
-    pulse, None: those that the paths have; `antennas`: their motion, None: the link's; `wanted`:
-    pulses whose echoes are formed, (pulses,), None: all.
-    """
+    """Gives lengths and amplitudes of paths in the channels of a radar."""
 
     radar: Radar
     options: EchoOptions
-    link: Link | None = None
-    antennas: AntennaMotion | None = None
-    wanted: Mask | None = None
+    link: Link | None = None  #: gains at every pulse; None: those that the paths have
+    antennas: AntennaMotion | None = None  #: their motion; None: the link's
+    wanted: Mask | None = None  #: pulses whose echoes are formed, (pulses,); None: all
 
     def rows_of(self, channel: Channel, rows: int) -> Mask:
-        """Return which of the rows of samples are formed: of wanted pulses with the channel."""
+        """Mask of the rows of samples that are formed: of wanted pulses with the channel."""
         pulses = self.radar.burst.pulses
         used = channel.active_mask(pulses)
         if self.wanted is not None:
@@ -75,21 +88,28 @@ class ChannelPaths:
         return np.repeat(used, rows // pulses)
 
     def times_of(self, channel: Channel, times_s: Real) -> Real:
-        """Return the times of the rows that are formed, out of those of all rows [s]."""
+        """Times of the rows that are formed, out of those of all rows [s]."""
         return np.asarray(times_s[self.rows_of(channel, times_s.size)])
 
     def lengths_of(self, paths: Paths, channel: Channel) -> PathMotion:
-        """Return the lengths of paths in a channel."""
         antennas = self.antennas or (None if self.link is None else self.link.antennas)
         return channel_lengths(paths, channel, antennas)
 
     def amplitudes_of(self, paths: Paths, channel: Channel) -> AmplitudeHistory:
-        """Return the amplitudes of paths in a channel."""
-        found = self.options.history(paths, channel, self.radar, self.link)
+        waveform, options = self.radar.waveform, self.options
+        found = amplitude_history(
+            paths,
+            channel,
+            frequency_hz=waveform.carrier_hz,
+            pulses=self.radar.burst.pulses,
+            amplitude_model=options.amplitude_model,
+            receiver_gain=options.receiver_gain,
+            link=self.link,
+            speckle_seed=options.speckle_seed,
+        )
         antennas = self.antennas or (None if self.link is None else self.link.antennas)
-        if antennas is None or self.options.speckle_seed is None:
+        if antennas is None or options.speckle_seed is None:
             return found  # without speckle, rows add up coherently as they are
-        waveform = self.radar.waveform
         factors = reverse_amplitudes(
             paths, channel, antennas, waveform.carrier_hz, waveform.range_resolution_m
         )
@@ -106,7 +126,6 @@ class ChannelSums:
         self._sums = [(channel, make(channel)) for channel in source.radar.channels]
 
     def add(self, paths: Paths) -> None:
-        """Add paths to all channels."""
         for channel, total in self._sums:
             total.add(
                 self._source.lengths_of(paths, channel), self._source.amplitudes_of(paths, channel)
@@ -114,15 +133,15 @@ class ChannelSums:
 
     def results(self, times_s: Real) -> list[Spectrum]:
         """Spectra of all channels for rows at these times; those of rows not formed are 0."""
-        return [self._in_rows(channel, total.result(), times_s) for channel, total in self._sums]
-
-    def _in_rows(self, channel: Channel, formed: Spectrum, times_s: Real) -> Spectrum:
-        used = self._source.rows_of(channel, times_s.size)
-        if formed.moving is None or used.all():
-            return replace(formed, times_s=times_s)
-        moving = np.zeros((times_s.size, formed.grid.count), dtype=np.complex128)
-        moving[used] = formed.moving
-        return replace(formed, moving=moving, times_s=times_s)
+        found = []
+        for channel, total in self._sums:
+            formed, used = total.result(), self._source.rows_of(channel, times_s.size)
+            moving = formed.moving
+            if moving is not None and not used.all():
+                moving = np.zeros((times_s.size, formed.grid.count), dtype=np.complex128)
+                moving[used] = formed.moving
+            found.append(replace(formed, moving=moving, times_s=times_s))
+        return found
 
 
 def silence_unformed(samples: Complex, source: ChannelPaths) -> Complex:
@@ -133,20 +152,9 @@ def silence_unformed(samples: Complex, source: ChannelPaths) -> Complex:
 
 
 def joined_report(reports: list[SynthesisReport]) -> SynthesisReport:
-    """Return the report of the channel of the largest error, with the time of all."""
+    """Report of the channel of the largest error, with the time of all."""
     worst = max(reports, key=lambda report: report.error_estimate)
     return replace(worst, wall_s=sum(report.wall_s for report in reports))
-
-
-# -------------------------------------------------------------------------------------------------
-# Complex baseband echoes of a burst (Eq. 9-14 of the paper, with the carrier phase).
-#
-#     s(t_m, tau) = sum_i a_i w(tau - tau_i) exp(-j 2 pi f0 tau_i),   tau_i = l_i(t_m)/c
-#
-# is formed in the frequency domain, W(f) sum_i a_i exp(-j 2 pi (f0+f) tau_i), by
-# :mod:`.spectrum.accumulator`. t_m = m/PRF from the frame's time t. The pulse that comes back is
-# scaled in time by the range rate, see :mod:`.spectrum.pulse_motion`.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Empty samples behind the window, which keep the tails of the band-limited chirp from wrapping.
@@ -266,38 +274,15 @@ class EchoSynthesizer:
         )
 
 
-# -------------------------------------------------------------------------------------------------
-# Echoes of waveforms whose receiver samples frequencies (family "line").
-#
-# Sample k of a pulse that begins at t_m is taken at t = t_m + u_k, when the transmitter is at
-# f_k = f0 + (k - k0) df. After the mixer a path of delay tau(t) leaves
-#
-#     s_k = a exp(-j 2 pi [f_k tau - K tau^2 / 2]),      K = df / (time between samples)
-#
-# with the residual video phase K tau^2 / 2 for FMCW alone (Meta, Hoogeboom, Ligthart, IEEE TGRS 45,
-# 3519, 2007): a stepped tone has settled by the time it is sampled. Paths move while the ramp runs,
-# see :mod:`.spectrum.ramp`; PMCW holds all frequencies at once, and paths move while a code is
-# received, see :class:`.spectrum.pulse_shape.CodeShape`. The sums are those of
-# :mod:`.spectrum.accumulator`; only phase noise, which differs from path to path, is put on here.
-#
-# Mixer and sign: received times conjugate of transmitted, so phases fall with delay as everywhere.
-# -------------------------------------------------------------------------------------------------
-
-
-#: A delay of 0 is received, too.
-_JUST_BEFORE_S = 1e-30
-
-
 class StretchSynthesizer:
-    """Adds up the samples of paths that come in parts; parameters as of
-    :class:`.echoes.pulse_synthesis.EchoSynthesizer`.
+    """Adds up the samples of paths that come in parts; parameters as of `EchoSynthesizer`.
 
     Every echo within the waveform's own range is in the samples, whatever the window.
     `oscillators`, one for each channel, put phase noise on (not for PMCW); with them all pulses are
     formed.
 
     FMCW: beats beyond the ADC's band are taken out by an ideal anti-alias filter, and counted in
-    ``outside``. Stepped frequency and PMCW: what is beyond the unambiguous range folds back.
+    ``outside``. Stepped frequency and PMCW: echoes beyond the unambiguous range fold back.
     """
 
     def __init__(
@@ -306,7 +291,7 @@ class StretchSynthesizer:
         range_limits_m: tuple[float, float],
         options: EchoOptions = DEFAULT_OPTIONS,
         *,
-        oscillators: Sequence[Oscillator] | None = None,
+        oscillators: Sequence[LineOscillator] | None = None,
         link: Link | None = None,
         antennas: AntennaMotion | None = None,
         wanted: Mask | None = None,
@@ -315,7 +300,11 @@ class StretchSynthesizer:
         self.range_limits_m = check_window(range_limits_m)
         self._waveform = line_waveform(radar)
         self._options = options
-        self._grid = line_grid(self._waveform)
+        # exact where the engine has its zero
+        ahead = self._waveform.grid_count // 2 - Fraction(self._waveform.grid_middle)
+        step_hz = self._waveform.grid_step_hz
+        centre_hz = Fraction(self._waveform.carrier_hz) + ahead * Fraction(step_hz)
+        self._grid = FrequencyGrid.centred(centre_hz, step_hz, self._waveform.grid_count)
         self._filtered = isinstance(self._waveform, FmcwWaveform)
         self._code: CodeShape | None = None
         if isinstance(self._waveform, PmcwWaveform) and options.motion_within_pulse:
@@ -330,11 +319,15 @@ class StretchSynthesizer:
     def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
         waveform = self._waveform
         ends_s = (-np.inf, np.inf)
-        if self._filtered:
-            ends_s = (-_JUST_BEFORE_S, 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS)
+        if self._filtered:  # a delay of 0 is received, too
+            ends_s = (-1e-30, 2 * waveform.unambiguous_range_m / SPEED_OF_LIGHT_MPS)
         middle_s = waveform.grid_start_s + (self._grid.count // 2) * waveform.grid_interval_s
         if self._code is not None:
             middle_s = self._code.half_s
+        ramp: Ramp | None = None  # all frequencies at once
+        if waveform.grid_interval_s != 0:
+            video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
+            ramp = Ramp(waveform.grid_interval_s, video)
         return SpectrumAccumulator(
             self._grid,
             self._source.times_of(channel, line_times_s(self.radar))
@@ -344,7 +337,7 @@ class StretchSynthesizer:
             method=self._options.slow_time_transform,
             backend=self._options.nufft_backend,
             listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
-            ramp=line_ramp(waveform),
+            ramp=ramp,
             pulse=self._code,
             interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
             chunk=self._options.chunk,
@@ -363,7 +356,11 @@ class StretchSynthesizer:
         self._beyond += int(np.count_nonzero(beyond))
 
     def _add_noisy(
-        self, paths: Paths, channel: Channel, oscillator: Oscillator, noisy: NoisyPathAccumulator
+        self,
+        paths: Paths,
+        channel: Channel,
+        oscillator: LineOscillator,
+        noisy: NoisyPathAccumulator,
     ) -> None:
         """Each path between the two nearest delays for which there is a factor."""
         rows = slice(0, len(paths))
@@ -414,7 +411,6 @@ class NoisyPathAccumulator:
         self._parts: list[tuple[SynthesisReport, float]] = []
 
     def add(self, spectrum: Spectrum, factor: Complex) -> None:
-        """Add one delay's."""
         values = spectrum.values
         self._parts.append((spectrum.report, float(np.vdot(values, values).real)))
         values *= factor
@@ -422,7 +418,7 @@ class NoisyPathAccumulator:
 
     def report(self, empty: SynthesisReport, paths: int) -> SynthesisReport:
         """One report of all; a path counts in the steps of both delays that it lies between."""
-        report = dataclasses.replace(empty, paths=paths, steps=[], notes=[])
+        report = replace(empty, paths=paths, steps=[], notes=[])
         energy = float(np.vdot(self.values, self.values).real)
         expected, fast, notes = 0.0, 0, []
         for part, own in self._parts:
@@ -461,34 +457,8 @@ def synthesizer_for(
     antennas: AntennaMotion | None = None,
     wanted: Mask | None = None,
 ) -> EchoSynthesizer | StretchSynthesizer:
-    """Return the synthesizer for the waveform's family.
-
-    Parameters
-    ----------
-    radar
-        Waveform and burst.
-    range_limits_m
-        One-way ranges (start, stop) whose echoes are recorded whole [m].
-    options
-        How echoes are formed.
-    phase_noise, phase_noise_seed
-        For FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
-    link
-        Antenna gains at every pulse; None: those that the paths have.
-    antennas
-        Motion of the antennas, for channels of elements away from their origins; None: the link's.
-    wanted
-        Pulses whose echoes are formed, (pulses,); those of the others are 0. None: all.
-
-    Returns
-    -------
-    EchoSynthesizer or StretchSynthesizer
-        Takes paths in parts with ``add``; ``result`` returns the `Echoes`.
-
-    Raises
-    ------
-    ConfigError
-        The range limits are empty or reversed, or the matrix of echoes is too large.
+    """The synthesizer for the waveform's family; parameters as of `EchoSynthesizer`. Phase noise is
+    for FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
     """
     if radar.waveform.family == "pulse":
         return EchoSynthesizer(

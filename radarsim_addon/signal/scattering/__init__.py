@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The complex amplitude of a path in a channel: antenna gains, speckle.
+"""The complex amplitude of a path in a channel: antenna gains, speckle. Nothing else decides
+amplitudes.
 
 In: `Paths`, a channel, pulse times [s]. Out: complex amplitudes (path, pulse) in sqrt(W), without
-exp(-j 2 pi f0 tau). Nothing else decides amplitudes.
+exp(-j 2 pi f0 tau).
+
+`amplitudes` takes the root of the power with the gains of both antennas at each pulse (`Link`), and
+random phases. `surface_speckle` replaces these where a path's surface is known: scatterers in cells
+that are fixed to it; `frame_speckle` does so for the paths of a frame. `reverse_paths` has the
+interference of paths that share scatterers, `rain_volume` the paths of rain.
 """
 
 from .amplitudes import (

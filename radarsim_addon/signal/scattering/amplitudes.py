@@ -6,9 +6,18 @@ formulas are written with exp(-j w t) and n + jk, so `amplitude` conjugates refl
 Gamma and scattering matrices S. The factor exp(-j 2 pi f0 tau) itself belongs to the synthesis,
 which knows lengths and amplitudes and nothing of materials, speckle or antennas.
 
-Antenna gains are those at the time of each pulse: at its middle for a pulse, in the middle of the
-ramp for frequencies that come one after the other. Between the elements of an array the level's
+**Gains** (`Link`) are those at the time of each pulse: at its middle for a pulse, in the middle of
+the ramp for frequencies that come one after the other. The transmit gain is taken towards the last
+vertex, the receive gain along the pixel's direction. Between the elements of an array the level's
 dependence on distance is neglected, its dependence on direction is not.
+
+**Random phases** (`path_phasors`). A pixel of a rough surface stands for many scatterers whose
+heights differ by more than a wavelength: its phase is anything. With one phase for all,
+neighbouring pixels of a smooth mesh would add up in phase, and the level of an echo would grow with
+the number of pixels. With random phases the mean power is the sum of the powers, and the map shows
+speckle as a radar's does. They are seeded, one for each path, constant over the pulses. Paths of a
+table have scatterers that are tied to the surface instead (`surface_speckle`); random phases are
+for rings, whose pixels know no surface, and for paths whose surface is unknown.
 """
 
 from __future__ import annotations
@@ -49,30 +58,16 @@ from ..radar import (
 )
 from ..spectrum import AmplitudeHistory
 
-# -------------------------------------------------------------------------------------------------
-# Random phases of rough scatterers: seeded, one for each path, constant over the pulses.
-#
-# Paths of a table have scatterers that are tied to the surface, see
-# :mod:`.scattering.surface_speckle`; these here are for rings, whose pixels know no surface, and
-# for what is left.
-#
-# A pixel of a rough surface stands for many scatterers whose heights differ by more than a
-# wavelength: its phase is anything. Without that, neighbouring pixels of a smooth mesh add up in
-# phase, and the level of an echo grows with the number of pixels; with it, the mean power is the
-# sum of the powers, and the map shows speckle as a radar's does.
-# -------------------------------------------------------------------------------------------------
-
-
 _U64 = np.uint64
 
 
 def path_phasors(paths: Paths, seed: int) -> Complex:
     """Return the complex factor of each path's amplitude.
 
-    It is that of the surface's scatterers where the paths have one (see
-    :mod:`.scattering.surface_speckle`). Else exp(j phi), phi uniform and independent from path to
-    path; phi depends on where the path was found (ring, row, column; the row of the table) and on
-    the seed alone, so it is the same however the paths are split into parts.
+    It is that of the surface's scatterers where the paths have one. Else exp(j phi), phi uniform
+    and independent from path to path; phi depends on where the path was found (ring, row, column;
+    the row of the table) and on the seed alone, so it is the same however the paths are split into
+    parts.
 
     Parameters
     ----------
@@ -112,11 +107,6 @@ def hash_step(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return np.asarray(state ^ (state >> _U64(31)))
 
 
-# -------------------------------------------------------------------------------------------------
-# Antennas and power on paths: transmit gain at the last vertex, receive gain at the pixel.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Rows times times whose gains are computed at once: 12 MB for each array of vectors.
 _BLOCK = 1 << 19
 #: Pulses over which a mean gain is taken, at most.
@@ -128,21 +118,18 @@ _MEAN_NODES, _MEAN_TAIL = 5, (1e-5, 1e-8)
 
 @dataclass(frozen=True)
 class PathEnds:
-    """What gains need of n paths: total lengths [m] and directions from the receiver to the first
-    vertex at t, first and last vertices at t [m], NaN where unknown, their motion, and images of
-    the antennas over which they go.
-    """
+    """Lengths, directions and vertices of n paths at t, for gains."""
 
-    length_m: Real
-    direction: Real
-    first_scatterer_m: Real
+    length_m: Real  #: total, (n,) [m]
+    direction: Real  #: from the receiver to the first vertex, (n, 3)
+    first_scatterer_m: Real  #: (n, 3) [m]; NaN: unknown
     last_scatterer_m: Real
     motion: PathMotion
-    images: PathImages | None = None
+    images: PathImages | None = None  #: of the antennas, over which the paths go
 
     @classmethod
     def of_paths(cls, paths: Paths) -> PathEnds:
-        """Return the ends of paths, which must know their directions (`ConfigError`)."""
+        """Ends of paths, which must know their directions (`ConfigError`)."""
         geometry = paths.geometry
         if geometry is None:
             raise ConfigError(
@@ -160,7 +147,7 @@ class PathEnds:
 
     @classmethod
     def of_rows(cls, rows: PathRows, scene: FrameMotion | None) -> PathEnds:
-        """Return the ends of rows of a table, which move as the scene does."""
+        """Ends of rows of a table, which move as the scene does."""
         motion: PathMotion = LinearMotion(rows["length_m"], rows["range_rate_mps"])
         if scene is not None:
             motion = motion_of_rows(rows, scene)
@@ -174,7 +161,6 @@ class PathEnds:
         )
 
     def select(self, rows: NDArray[np.intp]) -> PathEnds:
-        """Return the ends of these paths alone."""
         return PathEnds(
             self.length_m[rows],
             self.direction[rows],
@@ -185,25 +171,22 @@ class PathEnds:
         )
 
     def unfolded(self, end: int, points_m: Real) -> Real:
-        """Return first (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
+        """First (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
         return points_m if self.images is None else self.images.unfolded(end, points_m)
 
 
 @dataclass(frozen=True)
 class _MeanNodes:
-    """A few of many times [s] whose values tell the mean over all where they change smoothly.
+    """A few of many times whose values give the mean over all where they change smoothly."""
 
-    `weights` (nodes,) are those of the mean, `tail` (2, nodes) those of the last two coefficients
-    of the Chebyshev polynomials through the nodes.
-    """
-
-    times_s: Real
-    weights: Real
+    times_s: Real  #: (nodes,) [s]
+    weights: Real  #: of the mean, (nodes,)
+    #: Of the last two coefficients of the Chebyshev polynomials through the nodes, (2, nodes).
     tail: Real
 
     @classmethod
     def of(cls, times_s: Real) -> _MeanNodes | None:
-        """Of times in rising order; None: they are too few."""
+        """Nodes of rising times; None: they are too few."""
         if times_s.size < 2 * _MEAN_NODES:
             return None
         chosen = np.rint(np.linspace(0, times_s.size - 1, _MEAN_NODES)).astype(np.intp)
@@ -220,26 +203,12 @@ class _MeanNodes:
 
 
 class Link:
-    """What a radar system makes of paths between one receiver and one transmitter.
+    """Gains and powers of a link budget on paths between one receiver and one transmitter.
 
-    Parameters
-    ----------
-    system
-        Power budget.
-    camera, emitter
-        Receiver and transmitter at the frame's time, and the lamp's EIRP.
-    scene
-        Motion during the burst; None: the antennas are stationary.
-    times_s
-        Pulse times, over which the mean gains of `apply` and `mean_factor` are taken, (pulses,)
-        [s]; None: gains of the frame's time.
-    attenuation_db_per_km
-        What the air takes of a kilometre of path, one way, over the whole band [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        The lamp has no power: there is nothing to scale.
+    `scene` is the motion during the burst; None: the antennas are stationary. `times_s` are the
+    pulse times over which the mean gains of `apply` and `mean_factor` are taken, (pulses,); None:
+    gains of the frame's time. `attenuation_db_per_km` is what the air takes, one way, over the
+    whole band. A lamp without power is a `ConfigError`: there is nothing to scale.
     """
 
     def __init__(
@@ -275,12 +244,12 @@ class Link:
 
     @property
     def receiver_m(self) -> Real:
-        """Position of the receiver at the frame's time, (3,) [m]."""
+        """Place of the receiver at the frame's time, (3,) [m]."""
         return self.antennas.receiver.pose[:3, 3]
 
     @property
     def emitter_m(self) -> Real:
-        """Position of the transmitter at the frame's time, (3,) [m]."""
+        """Place of the transmitter at the frame's time, (3,) [m]."""
         return self.antennas.transmitter.pose[:3, 3]
 
     def transmit_gain(self, points_m: Real) -> Real:
@@ -295,9 +264,7 @@ class Link:
 
     def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
         """P_t G_t G_r / (L EIRP) of each path at the frame's time, less what the air takes, (n,).
-
-        Where the last vertex is unknown it is taken to be where a single reflection of that length
-        would lie.
+        An unknown last vertex is taken to be where a single reflection of that length would lie.
         """
         if not np.size(length_m):
             return np.ones(0)
@@ -306,7 +273,7 @@ class Link:
         return np.asarray(self._scale * gain * self._air_gain(length_m), dtype=np.float64)
 
     def _air_gain(self, length_m: Real) -> Real:
-        """What the air leaves of the power of paths of these total lengths, (n,)."""
+        """Fraction of the power that the air leaves to paths of these total lengths, (n,)."""
         # a length that is not finite is refused where it is used, and not for its power
         return np.exp(-self._neper_per_m * np.where(np.isfinite(length_m), length_m, 0.0))
 
@@ -328,7 +295,6 @@ class Link:
 
     def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
         """P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n, times).
-
         Unknown vertices are taken as for `factor`, and not to move.
         """
         count = ends.length_m.size
@@ -352,7 +318,12 @@ class Link:
         """Gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
         body = (self.antennas.receiver, self.antennas.transmitter)[end]
         if element.antenna is not None:
-            antenna = self._pattern(element)
+            key = id(element.antenna)
+            if key not in self._patterns:
+                self._patterns[key] = make_antenna(
+                    element.antenna, self.system.wavelength_m, "Element's"
+                )
+            antenna = self._patterns[key]
         axes = axes_of(body, times_s)
         if end == 0 and self.antennas.orthographic:
             # rays along the boresight, which turns with the receiver
@@ -391,13 +362,6 @@ class Link:
             last_scatterer_m = np.where(bad[:, None], self.receiver_m + direction, last_scatterer_m)
         return last_scatterer_m
 
-    def _pattern(self, element: Element) -> PeakedAntenna:
-        record = element.antenna
-        key = id(record)
-        if key not in self._patterns and record is not None:
-            self._patterns[key] = make_antenna(record, self.system.wavelength_m, "Element's")
-        return self._patterns[key]
-
     def mean_factor(self, ends: PathEnds) -> Real:
         """Mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it; where nothing changes
         gains it is `factor`, to the last bit.
@@ -414,8 +378,8 @@ class Link:
         return gain
 
     def mean_factor_of_rows(self, rows: PathRows, number: Indices | None = None) -> Real:
-        """As `mean_factor`, of rows of the frame's table, (n,), which are kept by their rising
-        numbers in it, where given.
+        """As `mean_factor`, of rows of the frame's table, (n,). Where their rising numbers in it
+        are given, the gains are kept.
         """
         if number is None or not number.size:
             return self.mean_factor(PathEnds.of_rows(rows, self._scene))
@@ -452,20 +416,7 @@ class Link:
 def antenna_motion(
     camera: ReceiverRecord, emitter: TransmitterRecord, scene: FrameMotion | None = None
 ) -> AntennaMotion:
-    """Return the motion of a frame's antennas.
-
-    Parameters
-    ----------
-    camera, emitter
-        Poses at the frame's time.
-    scene
-        Motion during the burst; None: stationary.
-
-    Returns
-    -------
-    AntennaMotion
-        Motion of receiver and transmitter.
-    """
+    """Motion of a frame's antennas, from their poses and the scene; None: stationary."""
 
     def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:
         if moving is not None and moving.moving:
@@ -532,24 +483,8 @@ def amplitude_history(
     link: Link | None = None,
     speckle_seed: int | None = None,
 ) -> AmplitudeHistory:
-    """Return the amplitudes of paths in a channel at any time of a burst.
-
-    Parameters
-    ----------
-    paths, channel, frequency_hz, amplitude_model, receiver_gain, link, speckle_seed
-        See `amplitude`.
-    pulses
-        Pulses of the burst; the gains of a single pulse are those at the frame's time.
-
-    Returns
-    -------
-    AmplitudeHistory
-        Of n paths, in sqrt(W); see `amplitude`.
-
-    Raises
-    ------
-    ConfigError
-        See `amplitude`.
+    """Amplitudes of n paths in a channel at any time of a burst, in sqrt(W); arguments and errors
+    as of `amplitude`. The gains of a single pulse are those at the frame's time.
     """
 
     def without_link(paths: Paths) -> Complex:
@@ -562,7 +497,12 @@ def amplitude_history(
         return np.asarray(found * path_phasors(paths, speckle_seed))
 
     if link is None:
-        _refuse_patterns(channel)
+        for element in (channel.tx, channel.rx):
+            if element.antenna is not None or element.orientation != Element().orientation:
+                raise ConfigError(
+                    "An antenna element has a pattern or an orientation of its own, but there is "
+                    "no link budget to apply gains with. Process with a link budget."
+                )
         return AmplitudeHistory.of(without_link(paths))
     ends = PathEnds.of_paths(paths)
     if not channel.reference_gain:
@@ -611,7 +551,7 @@ def amplitude(
     link
         Antennas and powers; None: the gains in ``paths.gain``, or none.
     speckle_seed
-        Random phases, see :func:`.scattering.random_phases.path_phasors`; None: none, and the
+        Random phases, see `path_phasors`; None: none, and the
         phasors of surfaces are left out too.
 
     Returns
@@ -640,13 +580,3 @@ def amplitude(
     rows = np.flatnonzero(history.varies)
     values[rows] = history.at(times_s, rows)
     return values
-
-
-def _refuse_patterns(channel: Channel) -> None:
-    """Raise where an element has a pattern of its own, or is turned, and there is no link."""
-    for element in (channel.tx, channel.rx):
-        if element.antenna is not None or element.orientation != Element().orientation:
-            raise ConfigError(
-                "An antenna element has a pattern or an orientation of its own, but there is no "
-                "link budget to apply gains with. Process with a link budget."
-            )

@@ -1,10 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speckle of a frame as a stage of processing: finds what surfaces it has, applies it to paths."""
+"""Speckle of a frame as a stage of processing: finds its surfaces, applies their scatterers to
+paths.
+
+`FrameSpeckle` spreads paths over what their pixels cover and gives them the phasors, lengths and
+motion of the scatterers of `SurfaceSpeckle`.
+
+`ClutterSurfaces` sorts rows by clutter, for expected power. A path is clutter where all of its
+known scatterers lie on objects with a clutter model, texture or motion of their own. Planes: 0 is
+no clutter, 1 has scatterers that do not move by themselves (rain too: its drops have range rates),
+each further one is a kind of motion.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -27,16 +37,9 @@ _CELLS = 1.0
 class FrameSpeckle:
     """Applies the scatterers of a frame's surfaces to its paths as they stream by.
 
-    Parameters
-    ----------
-    frame_input
-        Radar frame. One of rings has no scatterers: its paths stay as they are.
-    seed
-        Of the realisation; None: no speckle.
-    cell_m
-        Edge of a scatterer's cell [m]; None: from the footprints of the pixels.
-    footprints
-        From `table_footprints`; None: they are found here.
+    A frame of rings has no scatterers: its paths stay as they are, as without a `seed`. `cell_m` is
+    the edge of a scatterer's cell; None: from the footprints of the pixels. `footprints` are from
+    `table_footprints`; None: they are found here.
     """
 
     def __init__(
@@ -58,6 +61,7 @@ class FrameSpeckle:
         self._images = record.images
         self._footprints = footprints or table_footprints(frame_input)
         bodies, columns = _bodies(table)
+        surfaces = list(numbered_objects(scene, record.objects))
         self._speckle = SurfaceSpeckle(
             record,
             self._table,
@@ -66,10 +70,14 @@ class FrameSpeckle:
             waveform.carrier_hz,
             waveform.range_resolution_m,
             seed,
-            roughness_of(scene, record.objects),
+            {
+                number: Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
+                for number, item in surfaces
+                if item.rms_height_m is not None
+            },
             cell_m,
             self._footprints,
-            fluctuations_of(scene, record.objects),
+            {number: one.fluctuation for number, one in surfaces if one.fluctuation is not None},
         )
         self._time_s = record.time_s
         self._wavenumber = 2 * np.pi / waveform.wavelength_m
@@ -132,7 +140,6 @@ class FrameSpeckle:
 
     def _over_scatterers(self, paths: Paths, known: Indices, cells: Indices) -> Paths:
         """The paths, of which those with a reverse have the scatterers of their cells as vertices.
-
         All paths of a cell then have one difference to their reverses, and the same factor.
         """
         marked = np.flatnonzero(paths.flags[known] & PathFlag.HAS_REVERSE)
@@ -149,9 +156,8 @@ class FrameSpeckle:
         return dataclasses.replace(paths, geometry=geometry)
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
-        """The paths, with the range rates of clutter that moves by itself.
-
-        Its scatterers keep their velocities from frame to frame: phases follow the frame's time.
+        """The paths, with the range rates of clutter that moves by itself. Its scatterers keep
+        their velocities from frame to frame: phases follow the frame's time.
         """
         if not sway_mps.any() or paths.phasors is None:
             return paths
@@ -202,22 +208,11 @@ class FrameSpeckle:
         )
 
     def report(self) -> SpeckleReport | None:
-        """What the frame's scatterers are like; None without any."""
         return None if self._speckle is None else self._speckle.report()
 
 
 def table_footprints(frame_input: FrameInput) -> TableFootprints:
-    """Return what rows of a frame's table are spread over, in points as near as its echoes ask.
-
-    Parameters
-    ----------
-    frame_input
-        Radar frame of the sampling mode "paths".
-
-    Returns
-    -------
-    TableFootprints
-    """
+    """Points over which rows of a frame's table are spread, as near as its echoes need them."""
     waveform, burst, table = frame_input.radar.waveform, frame_input.radar.burst, frame_input.table
     return TableFootprints(
         table.record,
@@ -228,9 +223,8 @@ def table_footprints(frame_input: FrameInput) -> TableFootprints:
 
 
 def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
-    """What scatterers are fixed to, and the table's columns that number it.
-
-    Bodies of the motion file, each with its pose at t; without one the objects, in world space.
+    """Bodies to which scatterers are fixed, and the table's columns of their numbers: bodies of the
+    motion file, each with its pose at t; without such a file the objects, in world space.
     """
     motion, names = table.motion, table.record.objects
     if motion is None:
@@ -253,33 +247,13 @@ def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
 
 
 def kirchhoff_findings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[Finding]:
-    """Find objects of known roughness on which the rough lobe is no model of it, and why."""
+    """Objects of known roughness on which the rough lobe is no model of it, and why."""
     return [
         limit.about(item.name)
         for item in (scene.objects if scene is not None else [])
         if item.rms_height_m and item.correlation_length_m
         for limit in kirchhoff_limits(item.rms_height_m, item.correlation_length_m, wavelength_m)
     ]
-
-
-def roughness_of(scene: GroundTruthRecord | None, objects: list[str]) -> Mapping[int, Roughness]:
-    """Roughness of the objects that the scene's record has one of, by number from 1."""
-    return {
-        number: Roughness(item.rms_height_m, item.correlation_length_m or 0.0)
-        for number, item in numbered_objects(scene, objects)
-        if item.rms_height_m is not None
-    }
-
-
-def fluctuations_of(
-    scene: GroundTruthRecord | None, objects: list[str]
-) -> Mapping[int, FluctuationRecord]:
-    """Fluctuations of the objects that the scene's record has some of, by number from 1."""
-    return {
-        number: item.fluctuation
-        for number, item in numbered_objects(scene, objects)
-        if item.fluctuation is not None
-    }
 
 
 def numbered_objects(
@@ -293,36 +267,11 @@ def numbered_objects(
             yield number, item
 
 
-# -------------------------------------------------------------------------------------------------
-# Which paths of a frame are clutter, and how the scatterers of their surfaces move.
-#
-# A path is clutter where all of its known scatterers lie on objects with a clutter model, texture
-# or motion of their own. Expected power sorts it into planes: 0 is no clutter, 1 has scatterers
-# that do not move by themselves (rain too: its drops have range rates), each further one a kind of
-# motion.
-# -------------------------------------------------------------------------------------------------
-
-
 STILL_PLANE = 1
 
 
 class ClutterSurfaces:
-    """Objects of a frame that are clutter.
-
-    Parameters
-    ----------
-    frame_input
-        Frame of the sampling mode "paths".
-    rain
-        Whether there is clutter of no object, too.
-
-    Attributes
-    ----------
-    names
-        Of the objects.
-    planes
-        Number of planes: 1 without any clutter.
-    """
+    """Objects of a frame that are clutter; `rain`: whether there is clutter of no object, too."""
 
     def __init__(self, frame_input: FrameInput, *, rain: bool = False) -> None:
         objects = frame_input.table.record.objects
@@ -336,6 +285,7 @@ class ClutterSurfaces:
             names.append(objects[number - 1])
             self._plane[number] = self._plane_of(item.fluctuation or FluctuationRecord())
         self.names = frozenset(names)
+        #: 1 without any clutter.
         self.planes = STILL_PLANE + 1 + len(self._motions) if names or rain else 1
 
     def _plane_of(self, fluctuation: FluctuationRecord) -> int:
@@ -356,8 +306,8 @@ class ClutterSurfaces:
         return np.where(clutter, self._plane[last], 0)
 
     def lines(self, plane: int, rows: PathRows) -> list[tuple[float, Real]]:
-        """Return the lines of the spectrum of a plane: fraction of the power, and range rates
-        that the motion adds to rows [m/s], (n,). One line, or both Bragg lines of a sea.
+        """Lines of the spectrum of a plane: fraction of the power, and range rates that the motion
+        adds to rows [m/s], (n,). One line, or both Bragg lines of a sea.
         """
         motion = self._motions[plane - STILL_PLANE - 1] if plane > STILL_PLANE else None
         if motion is None or motion.motion != "sea":

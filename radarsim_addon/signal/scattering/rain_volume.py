@@ -31,21 +31,8 @@ _LOOKED_AT = 200_000
 
 
 def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
-    """Return points of rain as rows of reflections of order 1, without an object.
-
-    Parameters
-    ----------
-    frame_input
-        Frame of the sampling mode "paths" with a perspective or equirectangular receiver.
-    weather
-        With rain.
-    seed
-        Of the places and speeds of the drops.
-
-    Returns
-    -------
-    ndarray
-        (points,); empty without rain or for an orthographic receiver.
+    """Points of rain as rows of reflections of order 1, without an object; `seed` is of the places
+    and speeds of the drops. Empty without rain or for an orthographic receiver.
     """
     receiver, radar = frame_input.receiver, frame_input.radar
     if not weather.rain_echo or weather.rain_mm_per_h == 0 or receiver.kind == "orthographic":
@@ -93,22 +80,7 @@ def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
 
 
 def rain_paths(rows: PathRows, frame_input: FrameInput, seed: int) -> Paths:
-    """Return points of rain as paths with random phases and constant range rates.
-
-    Parameters
-    ----------
-    rows
-        From `rain_rows`, (n,).
-    frame_input
-        Their frame.
-    seed
-        Of the phases.
-
-    Returns
-    -------
-    Paths
-        (n,).
-    """
+    """Points of rain as paths with random phases of a seed and constant range rates."""
     phases = np.exp(2j * np.pi * _draws(rows.size, seed ^ 0x5DEECE66D)[0])
     paths = make_paths(
         radiance_of(rows, frame_input.table.record),

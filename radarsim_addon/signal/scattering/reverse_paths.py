@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths and their reverses: over the same scatterers in the other order, they add up coherently.
+"""Paths that share scatterers add up coherently: over mirrors, and over the same two in reverse.
 
-A wave follows a path of two or more reflections in both directions, and the table has both, found
-separately: A, B where the receiver sees A, and B, A where it sees B. They have one phase of
-scattering, so both together have the mean power P_AB + P_BA + 2 o sqrt(P_AB P_BA) cos(k d), with d
-the length of the reverse less that of the path, and o the overlap of their responses in range.
-Rays rarely find both paths of one pair of surface cells, so each path carries its half: its power
-is multiplied by 1 + o cos(k d). In echoes, the paths A, B and B, A have independent phases, and the
-amplitude has the root of this factor with the phase of 1 + o exp(-j k d). With antennas in one
-place, d = 0 and the factor is 2. With antennas apart, d changes over the surfaces by many
-wavelengths, and the mean power is the sum of both.
+**Mirrors** (`interference_factors`). Echoes of different scatterers have independent phases, so
+their expected powers add up. Paths over one scatterer, direct and over mirrors, have its phase in
+common. Their amplitudes a_i exp(j p_i) with p_i = mirror phase - k l_i interfere: the expected
+power is the sum over all pairs of a_i a_j cos(p_i - p_j) o(l_i - l_j) with the overlap o of their
+responses in range. Each path of a pair carries half of what both bring, so a path's own number may
+be negative; sums over a range cell are not, as far as it resolves no pair.
 
-An echo has one delay, so a taper over the band does not change the factor: o is that without taper.
+**Reverses** (`reverse_factors`, `reverse_amplitudes`). A wave follows a path of two or more
+reflections in both directions, and the table has both, found separately: A, B where the receiver
+sees A, and B, A where it sees B. They have one phase of scattering, so both together have the mean
+power P_AB + P_BA + 2 o sqrt(P_AB P_BA) cos(k d), with d the length of the reverse less that of the
+path. Rays rarely find both paths of one pair of surface cells, so each path carries its half: its
+power is multiplied by 1 + o cos(k d). In echoes, the paths A, B and B, A have independent phases,
+and the amplitude has the root of this factor with the phase of 1 + o exp(-j k d). With antennas in
+one place, d = 0 and the factor is 2. With antennas apart, d changes over the surfaces by many
+wavelengths, and the mean power is the sum of both. An echo has one delay, so a taper over the band
+does not change the factor: o is that without taper.
 """
 
 from __future__ import annotations
@@ -28,18 +34,6 @@ from ..motion import AntennaMotion, PathImages, places_m
 from ..paths import PathFlag, PathRows, Paths, has_images, images_of
 from ..radar import Channel, window_at
 
-# -------------------------------------------------------------------------------------------------
-# Expected power of paths that share a scatterer: direct and over mirrors, they add up in phase.
-#
-# Echoes of different scatterers have independent phases, so their expected powers add up. Paths
-# over one scatterer have its phase in common. Their amplitudes a_i exp(j p_i) with p_i = mirror
-# phase - k l_i interfere: the expected power is the sum over all pairs of a_i a_j cos(p_i - p_j)
-# o(l_i - l_j) with the overlap o of their responses in range. Each path of a pair carries half of
-# what both bring, so a path's own number may be negative; sums over a range cell are not, as far as
-# it resolves no pair.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Points of a band in the overlap of two responses.
 _BAND_POINTS = 257
 #: Turns of the phase over the band from which on responses do not overlap (1 % without a taper),
@@ -54,25 +48,8 @@ def interference_factors(
     range_resolution_m: float,
     range_taper: str = "none",
 ) -> Real:
-    """Return the factors from the powers of paths to their expected powers.
-
-    Parameters
-    ----------
-    rows
-        Of whole tile replicates, (n,).
-    power_w
-        Power of each path by itself, with its gains, (n,).
-    carrier_hz
-        Carrier [Hz].
-    range_resolution_m
-        c / (2 bandwidth) [m].
-    range_taper
-        Taper over the band, by name.
-
-    Returns
-    -------
-    ndarray
-        (n,); 1 for a path that shares its scatterer with no other.
+    """Factors from the powers of paths by themselves (n,), with their gains, to their expected
+    powers. Rows are of whole tile replicates; 1 for a path that shares its scatterer with no other.
     """
     factors = np.ones(rows.size)
     if not has_images(rows):
@@ -124,22 +101,7 @@ def reverse_factors(
     carrier_hz: float,
     range_resolution_m: float,
 ) -> Real:
-    """Return the factors on the expected powers of paths that have a reverse.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-    record
-        Of their table.
-    carrier_hz, range_resolution_m
-        See `interference_factors`.
-
-    Returns
-    -------
-    ndarray
-        (n,); 1 for a path without a reverse.
-    """
+    """Factors on the expected powers of rows of a table, (n,); 1 for a path without a reverse."""
     factors = np.ones(rows.size)
     chosen = np.flatnonzero(rows["flags"] & PathFlag.HAS_REVERSE)
     if record.receiver.kind == "orthographic" or not chosen.size:
@@ -165,25 +127,8 @@ def reverse_amplitudes(
     carrier_hz: float,
     range_resolution_m: float,
 ) -> Complex | None:
-    """Return the factors on the amplitudes of speckled paths in a channel.
-
-    Parameters
-    ----------
-    paths
-        n paths.
-    channel
-        Elements; places are those at the frame's time.
-    antennas
-        Motion of the antennas.
-    carrier_hz
-        Carrier [Hz].
-    range_resolution_m
-        c / (2 bandwidth) [m].
-
-    Returns
-    -------
-    ndarray or None
-        (n,); None where no path has a reverse.
+    """Factors on the amplitudes of n speckled paths in a channel, elements at the frame's time;
+    None where no path has a reverse.
     """
     chosen = np.flatnonzero(paths.flags & PathFlag.HAS_REVERSE)
     geometry = paths.geometry

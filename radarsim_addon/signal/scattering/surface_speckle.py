@@ -1,32 +1,38 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Speckle that belongs to the surface: scatterers tied to the objects' own coordinates.
 
-A rough surface is cut into cells of an edge c in the axes of its object. Each cell has a scatterer
-at a random place in it, of random height h: both come from a hash of seed, object and cell, so they
-are the same at every pulse, in every frame and view, and for every grid of pixels. With the
-wavevector change kappa = k |u_in - u_out| (2 k cos for a facet that mirrors back) a path has
+A rough surface is cut into cells of an edge c in the axes of its object (`SurfaceCells`). Each cell
+has a scatterer at a random place in it, of random height h: both come from a hash of seed, object
+and cell, so they are the same at every pulse, in every frame and view, and for every grid of
+pixels. With the wavevector change kappa = k |u_in - u_out| (2 k cos for a facet that mirrors back)
+a path has
 
     sqrt(P) g (exp(j kappa h) - m) / sqrt(1 - m^2) exp(-j k (l_c - l))
 
 of zero mean, m = exp(-(kappa h_rms)^2 / 2). Its phase is that of a path via the cell's scatterer,
 of length l_c instead of l. All paths of one cell use this scatterer; P_cell is the sum of their
 powers P. g = sqrt(P / P_cell) keeps it, so the mean power is the sum of the powers however fine the
-pixels are. Where the height is unknown m = 0: fully developed speckle. The scatterer moves with its
-body, and all paths of its cell move with it: on a body that turns they would otherwise lose their
-common phase. On a stationary body all paths of a cell have one delay, that of the power-weighted
-mean of their lengths: with delays of their own, a receiver that resolves them in part would lose
-power. A cell that is deeper than the range resolution is split into parts of that depth, each with
-its own scatterer.
+pixels are. Where the height is unknown m = 0: fully developed speckle.
+
+The scatterer moves with its body, and all paths of its cell move with it: on a body that turns they
+would otherwise lose their common phase. There it lies within the box of the body's mesh: beyond the
+end of a rotor blade it would be faster than all of the blade. On a stationary body all paths of a
+cell have one delay, that of the power-weighted mean of their lengths: with delays of their own, a
+receiver that resolves them in part would lose power. A cell that is deeper than the range
+resolution is split into parts of that depth, each with its own scatterer.
 
 A surface of small height also has a coherent part, m^2 = exp(-(2 k h_rms cos)^2) of the power
 (Ament 1953). It is left out: as a sum over pixel centres its level grows with the number of pixels
 in a Fresnel zone, by 6 dB for each doubling of the resolution.
 
-On a body that turns a scatterer lies within the box of its mesh: beyond the end of a rotor blade it
-would be faster than all of the blade.
-
 Cells as large as the pixels' footprints make speckle the same from view to view; finer cells would
 be hit or missed by chance.
+
+Clutter that fluctuates (`SurfaceFluctuations`) has texture, a field in the object's own
+coordinates, and scatterers with velocities, which they keep from frame to frame.
+
+`SurfaceSpeckle` goes through the table once: it adds up the power of each cell (`_add_up`), draws
+the cells' scatterers (`_draw`), then gives rows their factors (`scattering`).
 """
 
 from __future__ import annotations
@@ -59,13 +65,9 @@ from ..paths import (
 )
 from .amplitudes import hash_step, uniform
 
-# -------------------------------------------------------------------------------------------------
-# Lengths and deflections of paths over given vertices, seen from the antennas of a table.
-# -------------------------------------------------------------------------------------------------
-
 
 class VertexView:
-    """The antennas of a table at its time, and their images."""
+    """Lengths and deflections of paths over given vertices, seen from the antennas of a table."""
 
     def __init__(self, record: PathsRecord) -> None:
         self.receiver_m = np.asarray(record.receiver.matrix_world, dtype=np.float64)[:3, 3]
@@ -120,11 +122,6 @@ def _unit(vectors: Real) -> Real:
         return np.where(length > 0, vectors / length, 0.0)
 
 
-# -------------------------------------------------------------------------------------------------
-# Cells of surfaces, fixed to bodies, each with a scatterer; see :mod:`.surface_speckle`.
-# -------------------------------------------------------------------------------------------------
-
-
 Hash = NDArray[np.uint64]
 
 #: Axes of the world, in which poses are at its origin.
@@ -134,8 +131,8 @@ _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
 
 
 def distinct(keys: Hash) -> tuple[Hash, Indices, Indices]:
-    """The keys that there are, sorted, where each comes first, and the place of every key among
-    them: `numpy.unique`, without its stable sort.
+    """The sorted distinct keys, where each comes first, and the place of every key among them:
+    `numpy.unique`, without its stable sort.
     """
     order = np.argsort(keys)
     ranked = keys[order]
@@ -149,16 +146,14 @@ def distinct(keys: Hash) -> tuple[Hash, Indices, Indices]:
 
 @dataclass(frozen=True)
 class Body:
-    """A body to which cells are fixed: its unique name, and its pose (4, 4) [m].
+    """A body to which cells are fixed."""
 
-    `box`: lowest and highest corner of its mesh in its own axes (2, 3) [m at scale 1]; None:
-    scatterers may lie anywhere in their cells. `turns`: its parts have different velocities.
-    """
-
-    name: str
-    pose: Real
+    name: str  #: unique
+    pose: Real  #: (4, 4) [m]
+    #: Lowest and highest corner of its mesh in its own axes (2, 3) [m at scale 1]; None: scatterers
+    #: may lie anywhere in their cells.
     box: Real | None = None
-    turns: bool = False
+    turns: bool = False  #: its parts have different velocities
 
     @property
     def extent_m(self) -> Real:
@@ -178,22 +173,19 @@ class Body:
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of n vertices: hashes, bodies, poses and edges [m], (n,), numbers along the axes,
-    (3, n).
-    """
+    """Cells of n vertices."""
 
-    state: Hash
-    corner: Real
-    body: Integers
-    pose: Integers
-    edge_m: Real
+    state: Hash  #: (n,)
+    corner: Real  #: numbers of the cells along the axes, (3, n)
+    body: Integers  #: (n,)
+    pose: Integers  #: (n,)
+    edge_m: Real  #: (n,) [m]
 
 
 class SurfaceCells:
     """Cells of an edge [m], or of their object's where that is larger (`lengths_m` by its number),
-    and at least of `coarse_m` on bodies that do not turn.
-
-    `bodies` go by the numbers in the table's columns `columns`, of first and last vertex.
+    and at least of `coarse_m` on bodies that do not turn. `bodies` go by the numbers in the table's
+    columns `columns`, of first and last vertex.
     """
 
     def __init__(
@@ -230,7 +222,7 @@ class SurfaceCells:
         self._starts = hash_step(self._starts)
 
     def of(self, rows: AnyRows, first: bool) -> Cells:
-        """Cells of a vertex of rows whose vertices are all known."""
+        """Cells of the first or last vertex of rows whose vertices are all known."""
         body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
         length_m = self._lengths_m[rows["first_object" if first else "last_object"]]
         edge_m = np.maximum(self._edges_m[body], length_m)
@@ -324,22 +316,13 @@ class SurfaceCells:
         return np.flatnonzero(~same)
 
 
-# -------------------------------------------------------------------------------------------------
-# Texture and velocities of the scatterers of surfaces whose clutter fluctuates.
-#
-# Both belong to the surface, as its scatterers do (:mod:`.surface_speckle`): texture is a field in
-# the object's own coordinates, and a scatterer keeps its velocity from frame to frame.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Tells these draws from those of places and heights.
 _DRAWS = np.uint64(0xD1B54A32D192ED03)
 
 
 def grazing_cosines(rows: AnyRows) -> Real:
-    """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,).
-
-    Surfaces of clutter's models are level: the grazing angle is the ray's elevation.
+    """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,). Surfaces of
+    clutter's models are level: the grazing angle is the ray's elevation.
     """
     return np.asarray(np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0)))
 
@@ -393,42 +376,23 @@ class SurfaceFluctuations:
         return factors, rates_mps
 
 
-# -------------------------------------------------------------------------------------------------
-# What the scatterers of a frame's surfaces are like, and what to know of them.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Scatterers in a resolution cell from which its intensity is taken to be exponential.
 ENOUGH_SCATTERERS = 40
 
 
 @dataclass(frozen=True)
 class SpeckleReport:
-    """What the cells of a frame are like.
+    """Statistics of the cells of a frame."""
 
-    Attributes
-    ----------
-    cell_m
-        Edge of a cell [m]; larger where a material's correlation length is.
-    cells
-        Cells that paths hit.
-    median_scatterers
-        Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
-        median over the power.
-    undersampled_power_fraction
-        Fraction of the power in range cells of fewer than `ENOUGH_SCATTERERS`.
-    coherent_power_fraction
-        Fraction of the power that the roughness leaves coherent, mean of m^2: not formed as such.
-    coherent_objects
-        Names of the objects of which more than 1 % of the power is.
-    """
-
-    cell_m: float
-    cells: int
+    cell_m: float  #: edge of a cell [m]; larger where a material's correlation length is
+    cells: int  #: that paths hit
+    #: Effective number of scatterers in a range cell, (sum P)^2 / sum P^2 over its cells: the
+    #: median over the power.
     median_scatterers: float
-    undersampled_power_fraction: float
+    undersampled_power_fraction: float  #: in range cells of fewer than `ENOUGH_SCATTERERS`
+    #: Fraction of the power that the roughness leaves coherent, mean of m^2: not formed as such.
     coherent_power_fraction: float = 0.0
-    coherent_objects: tuple[str, ...] = ()
+    coherent_objects: tuple[str, ...] = ()  #: names; more than 1 % of the power is theirs
 
     @property
     def findings(self) -> list[Finding]:
@@ -461,7 +425,7 @@ _FOOTPRINTS = 1.5
 _CELLS_IN_RESOLUTION = 8
 #: Cells are at least as large as this, those of what is nearer than all scenes too [m].
 _LEAST_CELL_M = 1e-12
-#: Larger cells than this are a slip of the unit [m].
+#: Larger cells than this are a unit error [m].
 _LARGEST_CELL_M = 1e6
 #: Smaller exponents of m leave too few digits of exp(j kappa h) - m: phases are then even.
 _SMOOTH = 1e-6
@@ -483,15 +447,13 @@ class Roughness:
 
 @dataclass(frozen=True)
 class Scattering:
-    """How n paths scatter: factors (n,) without the phase of the length over the scatterers, that
-    length and the mean length of the cell's paths, both minus the path's own [m], the number of the
-    cell, and the range rate by the motion of the clutter itself [m/s]; None: none moves.
-    """
+    """How n paths scatter, (n,) each."""
 
-    factor: Complex
-    longer_m: Real
-    common_m: Real
-    cell: Indices
+    factor: Complex  #: without the phase of the length over the scatterers
+    longer_m: Real  #: length over the scatterers, minus the path's own [m]
+    common_m: Real  #: mean length of the cell's paths, minus the path's own [m]
+    cell: Indices  #: its number
+    #: Range rate by the motion of the clutter itself [m/s]; None: none moves.
     sway_mps: Real | None = None
 
 
@@ -555,8 +517,6 @@ class SurfaceSpeckle:
             order = scatterer_rows(PathColumns(self._table, self._leaders))["order"]
             self._even = np.exp(1j * _even_phases(self._units, order))
 
-    # -- cells -------------------------------------------------------------------------------------
-
     def _automatic_cell_m(self) -> float:
         """Power of two above the footprint that half of the power has at most."""
         # power by the power of two that is at least 1.5 footprints, from 2^-1074 on
@@ -618,9 +578,11 @@ class SurfaceSpeckle:
         return scatterers_m, units, self._view.length_m(first_m, last_m, rows)
 
     def _add_up(self) -> tuple[Hash, Real, NDArray[np.intp], Real]:
-        """Keys of all cells (sorted), the power over each, its first row, and last vertex of that
-        (keys, 3) [m]. Finds the coherent power by the number of the object [W], and the means over
-        the power of lengths, and of what they are longer than the way over their vertices [m].
+        """For each occupied cell: its key (sorted), the power over it, and its first row with that
+        row's last vertex (keys, 3) [m].
+
+        Also finds the coherent power by the number of the object [W], and the means over the power
+        of lengths, and of what they are longer than the way over their vertices [m].
         """
         keys = np.zeros(0, dtype=np.uint64)
         coherent_w = self._coherent_w = np.zeros(self._heights.size)
@@ -682,8 +644,6 @@ class SurfaceSpeckle:
             float(coherent.sum()),
             tuple(self._objects[n - 1] for n in np.flatnonzero(coherent > _COHERENT)),
         )
-
-    # -- paths -------------------------------------------------------------------------------------
 
     def _keys_of(self, rows: AnyRows) -> Hash:
         """Keys of the cells and of the images over which paths go."""
@@ -761,7 +721,7 @@ class SurfaceSpeckle:
 
 
 def _power_of_two(least: float) -> float:
-    """Return the power of two from `least` up."""
+    """The power of two from `least` up."""
     return float(2.0 ** math.ceil(math.log2(least)))
 
 

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From scatterers to their spectrum: non-uniform FFT, moving scatterers, error report.
+"""From scatterers to their spectrum: sums of exp(-j 2 pi f tau) over moving paths.
 
-In: path lengths [m], complex amplitudes and a frequency grid [Hz]. Out: complex spectra, one for
-each pulse, with an estimate of their numerical error.
+In: path lengths over a burst [m], complex amplitudes, a frequency grid [Hz]. Out: complex spectra,
+one per pulse, with an estimate of their numerical error.
+
+`accumulator` sorts paths: stationary ones are transformed once, `moving` ones in the way that costs
+least: all pulses in one transform (`linear_motion`) or pulse by pulse (`pulse_sums`), with lengths
+and amplitudes that are polynomials of slow time (`amplitudes`). One pulse is phases, a non-uniform
+FFT (`nufft`) and its error (`transform`). `grid` has the frequencies, delays and shapes of pulses.
 """
 
 from .accumulator import (

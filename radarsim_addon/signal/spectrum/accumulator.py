@@ -20,17 +20,16 @@ Every waveform is built on this sum, tau_i = l_i / c:
     print(*spectrum.report.lines(), sep="\\n")
 
 tau_i is taken at the pulse time t_m: nothing moves while the pulse is under way. With a
-:class:`PulseShape` paths move meanwhile, see :mod:`.spectrum.pulse_motion`; S is then multiplied by
-the pulse's spectrum. With a :class:`Ramp` the frequencies come one after the other, see
-:mod:`.spectrum.ramp`; it brings the residual video phase with it.
+`PulseShape` paths move meanwhile (`PulseMotionTransform`), and S is multiplied by the pulse's
+spectrum. With a `Ramp` the frequencies come one after the other (`RampTransform`), and the residual
+video phase is included.
 
-The choice: stationary paths are transformed once for all pulses (1-D type 1). Lengths
-of the others are sampled at Chebyshev nodes of the burst (:mod:`.spectrum.burst_basis`); where they
-keep to a constant rate within the fraction of the tolerance set aside for it, all pulses are
-one 2-D type-3 transform (:mod:`.spectrum.linear_motion`) if that is cheaper; else it goes pulse by
-pulse, with lengths from the fitted polynomial where that is within the bound, and sampled at each
-pulse where it is not. Fitted motion that many paths share is interpolated between a few times
-(:mod:`.spectrum.common_motion`) where that is cheaper.
+The choice: stationary paths are transformed once for all pulses (1-D type 1). Lengths of the
+others are sampled at Chebyshev nodes of the burst (`BurstBasis`). If they keep to a constant rate
+within the fraction of the tolerance set aside for motion, all pulses are one 2-D type-3 transform
+(`linear_motion`) where that is cheaper. Else each pulse has its transform: with lengths from the
+fitted polynomial where it is within the bound, sampled at each pulse where it is not. Fitted motion
+that many paths share is interpolated between a few times (`CommonMotion`) where that is cheaper.
 """
 
 from __future__ import annotations
@@ -83,10 +82,6 @@ _BLOCKS = 4
 #: Values whose energy is summed at a time.
 _SUMMED = 1 << 13
 
-_GAIN_NOTE = "Antenna gains change during the burst: amplitudes are those of every pulse."
-_PULSE_NOTE = "Paths move while a pulse is under way, at a constant rate."
-_RAMP_NOTE = "Moving paths move while the frequencies go by, to the second order in time."
-
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -95,15 +90,15 @@ class Spectrum:
     Attributes
     ----------
     still
-        Of paths that do not move, the same at every pulse, (frequencies,).
+        Sum of the paths that do not move, the same at every pulse, (frequencies,).
     moving
-        Of the others, (pulses, frequencies); None where nothing moves.
+        Sum of the others, (pulses, frequencies); None where nothing moves.
     grid
         Frequencies.
     times_s
         Pulse times, (pulses,) [s].
     report
-        What was chosen, its cost and its error.
+        Ways that were chosen, their cost and error.
     """
 
     still: Complex
@@ -145,8 +140,8 @@ class SpectrumAccumulator:
         Frequencies come one after the other; `times_s` are then those of frequency count//2 of
         each pulse. None: all at once. Not with `extra_cycles` or folding in range.
     pulse
-        What is sent, for motion while it is under way: values are then those of the received
-        pulses. None: nothing moves meanwhile. Not with `ramp` or `extra_cycles`.
+        The transmitted pulse, for motion while it is under way: values are then those of the
+        received pulses. None: nothing moves meanwhile. Not with `ramp` or `extra_cycles`.
     interval_s
         From pulse to pulse, for folding in Doppler; None: the shortest of `times_s` [s].
     chunk
@@ -216,9 +211,8 @@ class SpectrumAccumulator:
         self._varying = VaryingPathAccumulator(*shared, self._report, interval_s)
 
     def add(self, motion: PathMotion, amplitude: Weights | AmplitudeHistory) -> None:
-        """Add paths by their lengths over the burst and their amplitudes a_i, (n,), or the history
-        of these. A length or an amplitude that is not finite is a `PathDataError`, which says the
-        row.
+        """Add paths by their lengths over the burst and their amplitudes a_i, (n,) or their
+        history. A value that is not finite is a `PathDataError`, which names the row.
         """
         started = time.perf_counter()
         history = amplitude
@@ -260,22 +254,18 @@ class SpectrumAccumulator:
         self._wall_s += time.perf_counter() - started
 
     def result(self) -> Spectrum:
-        """Spectrum of all paths added so far."""
+        """Return the spectrum of all paths added so far."""
         started = time.perf_counter()
         self._flush_still()
         for part in (self._moving, self._varying):
             part.flush()
         self._lanes.close()
         self._wall_s += time.perf_counter() - started
-        values, still = self._moving_values(), self._still
+        found = [p.values for p in (self._moving, self._varying) if p.values is not None]
+        values, still = sum(found[1:], found[0]) if found else None, self._still
         if self._sums.pulse is not None:
             still = still * self._sums.pulse.spectrum
         return Spectrum(still, values, self.grid, self.times_s, self._finish(still, values))
-
-    def _moving_values(self) -> Complex | None:
-        """Sum of what moves and of what varies, (pulses, frequencies); None without either."""
-        found = [p.values for p in (self._moving, self._varying) if p.values is not None]
-        return sum(found[1:], found[0]) if found else None
 
     def _add_still(
         self, motion: PathMotion, rows: slice | NDArray[np.intp], amplitude: Weights
@@ -292,7 +282,6 @@ class SpectrumAccumulator:
         parts, self._still_rows = self._still_rows, []
         length_m = np.concatenate([p[0] for p in parts]) if len(parts) > 1 else parts[0][0]
         amplitude = np.concatenate([p[1] for p in parts]) if len(parts) > 1 else parts[0][1]
-
         blocks = [
             slice(start, start + self._block) for start in range(0, length_m.size, self._block)
         ]
@@ -313,7 +302,6 @@ class SpectrumAccumulator:
         self._report.count("still", way, length_m.size, len(blocks), cpu_s)
 
     def _finish(self, still_values: Complex, values: Complex | None) -> SynthesisReport:
-        """The report, as things are now."""
         pulses, energy = self.times_s.size, 0.0
         # in parts: a BLAS would share larger sums among threads, and no copy of them all is made
         step = max(_SUMMED // self.grid.count, 1)
@@ -331,6 +319,17 @@ class SpectrumAccumulator:
         norm, root = float(np.sqrt(energy)), float(np.sqrt(pulses))
         expected = pulses * still.energy + moving.energy
         heard = norm > 0 and expected > 0
+        notes = []
+        if values is not None and self._sums.ramp is not None:
+            notes.append(
+                "Moving paths move while the frequencies go by, to the second order in time."
+            )
+        if values is not None and self._sums.pulse is not None:
+            notes.append("Paths move while a pulse is under way, at a constant rate.")
+        if self._varying.values is not None:
+            notes.append(
+                "Antenna gains change during the burst: amplitudes are those of every pulse."
+            )
         return replace(
             self._report,
             steps=[replace(step) for step in self._report.steps],
@@ -344,9 +343,5 @@ class SpectrumAccumulator:
             doppler_ambiguous_count=sum(p.fast for p in parts),
             ramp_residual_phase_rad=max(p.left_out_rad for p in parts),
             wall_s=self._wall_s,
-            notes=[
-                *([_RAMP_NOTE] if values is not None and self._sums.ramp is not None else []),
-                *([_PULSE_NOTE] if values is not None and self._sums.pulse is not None else []),
-                *([_GAIN_NOTE] if self._varying.values is not None else []),
-            ],
+            notes=notes,
         )

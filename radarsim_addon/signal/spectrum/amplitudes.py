@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Amplitudes of paths over a burst, and the polynomials of slow time that stand for them.
+"""Lengths and amplitudes of paths over a burst, as Chebyshev polynomials of slow time.
 
-Where antenna gains change during the burst an amplitude is a(t) = sum_k c_k T_k(t): each term is
+Values are taken at Chebyshev nodes of the burst; the interpolating polynomial has the coefficients
+c_k of T_k. Since |T_k| <= 1, the coefficients beyond degree 1 bound the departure of a length from
+a constant range rate. Nodes are uneven, so periodic motion cannot hide between them; values at
+other times are compared with the polynomial as well.
+
+If antenna gains change during the burst, an amplitude is a(t) = sum_k c_k T_k(t): each term is
 one more transform of all pulses, weighted with T_k afterwards, or one more product per path and
 pulse. Amplitudes that no polynomial follows, as at nulls of a pattern, are taken at every pulse.
 """
@@ -17,17 +22,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Complex, Mask, Real
 from ..motion import Rows
-from .grid import Weights
-
-# -------------------------------------------------------------------------------------------------
-# Motion over a burst, sampled and fitted: still, linear, smooth, or none of these.
-#
-# Lengths are taken at Chebyshev nodes of the burst. Their interpolating polynomial has coefficients
-# c_k of T_k; what lies beyond degree 1 bounds the departure from a constant range rate, for
-# |T_k| <= 1. Nodes are uneven, so motion that repeats itself cannot hide between them; lengths at
-# other times are compared with the polynomial as well.
-# -------------------------------------------------------------------------------------------------
-
+from .grid import Weights, chebyshev_nodes
 
 Values = TypeVar("Values", Real, Complex)
 
@@ -39,52 +34,48 @@ _CHECKS = np.array([0.0, 0.137, 0.4142, 0.7391, 1.0])
 
 @dataclass(frozen=True)
 class FittedMotion:
-    """Polynomials c_k T_k of the lengths, (rows, nodes) [m]; whether degree 1 or the whole
-    polynomial is within the bound, and the largest rate of the length between nodes, (rows,) [m/s].
-    """
+    """Lengths of rows as polynomials."""
 
-    coefficients_m: Real
-    linear: Mask
-    smooth: Mask
-    fastest_mps: Real
+    coefficients_m: Real  #: c_k of T_k, (rows, nodes) [m]
+    linear: Mask  #: degree 1 is within the bound, (rows,)
+    smooth: Mask  #: the whole polynomial is, (rows,)
+    fastest_mps: Real  #: largest rate of the length between nodes, (rows,) [m/s]
 
 
 class BurstBasis:
-    """Chebyshev polynomials of degree below `count` over the time of two or more pulses [s]."""
+    """Chebyshev polynomials of degree below `count` over the time of two or more pulses."""
 
     def __init__(self, times_s: Real, count: int = NODES) -> None:
         self.count = count
         first_s, last_s = float(times_s.min()), float(times_s.max())
         self.middle_s = (first_s + last_s) / 2
         self.half_s = (last_s - first_s) / 2
-        nodes = np.cos(np.pi * (np.arange(count) + 0.5) / count)
-        self.nodes_s: Real = self.middle_s + self.half_s * nodes
+        self.nodes_s: Real = self.middle_s + self.half_s * chebyshev_nodes(count)
         self.checks_s: Real = first_s + (last_s - first_s) * _CHECKS
         self._inverse = np.linalg.inv(self.at(self.nodes_s)).T
         self._at_checks = self.at(self.checks_s).T
 
     def at(self, times_s: Real) -> Real:
-        """T_k at these times, (times, count)."""
+        """T_k at times [s], (times, count)."""
         place = np.clip((times_s - self.middle_s) / self.half_s, -1.0, 1.0)
         return np.asarray(
             np.polynomial.chebyshev.chebvander(place, self.count - 1), dtype=np.float64
         )
 
     def sample_times_s(self) -> Real:
-        """Times at which `fit` wants lengths: the nodes, then the checks [s]."""
+        """Times at which `fit` needs lengths: the nodes, then the checks [s]."""
         return np.concatenate([self.nodes_s, self.checks_s])
 
     def interpolate(self, values: Values) -> tuple[Values, Real]:
-        """Coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, real or
-        complex, and their largest departure at the checks, (rows,).
+        """Coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, and their
+        largest departure at the checks, (rows,).
         """
         coefficients = np.ascontiguousarray(values[:, : self.count]) @ self._inverse
         left = np.abs(coefficients @ self._at_checks - values[:, self.count :]).max(axis=1)
         return coefficients, left
 
     def fit(self, lengths_m: Real, displacement_error_bound_m: float) -> FittedMotion:
-        """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by
-        `displacement_error_bound_m`."""
+        """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by the bound [m]."""
         at_nodes = lengths_m[:, : self.count]
         # from the first node, so that a long path leaves no rounding in the higher coefficients
         offset_m = at_nodes[:, :1]
@@ -112,25 +103,16 @@ AMPLITUDE_NODES = 32
 
 @dataclass(frozen=True)
 class AmplitudeHistory:
-    """Complex amplitudes of n paths over a burst.
+    """Complex amplitudes of n paths over a burst."""
 
-    Attributes
-    ----------
-    constant
-        Amplitude where it does not vary, (n,).
-    varies
-        Whether it does, (n,).
-    at
-        From times [s] and indices of rows: amplitudes, (rows, times).
-    """
-
-    constant: Weights
-    varies: Mask
+    constant: Weights  #: amplitude where it does not vary, (n,)
+    varies: Mask  #: (n,)
+    #: From times [s] and indices of rows: amplitudes, (rows, times).
     at: Callable[[Real, NDArray[np.intp]], Complex]
 
     @classmethod
     def of(cls, amplitude: Weights) -> AmplitudeHistory:
-        """Return the history of amplitudes (n,) that do not vary."""
+        """History of amplitudes (n,) that do not vary."""
         return cls(
             amplitude,
             np.zeros(amplitude.shape, dtype=bool),
@@ -138,7 +120,7 @@ class AmplitudeHistory:
         )
 
     def select(self, rows: Rows, factor: Real | Complex | float = 1.0) -> AmplitudeHistory:
-        """Return the history of some rows, times factors of these rows, (rows,) or one."""
+        """History of some rows, times a factor, (rows,) or one."""
         index = np.arange(self.constant.size)[rows]
         factors = np.broadcast_to(factor, index.shape)
         return AmplitudeHistory(
@@ -149,10 +131,9 @@ class AmplitudeHistory:
 
 
 def fit_amplitudes(basis: BurstBasis, values: Complex, tolerance: float) -> tuple[Complex, Mask]:
-    """Coefficients c_k of T_k, (rows, count), and which rows they follow, (rows,).
-
-    `values` (rows, times) are those at ``basis.sample_times_s()``. From the first k on that no row
-    that fits needs, the coefficients are 0.
+    """Coefficients c_k of T_k, (rows, count), of values (rows, times) at
+    ``basis.sample_times_s()``, and which rows they follow, (rows,). From the first k on that no row
+    that fits needs, they are 0.
     """
     coefficients, left = basis.interpolate(values)
     size = np.abs(coefficients)
@@ -166,7 +147,7 @@ def fit_amplitudes(basis: BurstBasis, values: Complex, tolerance: float) -> tupl
 
 
 def used_terms(coefficients: Weights) -> Weights:
-    """Return coefficients (rows, terms) without the last ones that are 0 in all rows."""
+    """Coefficients (rows, terms) without the last ones that are 0 in all rows."""
     used = np.flatnonzero(np.abs(coefficients).max(axis=0, initial=0.0) > 0)
     count = int(used[-1]) + 1 if used.size else 1
     found: Weights = np.asarray(coefficients)[..., :count]

@@ -1,5 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frequencies of a synthesis, and which delays are listened to at them."""
+"""Frequencies of a synthesis, delays that are received, shapes of pulses; and exact phases.
+
+**Phases.** A path of 10 km at 77 GHz is 5e6 cycles: in a plain float64 product its phase has lost
+seven of sixteen digits before the cosine is taken. `reduced_cycles` forms products in two parts
+(Dekker, Numer. Math. 18, 224, 1971), so that the fraction of a cycle is that of the float64 length
+to about 1e-15 cycles, up to 1e10 cycles.
+
+**Meeting times.** A wave meets the path half its delay after it was emitted, and as much before it
+is received. For a two-way length l(t) = l + r (t - t_m), r > 0 receding, that is
+
+    c tau = l(t_m + s tau / 2),    tau = l / (c - s r / 2)
+
+with s = 1 where t_m is a time of emission, -1 where it is one of reception (`Meeting`). It is exact
+for a constant rate, one reflection and antennas at one place.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +30,6 @@ from ...arrays import Complex, Real
 from ...errors import ConfigError, PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 
-# -------------------------------------------------------------------------------------------------
-# Phases of long paths: cycles reduced to (-1/2, 1/2] exactly, and phasors from them.
-#
-# A path of 10 km at 77 GHz is 5e6 cycles; in a plain float64 product its phase has lost seven of
-# sixteen digits before the cosine is taken. Products here are formed in two parts (Dekker, Numer.
-# Math. 18, 224, 1971), so that the fraction of a cycle is that of the float64 length to about 1e-15
-# cycles, up to 1e10 cycles.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Elements worked on at a time, so that temporaries stay in the processor's cache.
 BLOCK = 1 << 13
 #: Veltkamp's splitter: 2^27 + 1.
@@ -34,7 +38,7 @@ _SPLITTER = 134_217_729.0
 
 @dataclass(frozen=True)
 class CycleRate:
-    """Cycles for each metre of path, head + tail, about 80 bits: `head` has the leading 26, so that
+    """Cycles per metre of path, head + tail, about 80 bits: `head` has the leading 26, so that
     its product with half of a float64 is exact.
     """
 
@@ -43,12 +47,11 @@ class CycleRate:
 
     @property
     def rate(self) -> float:
-        """Both parts as one number [1/m]."""
         return self.head + self.tail
 
     @classmethod
     def of(cls, frequency_hz: Fraction | float) -> CycleRate:
-        """Of a frequency: f / c [1/m]."""
+        """Rate f / c of a frequency [1/m]."""
         exact = Fraction(frequency_hz) / Fraction(SPEED_OF_LIGHT_MPS)
         if exact == 0:
             return cls(0.0, 0.0)
@@ -58,7 +61,7 @@ class CycleRate:
 
 
 def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> Real:
-    """length x rate less the nearest whole number, exact to about 1e-15; any shape, into `out`."""
+    """length x rate less the nearest whole number, exact to about 1e-15; into `out` if given."""
     high = length_m * _SPLITTER
     rest = high - length_m
     high -= rest  # leading 26 bits of the length
@@ -74,7 +77,7 @@ def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> 
 
 
 def reduce_cycles(cycles: Real) -> Real:
-    """Take the nearest whole number off, in place; any shape."""
+    """Subtract the nearest whole number, in place."""
     cycles -= np.rint(cycles)
     return cycles
 
@@ -88,19 +91,6 @@ def phasors(amplitude: NDArray[np.inexact[Any]], cycles: Real, out: Complex) -> 
     return out
 
 
-# -------------------------------------------------------------------------------------------------
-# Delays of waves that meet a moving path before or after the time that counts.
-#
-# A wave meets the path half its delay after it was emitted, and as much before it is received. For
-# a two-way length l(t) = l + r (t - t_m), r > 0 receding, that is
-#
-#     c tau = l(t_m + s tau / 2),    tau = l / (c - s r / 2)
-#
-# with s = 1 where t_m is a time of emission, -1 where it is one of reception. It is exact for a
-# constant rate, one reflection and antennas at one place.
-# -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Meeting:
     """When the wave meets the path: `side` 1 after its emission, -1 before its reception."""
@@ -108,7 +98,6 @@ class Meeting:
     side: float
 
     def _halfway(self, rate_mps: Real) -> Real:
-        """Half the rate over c, which takes the length to where the wave meets the path."""
         return self.side * rate_mps / (2 * SPEED_OF_LIGHT_MPS)
 
     def seen_mps(self, rate_mps: Real) -> Real:
@@ -124,13 +113,10 @@ class Meeting:
 EMISSION, RECEPTION = Meeting(1.0), Meeting(-1.0)
 
 
-# -------------------------------------------------------------------------------------------------
-# Spectra of a pulse or code whose echoes move meanwhile, from interpolation nodes; see
-# :mod:`.pulse_motion`.
-# -------------------------------------------------------------------------------------------------
-
-
 NodeWeights = Real | Complex
+Weights = NDArray[np.inexact[Any]]
+#: Further phase of a path, in cycles, from its delay [s]; vectorised.
+ExtraCycles = Callable[[Real], Real]
 
 #: Fraction of the tolerance for the interpolation between nodes; a digit costs one.
 NODES_SHARE = 0.01
@@ -139,27 +125,18 @@ _MOST_BEND_RAD = 1e4
 
 
 class PulseShape:
-    """A transmitted pulse, for motion while it is under way.
-
-    Parameters
-    ----------
-    samples
-        Complex samples, from the first to the last, (n,).
-    rate_hz
-        Sampling rate, which is the band of the frequency grid [Hz].
-    count
-        Number of frequencies, at least n.
+    """A transmitted pulse, for motion while it is under way (see `PulseMotionTransform`): complex
+    samples (n,) at `rate_hz`, the band of the grid of `count` >= n frequencies.
     """
 
-    #: Nodes are times of emission.
-    meeting = EMISSION
+    meeting = EMISSION  #: nodes are times of emission
 
     def __init__(self, samples: Complex, rate_hz: float, count: int) -> None:
         self._samples, self._count = samples, count
         middle = (samples.size - 1) / 2
         #: From the middle of the pulse to its ends [s].
         self.half_s = max(middle, 0.5) / rate_hz
-        self._times = (np.arange(samples.size) - middle) / max(middle, 0.5)
+        self._times: Real = np.asarray((np.arange(samples.size) - middle) / max(middle, 0.5))
         self._bases: dict[int, NodeWeights] = {}
         #: Spectrum of the pulse, frequencies ascending, and its root mean square.
         self.spectrum = self._spectrum(samples)
@@ -177,15 +154,12 @@ class PulseShape:
 
     def _weights(self, nodes: int) -> NodeWeights:
         if nodes not in self._bases:
-            vander = np.polynomial.chebyshev.chebvander
-            inverse = np.linalg.inv(vander(_places(nodes), nodes - 1))
-            at_samples = np.asarray((vander(self._times, nodes - 1) @ inverse).T, np.float64)
-            self._bases[nodes] = self._basis(at_samples)
+            self._bases[nodes] = self._basis(lagrange(chebyshev_nodes(nodes), self._times))
         return self._bases[nodes]
 
     def times_s(self, nodes: int) -> Real:
-        """Times u_j of the nodes from the middle, (nodes,) [s]."""
-        return self.half_s * _places(nodes)
+        """Times u_j of the nodes from the middle of the pulse, (nodes,) [s]."""
+        return self.half_s * chebyshev_nodes(nodes)
 
     def joined(self, spectra: Complex) -> Complex:
         """Spectra of the echoes from those S at each node, (..., nodes, frequencies)."""
@@ -193,7 +167,7 @@ class PulseShape:
         return np.asarray(np.einsum("...jf,jf->...f", spectra, weights))
 
     def nodes(self, rate_mps: Real, highest_hz: float, tolerance: float) -> int:
-        """Nodes for paths whose lengths change at these rates [m/s]."""
+        """Number of nodes for paths whose lengths change at these rates [m/s]."""
         fastest = float(np.abs(rate_mps).max(initial=0.0)) / SPEED_OF_LIGHT_MPS
         phase_rad = 2 * math.pi * highest_hz * fastest * self.half_s
         return nodes_for(phase_rad, NODES_SHARE * tolerance)
@@ -204,35 +178,25 @@ class PulseShape:
 
 
 class CodeShape(PulseShape):
-    """A code that repeats without end, received for one of its periods.
+    """A code that repeats without end, received for one of its periods; samples (n,).
 
-    What is received at t_m + u, u from the middle of the period, has the delay tau(t_m + u): S is
-    that of all samples, each of which takes it at its own time. So the sums at the nodes are
-    turned into samples, and these are weighted by L_j(u).
-
-    Parameters
-    ----------
-    samples
-        Complex samples of one period, (n,).
-    rate_hz
-        Sampling rate, which is the band of the frequency grid [Hz].
+    A sample received at t_m + u, u from the middle of the period, has the delay tau(t_m + u): S is
+    that of all samples, each of which takes it at its own time. So the sums at the nodes are turned
+    into samples, and these are weighted by L_j(u).
     """
 
-    #: Nodes are times of reception.
-    meeting = RECEPTION
+    meeting = RECEPTION  #: nodes are times of reception
 
     def __init__(self, samples: Complex, rate_hz: float) -> None:
         super().__init__(samples, rate_hz, samples.size)
 
     def _spectrum(self, samples: Complex) -> Complex:
-        """Spectrum of samples (..., n) from the beginning of the code."""
         return np.fft.fftshift(np.fft.fft(samples), axes=-1)
 
     def _basis(self, polynomials: Real) -> NodeWeights:
         return polynomials
 
     def joined(self, spectra: Complex) -> Complex:
-        """Spectra of what is received, from the sums at each node, (..., nodes, frequencies)."""
         echoes = np.fft.ifft(np.fft.ifftshift(spectra * self.spectrum, axes=-1))
         weights = self._weights(spectra.shape[-2])
         return self._spectrum(np.einsum("...jt,jt->...t", echoes, weights))
@@ -242,13 +206,22 @@ class CodeShape(PulseShape):
         return np.ones_like(rate_mps)
 
 
-def _places(nodes: int) -> Real:
-    """Chebyshev nodes within -1 and 1."""
-    return np.asarray(np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes))
+def chebyshev_nodes(count: int) -> Real:
+    """Zeros of T_count, within -1 and 1."""
+    return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
+
+
+def lagrange(nodes: Real, places: Real) -> Real:
+    """Lagrange polynomials of nodes at places, all within -1 and 1, (nodes, places)."""
+    vander = np.polynomial.chebyshev.chebvander
+    inverse = np.linalg.inv(vander(nodes, nodes.size - 1))
+    return np.asarray((vander(places, nodes.size - 1) @ inverse).T, dtype=np.float64)
 
 
 def nodes_for(bend_rad: float, tolerance: float) -> int:
-    """Nodes for exp(j L p), |p| <= 1, L = `bend_rad`, to be within the tolerance."""
+    """Number of Chebyshev nodes for exp(j L p), |p| <= 1, L = `bend_rad`, to be within the
+    tolerance: M nodes leave 4 (L/2)^M / M! (the tail of the Jacobi-Anger series).
+    """
     if not bend_rad <= _MOST_BEND_RAD:
         raise ConfigError(
             f"Motion turns the phase of an echo by {2 * bend_rad:.3g} rad within a pulse; at most "
@@ -260,12 +233,6 @@ def nodes_for(bend_rad: float, tolerance: float) -> int:
         nodes += 1
         left *= bend_rad / 2 / nodes
     return nodes
-
-
-Weights = NDArray[np.inexact[Any]]
-
-#: Further phase of a path, in cycles, from its delay [s]; vectorised.
-ExtraCycles = Callable[[Real], Real]
 
 
 @dataclass(frozen=True)
@@ -291,7 +258,7 @@ class FrequencyGrid:
 
     @classmethod
     def centred(cls, centre_hz: float | Fraction, step_hz: float, count: int) -> FrequencyGrid:
-        """The grid with f = centre_hz, to the last digit, at n = count//2."""
+        """Return the grid with f = centre_hz, to the last digit, at n = count//2."""
         return cls(float(centre_hz - (count // 2) * step_hz), step_hz, count, centre_hz)
 
     def __post_init__(self) -> None:
@@ -322,7 +289,7 @@ class FrequencyGrid:
 
 @dataclass(frozen=True)
 class ReceiveWindow:
-    """Which delays are received, and whether echoes of earlier pulses are among them.
+    """The delays that are received, and whether echoes of earlier pulses are among them.
 
     Attributes
     ----------
@@ -397,11 +364,11 @@ class Ramp:
             raise ConfigError(f"Slope of the ramp is {self.video_hz_per_s!r}; expected a number.")
 
     def half_s(self, count: int) -> float:
-        """From the middle to where lengths are sampled, within the ramp on both sides [s]."""
+        """Time from the middle to where lengths are sampled, within the ramp on both sides [s]."""
         return max((count - 1) // 2, 0.5) * self.interval_s
 
     def video_cycles(self, delay_s: Real) -> Real:
-        """K tau^2 / 2 [cycles], of the shape of the delays [s]."""
+        """K tau^2 / 2, of the shape of the delays [s]."""
         return np.asarray(self.video_hz_per_s / 2 * delay_s**2)
 
 
@@ -458,12 +425,11 @@ class SynthesisContext:
         return RECEPTION if self.ramp is not None else None
 
 
-def place(
+def received_rows(
     sums: SynthesisContext, length_m: Real
 ) -> tuple[slice | NDArray[np.intp], Real | None, int]:
-    """Rows of the paths whose echoes are received at one pulse, their orders q, and how many paths
-    are among them. A row is repeated where its echo stands in the window twice; q is None where all
-    are 0.
+    """Rows of the paths whose echoes are received at one pulse, their orders q (None: all 0), and
+    how many paths are among them. A row is repeated where its echo stands in the window twice.
     """
     listening = sums.listening
     everything = slice(None), None, length_m.size
@@ -481,48 +447,19 @@ def place(
 
 
 def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
-    """Return low, low + 1, ... of each row.
-
-    Parameters
-    ----------
-    low, copies
-        First order of each row and how many it has, (n,).
-
-    Returns
-    -------
-    ndarray
-        Orders, (sum of copies,), row after row.
-    """
+    """low, low + 1, ..., `copies` of them for each row, (sum of copies,), row after row."""
     first = np.cumsum(copies) - copies
     return np.asarray(np.repeat(low - first, copies) + np.arange(int(copies.sum())))
-
-
-#: Larger numbers are of damaged files, and overflow in transforms.
-_MOST = 1e30
 
 
 def check_finite(
     values: Weights, rows: slice | NDArray[np.intp], what: str, first: int = 0
 ) -> None:
-    """Check that no value is NaN or infinite.
-
-    Parameters
-    ----------
-    values
-        Rows of the paths along the first axis.
-    rows
-        Rows of the paths that the values belong to.
-    what
-        Name of the value, for the message.
-    first
-        Number of the first row.
-
-    Raises
-    ------
-    PathDataError
-        Names the row.
+    """Raise `PathDataError`, with the row's number from `first`, where a value is NaN, infinite or
+    above 1e30. `values` have the paths of `rows` along the first axis; `what` names them.
     """
-    bad = ~(np.abs(values) <= _MOST)  # also what is not a number
+    # larger numbers are of damaged files, and overflow in transforms; NaN compares false
+    bad = ~(np.abs(values) <= 1e30)
     if not bad.any():
         return
     place = int(np.argwhere(bad)[0][0])

@@ -1,15 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths of constant range rate: all pulses at once, by 2-D transforms.
+"""Paths of constant range rate: all pulses in one 2-D transform.
 
 With tau_i(t) = tau_i + beta_i (t - t_b), f_n = f_c + k df and t_b the middle of a block of pulses,
 
     f_n tau_i(t_m) = f_c tau_i + k df tau_i + f_n (t_m - t_b) beta_i:
 
-the first term is a phase of each path, the others are a 2-D transform of the points
-(tau_i, beta_i) at the frequencies (k df, f_n (t_m - t_b)), of which the first are regular (type 1)
-and the second are not (type 3). Nothing is left out: range migration and the Doppler shift of every
-frequency are in it. Where frequencies come one after the other, each has its own time t_m + k dt:
-k f_c dt beta_i, which is regular as well, goes with the first.
+the first term is a phase of each path, the others are a 2-D transform of the points (tau_i, beta_i)
+at the frequencies (k df, f_n (t_m - t_b)). The first of these are regular (type 1), the second are
+not (type 3). Nothing is left out: range migration and the Doppler shift of every frequency are
+included.
+
+If frequencies come one after the other, each has its own time s = t_m - t_b + k dt. A ramp that
+is mixed with itself also leaves K tau^2 / 2 cycles; elsewhere K is 0. Phases are taken about the
+middle of all paths (`MiddleMotion`): with tau = (tau_c + beta_c s) + (x + y s), beta = beta_c + y,
+f = f_c + u and F = f_c - K tau_c,
+
+    -f tau + K tau^2 / 2 = -f_c tau_0 + K tau_0^2 / 2       of each path, tau_0 = tau_c + x
+        - u x - (F + u - K beta_c s) s Y                    a transform, Y = y - x K beta / F
+        - (K x beta / F) (u - K beta_c s) s + K y^2 s^2 / 2 delay and rate tied together
+
+and terms of s and u alone. The last line, 1e-4 rad for cars in a street, is added to the first
+order by two transforms more of the same points.
+
+`plan_linear` chooses the blocks of pulses and estimates the cost, `linear_block` forms one block.
 """
 
 from __future__ import annotations
@@ -24,234 +37,9 @@ from numpy.typing import NDArray
 
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import (
-    NODES_SHARE,
-    SynthesisContext,
-    Weights,
-    phasors,
-    place,
-    reduce_cycles,
-    reduced_cycles,
-)
-from .nufft import LEAST_ERROR, MARGIN, NARROW, TIGHTEST, Backend, nufft_lines
-from .transform import (
-    RANDOM_STATE,
-    EachPulse,
-    ErrorSum,
-    PulseResult,
-    PulseTransform,
-    engine_tolerance,
-    l2_norm,
-)
-
-# -------------------------------------------------------------------------------------------------
-# Spectra of echoes whose delay changes during the pulse.
-#
-# t_m is the middle of pulse m, u the time from there, w(u) the transmitted pulse, f0 the carrier
-# and f the baseband frequency. What is emitted at t_m + u returns after the delay tau(t_m + u),
-# which changes at the rate beta. The spectrum s of the echo is then
-#
-#     s(t_m, f) = (1 + beta) int w(u) exp(-j 2 pi (f0 + f) [tau(t_m) + beta u]) exp(-j 2 pi f u) du
-#
-# The exponential in u is interpolated between Chebyshev nodes u_j of the pulse by their Lagrange
-# polynomials L_j: s = sum_j W_j(f) S(tau(t_m) + beta u_j) (1 + beta), with W_j the spectrum of w
-# L_j and S that of stationary paths. If the phase stays within +-Phi over the pulse, M nodes leave
-# an error of 4 (Phi/2)^M / M! (the tail of the Jacobi-Anger series). Doppler shift, range-Doppler
-# coupling and the stretched envelope are included. At a constant rate only this error remains.
-#
-# The wave meets the path half its delay after the emission, see :mod:`.meeting`. A code that
-# repeats without end (:class:`.pulse_shape.CodeShape`) is the same with u in the time of reception,
-# and the samples are weighted by L_j(u) instead of the spectra by W_j.
-# -------------------------------------------------------------------------------------------------
-
-
-def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase of an acceleration within pulses of lengths and rates (pulses, 2, rows).
-
-    The acceleration is that between pulses; of a single one it is unknown.
-    """
-    assert sums.pulse is not None
-    if times_s.size < 2:
-        return 0.0
-    change = np.abs(np.diff(lengths_m[:, 1], axis=0)) / np.diff(times_s)[:, None]
-    # half of it over the pulse, and as much in the rate, which is that of its second half
-    left_m = float(change.max(initial=0.0)) * sums.pulse.half_s**2
-    return 2 * math.pi * sums.grid.highest_hz * left_m / SPEED_OF_LIGHT_MPS
-
-
-def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
-    """Error of a sum over nodes whose spectra (count values) each have this one."""
-    if nodes == 1:
-        return error
-    lebesgue, left = 1 + math.log(nodes), NODES_SHARE * tolerance * math.sqrt(error.energy)
-    return ErrorSum(
-        lebesgue * error.random + left,
-        lebesgue * error.bound + left * math.sqrt(count),
-        error.energy,
-    )
-
-
-class PulseMotionTransform(EachPulse):
-    """Transform of moving paths to spectra of their echoes, the pulse's spectrum included.
-
-    Takes path lengths in the middle of a pulse and their rates; else as
-    :class:`.spectrum.transform.PulseTransform`.
-    """
-
-    def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
-        assert sums.pulse is not None
-        self._sums, self._pulse = sums, sums.pulse
-        self._tolerance = TIGHTEST if backend == "direct" else tolerance
-        self._transform = PulseTransform(sums, tolerance, backend)
-
-    def __call__(
-        self, length_m: Real, amplitude: Weights, order: Real | None = None
-    ) -> PulseResult:
-        """Lengths [m] and rates [m/s], (2, rows), or also what the lengths lost by rounding [m],
-        (3, rows); with `order` all are received, folded by it.
-        """
-        sums, pulse = self._sums, self._pulse
-        middle, rate_mps, *lost_m = length_m
-        kept, count = middle.size, sums.grid.count
-        if order is None:
-            rows, order, kept = place(sums, middle)
-            middle, rate_mps, amplitude = middle[rows], rate_mps[rows], amplitude[rows]
-            lost_m = [one[rows] for one in lost_m]
-        if not middle.size:
-            return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
-        amplitude = amplitude * pulse.stretch(rate_mps)
-        folded_s = 0.0 if order is None else order * (sums.listening.period_s or 0.0)
-        nodes = pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance)
-        spectra, error = np.empty((nodes, count), dtype=np.complex128), ErrorSum()
-        for spectrum, time_s in zip(spectra, pulse.times_s(nodes), strict=True):
-            later_m = pulse.meeting.moved_m(middle, rate_mps, time_s - folded_s)
-            found = self._transform.spectrum(middle, amplitude, order, sum(lost_m, later_m))
-            spectrum[:] = found.values
-            error = max(error, found.error, key=lambda one: one.random)
-        error = joined_error(error, nodes, self._tolerance, count)
-        return PulseResult(pulse.joined(spectra), error, kept, found.folded)
-
-
-# -------------------------------------------------------------------------------------------------
-# Phases of paths of constant rate about the middle of them all, for one transform of all pulses.
-#
-# A ramp that is mixed with itself leaves K tau^2 / 2 cycles; elsewhere K is 0. At the time s, with
-# tau = (tau_c + beta_c s) + (x + y s), beta = beta_c + y, f = f_c + u and F = f_c - K tau_c,
-#
-#     -f tau + K tau^2 / 2 = -f_c tau_0 + K tau_0^2 / 2       of each path, tau_0 = tau_c + x
-#         - u x - (F + u - K beta_c s) s Y                    a transform, Y = y - x K beta / F
-#         - (K x beta / F) (u - K beta_c s) s + K y^2 s^2 / 2 delay and rate tied together
-#
-# and terms of s and u alone. The last line, 1e-4 rad for cars in a street, is added to the first
-# order by two transforms more of the same points.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Fraction of the tolerance for what the first order leaves out.
-_SHARE = 0.1
-#: Frequencies next to one another whose turns are put together.
-_NEAR = 32
-
-
-@dataclass(frozen=True)
-class MiddleMotion:
-    """The phase about the middle of paths with delays [s] and rates at the time 0.
-
-    `delay_s` and `rate` are x and Y, `product` and `square` the factors of s (u - K beta_c s) and
-    of s^2 of what remains, (n,) [cycles].
-    """
-
-    slope: float
-    middle_s: float
-    middle_rate: float
-    reference_s: float
-    delay_s: Real
-    rate: Real
-    product: Real
-    square: Real
-
-    @classmethod
-    def of(
-        cls, delay_s: Real, rate: Real, reference_s: float, slope: float, carrier_hz: float
-    ) -> MiddleMotion:
-        """For delays that are counted from a reference, and the slope K [Hz/s]."""
-        middle = float(delay_s.min() + delay_s.max()) / 2
-        middle_rate = float(rate.min() + rate.max()) / 2
-        x, y = delay_s - middle, rate - middle_rate
-        product = slope / (carrier_hz - slope * (reference_s + middle)) * x * rate
-        return cls(
-            slope, reference_s + middle, middle_rate, reference_s, x, y - product,
-            product, slope / 2 * y**2,
-        )  # fmt: skip
-
-    def path_cycles(self) -> Real:
-        """K tau_0^2 / 2, (n,), not reduced: the delays are of 1e-6 s, its whole cycles few."""
-        return np.asarray(self.slope / 2 * (self.middle_s + self.delay_s) ** 2)
-
-    def remains_rad(self, half_s: float, half_band_hz: float) -> float:
-        """Largest phase that the transform leaves, for |s| <= half_s."""
-        beyond_hz = half_band_hz + abs(self.slope * self.middle_rate) * half_s
-        product = float(np.abs(self.product).max()) * half_s * beyond_hz
-        return 2 * math.pi * (product + float(np.abs(self.square).max()) * half_s**2)
-
-    def middle_hz(self, carrier_hz: float) -> float:
-        """F of a carrier f_c."""
-        return carrier_hz - self.slope * self.middle_s
-
-    def beyond_hz(self, since_s: Real, offset_hz: Real) -> Real:
-        """u - K beta_c s at times and frequencies, of their shape."""
-        return np.asarray(offset_hz - self.slope * self.middle_rate * since_s)
-
-    def common_turns(
-        self, times_s: Real, interval_s: float, step_hz: float, count: int, carrier_hz: float
-    ) -> Complex:
-        """exp(j 2 pi cycles) that all paths share, (times, frequencies): at s = t + k dt and
-        u = k df, k from -count//2 on.
-
-        The phase is of the second degree in k, and only the first has to do with t: it is put
-        together from a few k and their distances, since a cosine takes ten times a product.
-        """
-        k = np.arange(-(count // 2), count - count // 2)
-        moved_s, middle_hz = self.middle_rate * interval_s, self.middle_hz(carrier_hz)
-        walked_s = self.middle_rate * times_s
-        alone = walked_s * (self.slope / 2 * walked_s - middle_hz)
-        both = walked_s * (self.slope * moved_s - step_hz)
-        square = moved_s * (self.slope / 2 * moved_s - step_hz)
-        of_k = k * (square * k - step_hz * (self.middle_s - self.reference_s) - middle_hz * moved_s)
-        near, far = np.arange(_NEAR), k[::_NEAR]
-        turns = _turns(far[:, None] * both + alone)[:, None] * _turns(near[:, None] * both)
-        turns = turns.reshape(-1, times_s.size)[:count]
-        turns *= _turns(of_k)[:, None]
-        return np.asarray(turns.T)
-
-    def remains(self, values: Complex) -> Complex:
-        """Strengths (2 sets, n) of what the transform of strengths (sets, n) leaves."""
-        values = values * 2j * np.pi
-        return np.concatenate([values * self.product, values * self.square])
-
-    def join(self, sets: Complex, remains: Complex, since_s: Real, offset_hz: Real) -> None:
-        """Add their transforms (2 sets, ...), which are overwritten, to it (sets, ...)."""
-        product, square = np.split(remains, 2)
-        product *= -since_s * self.beyond_hz(since_s, offset_hz)
-        square *= since_s**2
-        sets += product
-        sets += square
-
-
-def _turns(cycles: Real) -> Complex:
-    """exp(j 2 pi cycles), of their shape; overwrites them."""
-    return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
-
-
-def negligible(remains_rad: float, tolerance: float) -> bool:
-    """Whether so little phase needs not be added."""
-    return remains_rad <= _SHARE * tolerance
-
-
-def longest_s(remains_rad: float, half_s: float, tolerance: float) -> float:
-    """Half of a burst for which the first order would do, from what remains over `half_s`."""
-    return half_s * min(1.0, math.sqrt(2 * _SHARE * tolerance) / max(remains_rad, 1e-300))
-
+from .grid import SynthesisContext, Weights, phasors, reduce_cycles, reduced_cycles
+from .nufft import LEAST_ERROR, MARGIN, NARROW, TIGHTEST, nufft_lines
+from .transform import RANDOM_STATE, ErrorSum, engine_tolerance, joined_error, l2_norm
 
 #: Points of the fine grids of one block (16 bytes each), points of it for one of the coarse grid,
 #: and targets (100 bytes).
@@ -269,31 +57,30 @@ _PATH_1, _FREQUENCY_1, _PULSE_1 = 6.0e-8, 5.0e-8, 1.2e-4
 _RAMP_1 = 4.0
 #: Largest error of a transform of what remains.
 _COARSEST = 1e-3
+#: Fraction of the tolerance for what the first order leaves out.
+_SHARE = 0.1
+#: Frequencies next to one another whose turns are put together.
+_NEAR = 32
 
 
 @dataclass(frozen=True)
 class LinearRows:
-    """Paths whose length is `length_m` at `time_s` and changes by `rate_mps` (twice the range
-    rate), folded by `order` pulse intervals, each (n,); `amplitude` is (n,), or coefficients of T_k
-    over the burst, (n, terms).
-    """
+    """n paths of constant rate, each field (n,)."""
 
-    length_m: Real
-    rate_mps: Real
+    length_m: Real  #: at `time_s` [m]
+    rate_mps: Real  #: of the length, twice the range rate [m/s]
     time_s: Real
-    order: Real
-    amplitude: Weights
+    order: Real  #: pulse intervals by which the path is folded
+    amplitude: Weights  #: (n,), or coefficients of T_k over the burst, (n, terms)
 
     def __len__(self) -> int:
         return int(self.length_m.size)
 
     def select(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> LinearRows:
-        """Some of them."""
         return LinearRows(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     @classmethod
     def join(cls, parts: list[LinearRows]) -> LinearRows:
-        """One of several."""
         if len(parts) == 1:
             return parts[0]
         return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
@@ -301,7 +88,7 @@ class LinearRows:
 
 @dataclass(frozen=True)
 class BlockResult:
-    """Spectra of the pulses `pulses`, with their error, processor time and tightness."""
+    """Spectra of some pulses."""
 
     pulses: slice
     values: Complex
@@ -311,17 +98,17 @@ class BlockResult:
 
 @dataclass(frozen=True)
 class LinearPlan:
-    """Blocks of pulses for type 3, and what either way would cost [s]."""
+    """Blocks of pulses for type 3, and the cost of either way."""
 
     blocks: list[slice]
-    type3_s: float
-    pulses_s: float
+    type3_s: float  #: [s]
+    pulses_s: float  #: of one transform per pulse [s]
 
 
 def plan_linear(
     rows: LinearRows, sums: SynthesisContext, times_s: Real, tolerance: float
 ) -> LinearPlan:
-    """How type 3 would be done, and what it costs compared with one transform per pulse."""
+    """Choose blocks for type 3, and compare the cost with one transform per pulse."""
     grid = sums.grid
     pulses = times_s.size
     rate = rows.rate_mps / SPEED_OF_LIGHT_MPS
@@ -335,9 +122,11 @@ def plan_linear(
         pulses *= sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
     middle = _middle_motion(delay, rate, 0.0, sums)
     remains_rad = middle.remains_rad(burst_s / 2, abs(grid.step_hz) * grid.count / 2)
+    # half of a burst for which the first order would do
+    longest_s = burst_s / 2 * min(1.0, math.sqrt(2 * _SHARE * tolerance) / max(remains_rad, 1e-300))
     least = max(
         _LEAST_BLOCKS,
-        math.ceil(burst_s / 2 / longest_s(remains_rad, burst_s / 2, tolerance)),
+        math.ceil(burst_s / 2 / longest_s),
         math.ceil(pulses * grid.count / _MAX_TARGETS),
     )
     sets = rows.amplitude.shape[1] if rows.amplitude.ndim > 1 else 1
@@ -362,12 +151,30 @@ def plan_linear(
     return LinearPlan([slice(a, b) for a, b in itertools.pairwise(edges)], type3, pulses * each)
 
 
-def _middle_motion(
-    delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
-) -> MiddleMotion:
-    """Of delays counted from a reference."""
-    slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
-    return MiddleMotion.of(delay_s, rate, reference_s, slope, float(sums.grid.exact_centre_hz))
+def linear_block(
+    rows: LinearRows,
+    sums: SynthesisContext,
+    times_s: Real,
+    pulses: slice,
+    tolerance: float,
+    terms: Real | None = None,
+) -> BlockResult:
+    """Spectra of some pulses by one transform; times are in rising order. Amplitudes of several
+    terms take a transform each; `terms` are T_k at all pulses.
+    """
+    start = time.thread_time()
+    grid, times, nodes = sums.grid, times_s[pulses], 1
+    if sums.pulse is not None:
+        nodes = sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
+        times = (times[:, None] + sums.pulse.times_s(nodes)).ravel()
+    middle_s = float(times[0] + times[-1]) / 2
+    weights = None if terms is None else np.repeat(terms[pulses], nodes, axis=0)
+    points = _points_at(rows, sums, middle_s)
+    result, error = _transformed(points, sums, times - middle_s, tolerance, weights)
+    if sums.pulse is not None:
+        result = sums.pulse.joined(result.reshape(-1, nodes, grid.count))
+        error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)
+    return BlockResult(pulses, result, error, time.thread_time() - start)
 
 
 @dataclass(frozen=True)
@@ -404,9 +211,8 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
 def _transformed(
     points: _Points, sums: SynthesisContext, times_s: Real, tolerance: float, terms: Real | None
 ) -> tuple[Complex, ErrorSum]:
-    """Their sum at times of all frequencies, (times, frequencies), and its error.
-
-    `terms` are weights of the sets of strengths, (times, sets).
+    """Sum of the points at times of all frequencies, (times, frequencies), and its error; `terms`
+    are weights of the sets of strengths, (times, sets).
     """
     grid, middle = sums.grid, points.middle
     interval_s = 0.0 if sums.ramp is None else sums.ramp.interval_s
@@ -443,28 +249,97 @@ def _transformed(
     return result, ErrorSum.of(max(engine, LEAST_ERROR), since_s.size, squares, total)
 
 
-def linear_block(
-    rows: LinearRows,
-    sums: SynthesisContext,
-    times_s: Real,
-    pulses: slice,
-    tolerance: float,
-    terms: Real | None = None,
-) -> BlockResult:
-    """Spectra of some pulses by one transform; times are in rising order.
+def _middle_motion(
+    delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
+) -> MiddleMotion:
+    slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
+    return MiddleMotion.of(delay_s, rate, reference_s, slope, float(sums.grid.exact_centre_hz))
 
-    Amplitudes of several terms take a transform each; `terms` are T_k at all pulses.
-    """
-    start = time.thread_time()
-    grid, times, nodes = sums.grid, times_s[pulses], 1
-    if sums.pulse is not None:
-        nodes = sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
-        times = (times[:, None] + sums.pulse.times_s(nodes)).ravel()
-    middle_s = float(times[0] + times[-1]) / 2
-    weights = None if terms is None else np.repeat(terms[pulses], nodes, axis=0)
-    points = _points_at(rows, sums, middle_s)
-    result, error = _transformed(points, sums, times - middle_s, tolerance, weights)
-    if sums.pulse is not None:
-        result = sums.pulse.joined(result.reshape(-1, nodes, grid.count))
-        error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)
-    return BlockResult(pulses, result, error, time.thread_time() - start)
+
+@dataclass(frozen=True)
+class MiddleMotion:
+    """The phase about the middle of n paths with delays and rates at the time 0."""
+
+    slope: float  #: K [Hz/s]
+    middle_s: float  #: tau_c [s]
+    middle_rate: float  #: beta_c
+    reference_s: float  #: from which the paths' delays are counted [s]
+    delay_s: Real  #: x, (n,) [s]
+    rate: Real  #: Y, (n,)
+    product: Real  #: factor of s (u - K beta_c s) in what remains, (n,)
+    square: Real  #: factor of s^2 in what remains, (n,)
+
+    @classmethod
+    def of(
+        cls, delay_s: Real, rate: Real, reference_s: float, slope: float, carrier_hz: float
+    ) -> MiddleMotion:
+        """For delays [s] that are counted from a reference."""
+        middle = float(delay_s.min() + delay_s.max()) / 2
+        middle_rate = float(rate.min() + rate.max()) / 2
+        x, y = delay_s - middle, rate - middle_rate
+        product = slope / (carrier_hz - slope * (reference_s + middle)) * x * rate
+        return cls(
+            slope, reference_s + middle, middle_rate, reference_s, x, y - product,
+            product, slope / 2 * y**2,
+        )  # fmt: skip
+
+    def path_cycles(self) -> Real:
+        """K tau_0^2 / 2, (n,), not reduced: delays are of 1e-6 s, whole cycles few."""
+        return np.asarray(self.slope / 2 * (self.middle_s + self.delay_s) ** 2)
+
+    def remains_rad(self, half_s: float, half_band_hz: float) -> float:
+        """Largest phase that the transform leaves, for |s| <= half_s."""
+        beyond_hz = half_band_hz + abs(self.slope * self.middle_rate) * half_s
+        product = float(np.abs(self.product).max()) * half_s * beyond_hz
+        return 2 * math.pi * (product + float(np.abs(self.square).max()) * half_s**2)
+
+    def middle_hz(self, carrier_hz: float) -> float:  # F
+        return carrier_hz - self.slope * self.middle_s
+
+    def beyond_hz(self, since_s: Real, offset_hz: Real) -> Real:
+        """u - K beta_c s at times and frequencies, of their shape."""
+        return np.asarray(offset_hz - self.slope * self.middle_rate * since_s)
+
+    def common_turns(
+        self, times_s: Real, interval_s: float, step_hz: float, count: int, carrier_hz: float
+    ) -> Complex:
+        """exp(j 2 pi cycles) that all paths share, (times, frequencies): at s = t + k dt and u = k
+        df, k from -count//2 on.
+
+        The phase is of the second degree in k, and only the first has to do with t: it is put
+        together from a few k and their distances, since a cosine takes ten times a product.
+        """
+        k = np.arange(-(count // 2), count - count // 2)
+        moved_s, middle_hz = self.middle_rate * interval_s, self.middle_hz(carrier_hz)
+        walked_s = self.middle_rate * times_s
+        alone = walked_s * (self.slope / 2 * walked_s - middle_hz)
+        both = walked_s * (self.slope * moved_s - step_hz)
+        square = moved_s * (self.slope / 2 * moved_s - step_hz)
+        of_k = k * (square * k - step_hz * (self.middle_s - self.reference_s) - middle_hz * moved_s)
+        near, far = np.arange(_NEAR), k[::_NEAR]
+        turns = _turns(far[:, None] * both + alone)[:, None] * _turns(near[:, None] * both)
+        turns = turns.reshape(-1, times_s.size)[:count]
+        turns *= _turns(of_k)[:, None]
+        return np.asarray(turns.T)
+
+    def remains(self, values: Complex) -> Complex:
+        """Strengths (2 sets, n) of what the transform of strengths (sets, n) leaves."""
+        values = values * 2j * np.pi
+        return np.concatenate([values * self.product, values * self.square])
+
+    def join(self, sets: Complex, remains: Complex, since_s: Real, offset_hz: Real) -> None:
+        """Add their transforms (2 sets, ...), which are overwritten, to `sets` (sets, ...)."""
+        product, square = np.split(remains, 2)
+        product *= -since_s * self.beyond_hz(since_s, offset_hz)
+        square *= since_s**2
+        sets += product
+        sets += square
+
+
+def _turns(cycles: Real) -> Complex:
+    """exp(j 2 pi cycles); overwrites them."""
+    return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
+
+
+def negligible(remains_rad: float, tolerance: float) -> bool:
+    return remains_rad <= _SHARE * tolerance

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spectra of moving paths: which way each kind of motion goes, and going it.
+"""Spectra of moving paths: sorts them by their motion and sends each kind the way that costs least.
 
-See :mod:`.spectrum.accumulator` for what is chosen. A ramp (:class:`.spectrum.grid.Ramp`) asks for
-lengths at three times of each pulse, a pulse that is under way for two; they come the same ways.
+`accumulator` has the choice. A `Ramp` needs lengths at three times of each pulse, a pulse that is
+under way at two; they go the same ways.
+
+Amplitudes that change during the burst (`VaryingPathAccumulator`) and that K Chebyshev terms follow
+cost K transforms of type 3 for all pulses, or pulse by pulse K products per path; the cheaper one
+is taken. Where no polynomial follows them, amplitudes and lengths are taken at every pulse: about
+ten times the cost of a transform pulse by pulse, most of it in vertices and gains.
 """
 
 from __future__ import annotations
@@ -29,7 +34,7 @@ _OFFSETS_SHARE = 4.0
 _MAX_LINEAR = 1 << 19
 #: Rows times terms of amplitudes that vary, the same: 67 MB.
 _MAX_TERMS = 1 << 22
-#: Seconds: of a value between nodes, on the scale of :mod:`.spectrum.linear_motion`.
+#: Seconds for a value between nodes, on the scale of `linear_motion`.
 _INTERPOLATED = 1e-7
 
 
@@ -37,7 +42,7 @@ class MovingPathAccumulator(PulseSums):
     """Sorts rows by their motion and sends each the way that suits it."""
 
     def flush(self) -> None:
-        """Sum up what waits."""
+        """Sum up the rows that wait."""
         self._flush_linear()
         self._flush_smooth()
 
@@ -45,7 +50,6 @@ class MovingPathAccumulator(PulseSums):
         self, motion: PathMotion, rows: NDArray[np.intp], amplitude: Weights, first: int
     ) -> None:
         """Add these rows, which move; `first` is the number of the motion's row 0 in errors.
-
         `amplitude` is (rows,), or coefficients of T_k over the burst, (rows, AMPLITUDE_NODES).
         """
         self._added = first
@@ -64,12 +68,18 @@ class MovingPathAccumulator(PulseSums):
             return
         lengths_m = motion.lengths_m(basis.sample_times_s(), rows)
         self._check(lengths_m, rows, "length")
-        fit = basis.fit(lengths_m, self._length_bound_m())
+        # error of a length that costs the fraction of the tolerance set aside for motion
+        cycles = self._phase_bound_rad / (1.0 if self._offsets_s.size == 1 else _OFFSETS_SHARE)
+        cycles /= 2 * np.pi
+        bound_m = cycles * SPEED_OF_LIGHT_MPS / max(self._sums.grid.highest_hz, 1.0)
+        fit = basis.fit(lengths_m, bound_m)
         coarse = ~fit.smooth
         if coarse.any():
             self._sampled(motion, rows[coarse], amplitude[coarse])
         self.fast += self._count_fast(fit.fastest_mps[fit.smooth])
-        self._fitted(amplitude[fit.smooth])
+        if fit.smooth.any():
+            self._report.motion_error_rad = self._phase_bound_rad
+            self._add_phase_error(amplitude[fit.smooth], self._phase_bound_rad)
         linear = fit.linear & self._type3_possible()
         curved = fit.smooth & ~linear
         if curved.any():
@@ -81,12 +91,6 @@ class MovingPathAccumulator(PulseSums):
             rate_mps = found[:, 1] / basis.half_s
             self._take_linear(found[:, 0].copy(), rate_mps, basis.middle_s, amplitude[linear], True)
 
-    def _length_bound_m(self) -> float:
-        """Error of a length that costs the fraction of the tolerance set aside for motion [m]."""
-        share = 1.0 if self._offsets_s.size == 1 else _OFFSETS_SHARE
-        cycles = self._phase_bound_rad / share / (2 * np.pi)
-        return cycles * SPEED_OF_LIGHT_MPS / max(self._sums.grid.highest_hz, 1.0)
-
     def _type3_possible(self) -> bool:
         sums = self._sums
         alone = sums.ramp is not None or sums.extra_cycles is None
@@ -94,12 +98,6 @@ class MovingPathAccumulator(PulseSums):
 
     def _count_fast(self, rate_mps: Real) -> int:
         return int(np.count_nonzero(rate_mps > self._fast_mps))
-
-    def _fitted(self, amplitude: Weights) -> None:
-        """Remember what fitted motion may cost."""
-        if amplitude.size:
-            self._report.motion_error_rad = self._phase_bound_rad
-            self._left_out(amplitude, self._phase_bound_rad)
 
     def _take_linear(
         self, length_m: Real, rate_mps: Real, time_s: float, amplitude: Weights, fitted: bool
@@ -227,7 +225,6 @@ class MovingPathAccumulator(PulseSums):
         )  # fmt: skip
 
     def _smooth(self, coefficients_m: Real, amplitude: Weights, order: Real | None = None) -> None:
-        """Transforms at all times."""
         basis = self._basis
         assert basis is not None
 
@@ -266,16 +263,6 @@ class MovingPathAccumulator(PulseSums):
         check_finite(values, rows, what, self._added)
 
 
-# -------------------------------------------------------------------------------------------------
-# Spectra of paths whose amplitudes change during the burst, as where antenna gains do.
-#
-# Lengths go the ways of :mod:`.spectrum.moving`. Amplitudes that K Chebyshev terms follow cost K
-# transforms of type 3 for all pulses, or pulse by pulse K products a path; the cheaper one is
-# taken. Where no polynomial follows them, amplitudes and lengths are taken at every pulse: about
-# ten times the cost of a transform pulse by pulse, most of it in vertices and gains.
-# -------------------------------------------------------------------------------------------------
-
-
 class VaryingPathAccumulator(MovingPathAccumulator):
     """As `MovingPathAccumulator`, for amplitudes that vary."""
 
@@ -286,9 +273,8 @@ class VaryingPathAccumulator(MovingPathAccumulator):
         history: AmplitudeHistory,
         first: int,
     ) -> None:
-        """Add these rows of a motion.
-
-        `history` is of all rows of the motion; `first` is the number of its row 0 in errors.
+        """Add rows of a motion; `history` is of all its rows, `first` the number of its row 0 in
+        errors.
         """
         basis, times_s = self._amplitude_basis, self._times_s
         follows = np.zeros(rows.size, dtype=bool)

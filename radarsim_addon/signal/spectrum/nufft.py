@@ -3,9 +3,18 @@
 
     F[k] = sum_i c_i exp(-j k x_i),    k = -N//2 ... (N-1)//2
 
-finufft does it where it is installed; else gridding in numpy with the same kernel, the
-"exponential of semicircle" of Barnett, Magland and af Klinteberg (SIAM J. Sci. Comput. 41, C479,
-2019), to the same tolerance. Either agrees with the direct sum, which is here as well.
+finufft does it where it is installed; else gridding in numpy with the same kernel, the "exponential
+of semicircle" of Barnett, Magland and af Klinteberg (SIAM J. Sci. Comput. 41, C479, 2019), to the
+same tolerance. Either agrees with the direct sum, which is here as well.
+
+`RowsType1` does many small sums in one call. `nufft_lines` adds a second axis of any frequencies u:
+
+    F[l, k] = sum_i c_i exp(-j (k x_i + u[l, k] y_i))
+
+A 2-D type 1 gives the sum at k and at regular q, where u lies between. In q the sum is limited to
+angles of a part of the circle, so that a kernel interpolates it (Dutt and Rokhlin, SIAM J. Sci.
+Comput. 14, 1368, 1993); strengths are divided by the kernel's spectrum first. Against a 2-D type 3
+a target costs one row of a kernel in place of a square, and the grid is a quarter.
 """
 
 from __future__ import annotations
@@ -42,7 +51,6 @@ _SHIFTS = 32
 
 
 def has_finufft() -> bool:
-    """Whether finufft is installed."""
     return importlib.util.find_spec("finufft") is not None
 
 
@@ -91,7 +99,9 @@ def nufft1(
 
 
 def choose_backend(backend: Backend) -> Literal["finufft", "numpy", "direct"]:
-    """What "auto" stands for here. Errors: an unknown backend, or finufft that is not installed."""
+    """The backend that "auto" stands for. Raises for an unknown one, and for finufft that is not
+    installed.
+    """
     if backend not in get_args(Backend):
         raise ConfigError(f"NUFFT backend {backend!r}; expected one of {get_args(Backend)}.")
     if backend == "auto":
@@ -105,9 +115,8 @@ def choose_backend(backend: Backend) -> Literal["finufft", "numpy", "direct"]:
 
 
 class Type1:
-    """One-dimensional type-1 transforms of one size, planned once. For one thread at a time.
-
-    Each in one thread: sums are then the same from run to run.
+    """One-dimensional type-1 transforms of one size, planned once, in one thread each: sums are
+    then the same from run to run. For one thread at a time.
     """
 
     def __init__(self, size: int, tolerance: float, backend: Backend = "auto") -> None:
@@ -118,8 +127,8 @@ class Type1:
         self._gridding: _Gridding | None = None
 
     def __call__(self, points: Real, values: Complex) -> Complex:
-        """F[k] of points within [-pi, pi] and complex values (n,), or of several sets of them at
-        these points, (sets, n).
+        """F[k] of points within [-pi, pi] and complex values (n,), or of several sets of them,
+        (sets, n).
         """
         if values.ndim > 1 and self.backend == "finufft":
             self._set(points)
@@ -137,7 +146,6 @@ class Type1:
         return result
 
     def _set(self, points: Real) -> None:
-        """Have the plan sort these points."""
         if self._plan is None:
             finufft = importlib.import_module("finufft")
             sort = 0 if self._size <= _UNSORTED else 2
@@ -148,17 +156,9 @@ class Type1:
 
 
 class RowsType1:
-    """One-dimensional type-1 transforms of rows of points: finufft spreads all rows in one call.
-
-    A transform of a few hundred points is all overhead. Rows lie one after the other on one grid
-    here, each with a margin as wide as the kernel.
-
-    Parameters
-    ----------
-    size
-        Number of frequencies.
-    tolerance
-        Largest error of a row relative to sum |c_i|.
+    """One-dimensional type-1 transforms of rows of points, to `tolerance` of sum |c_i| of a row:
+    finufft spreads all rows in one call. A transform of a few hundred points is all overhead. Rows
+    lie one after the other on one grid here, each with a margin as wide as the kernel.
     """
 
     def __init__(self, size: int, tolerance: float) -> None:
@@ -170,7 +170,7 @@ class RowsType1:
 
     @staticmethod
     def possible() -> bool:
-        """Whether finufft is there, of a version that spreads alone."""
+        """Whether finufft is installed, of a version that can spread without a transform."""
         if not has_finufft():
             return False
         version = importlib.import_module("finufft").__version__
@@ -184,26 +184,22 @@ class RowsType1:
         slot = self._fine + _MARGIN
         place = points * (self._fine / (2 * np.pi)) + (self._fine / 2 + half)
         place += slot * np.arange(rows)[:, None]
-        grid = self._spread(place.ravel() * (2 * np.pi / (rows * slot)) - np.pi, values, rows, slot)
+        sets = len(values)
+        if (sets, rows) not in self._plans:
+            self._plans[sets, rows] = _spreader(rows * slot, sets, self._tolerance)
+        plan = self._plans[sets, rows]
+        plan.setpts(place.ravel() * (2 * np.pi / (rows * slot)) - np.pi)
+        grid = plan.execute(np.ascontiguousarray(values.reshape(sets, -1)))
+        grid = grid.reshape(sets, rows, slot)
         # what lies in a margin belongs to the other end
         grid[..., half : 2 * half] += grid[..., -half:]
         grid[..., -2 * half : -half] += grid[..., :half]
         found = np.fft.fft(grid[..., half:-half], axis=-1)
         return np.asarray(found[..., self._kept] / self._divisor)
 
-    def _spread(self, places: Real, values: Complex, rows: int, slot: int) -> Complex:
-        """Values on the grid, (sets, rows, slot)."""
-        sets = len(values)
-        if (sets, rows) not in self._plans:
-            self._plans[sets, rows] = _spreader(rows * slot, sets, self._tolerance)
-        plan = self._plans[sets, rows]
-        plan.setpts(places)
-        spread: Complex = plan.execute(np.ascontiguousarray(values.reshape(sets, -1)))
-        return spread.reshape(sets, rows, slot)
-
 
 def _spreader(cells: int, sets: int, tolerance: float) -> Any:
-    """A plan that spreads points to a grid, and no more."""
+    """A plan that spreads points to a grid, without a transform."""
     return importlib.import_module("finufft").Plan(
         1, (cells,), n_trans=sets, eps=tolerance, isign=-1, nthreads=1, upsampfac=2.0,
         spreadinterponly=1,
@@ -280,18 +276,7 @@ def _kernel_transform(frequency: Real, width: int, beta: float) -> Real:
 
 
 def smooth_size(number: int) -> int:
-    """Return the smallest product of 2, 3 and 5 that is at least a number: its FFTs are fast.
-
-    Parameters
-    ----------
-    number
-        Smallest size.
-
-    Returns
-    -------
-    int
-        Size of the transform.
-    """
+    """Smallest product of 2, 3 and 5 that is at least a number: its FFTs are fast."""
     best = 1 << max(0, (number - 1).bit_length())
     five = 1
     while five < best:
@@ -302,18 +287,6 @@ def smooth_size(number: int) -> int:
             three *= 3
         five *= 5
     return best
-
-
-# -------------------------------------------------------------------------------------------------
-# Non-uniform Fourier sums at regular frequencies along one axis and any along the other:
-#
-#     F[l, k] = sum_i c_i exp(-j (k x_i + u[l, k] y_i)),      k = -N//2 ... (N-1)//2
-#
-# A 2-D type 1 gives them at k and at regular q, where u lies between. In q the sum is limited to
-# angles of a part of the circle, so that a kernel interpolates it (Dutt and Rokhlin, SIAM J. Sci.
-# Comput. 14, 1368, 1993); strengths are divided by the kernel's spectrum first. Against a 2-D type
-# 3 a target costs one row of a kernel in place of a square, and the grid is a quarter.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Points of the grid in q beyond the targets, on both sides together: the widest kernel, and two.
@@ -329,10 +302,8 @@ _MIXED_SHIFTS, _SLOT, _DEGREE = 32, 32, 32
 
 
 def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance: float) -> Complex:
-    """The sum above by finufft 2.4 or later, (sets, lines, size).
-
-    Points x within [-pi, pi] and y are (n,), `values` (sets, n), u (lines, size) in radians per
-    unit of y.
+    """The sum F[l, k] by finufft 2.4 or later, (sets, lines, size). Points x within [-pi, pi] and y
+    are (n,), `values` (sets, n), u (lines, size) in radians per unit of y.
     """
     widest, farthest = max(float(np.abs(y).max()), 1e-300), float(np.abs(u).max())
     over, cells = (NARROW, _MANY_CELLS) if tolerance > _NINE_DIGITS else (_WIDE, _CELLS)
@@ -364,7 +335,7 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
 
 
 def _kernel_plan(kind: int, cells: int, tolerance: float, over: float) -> Any:
-    """Plan that spreads (1) or interpolates (2) along a line of cells, and does no more."""
+    """Plan that spreads (1) or interpolates (2) along a line of cells, without a transform."""
     return importlib.import_module("finufft").Plan(
         kind, (cells,), eps=tolerance, isign=-1, nthreads=1, upsampfac=over,
         spreadinterponly=1, spread_sort=0,

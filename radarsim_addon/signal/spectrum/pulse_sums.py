@@ -1,5 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Spectra of moving paths at the times of pulses, one transform each, or at a few other times."""
+"""Spectra of moving paths pulse by pulse, or at a few other times of the burst, interpolated.
+
+`PulseSums` holds the sum of all pulses and adds blocks of paths and pulses to it: `TransformPool`
+makes one block, in threads of `OrderedExecutor`, whose results come in order, so that sums are the
+same from run to run.
+
+**Common motion.** The lengths of the paths of one body change at nearly one rate b [m/s]. Without
+the common phase exp(-j 2 pi f_n b t / c), the sum of these paths changes slowly from pulse to
+pulse. It is computed at M Chebyshev points of the burst (extrema, so that both ends are among them)
+and interpolated (`common_motions`, `CommonMotion`). For a function that is at most exp(E) within
+the Bernstein ellipse of parameter rho, the error of this interpolation is at most 4 exp(E) rho^(1 -
+M) / (rho - 1) (Trefethen, Approximation Theory and Approximation Practice, theorem 8.2), here
+relative to sum |a|. E follows from the Chebyshev coefficients c_k of the lengths: |Im T_k| <=
+(rho^k - rho^-k) / 2. An amplitude that is a Chebyshev series of K terms needs K - 1 more points.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +28,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from queue import Empty, SimpleQueue
-from typing import Literal, Protocol, Self, TypeVar
+from typing import Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,25 +36,22 @@ from numpy.typing import NDArray
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .amplitudes import AMPLITUDE_NODES, BurstBasis, used_terms
-from .grid import SynthesisContext, Weights, phasors, reduce_cycles
-from .linear_motion import LinearRows, PulseMotionTransform, pulse_left_out_rad
+from .grid import SynthesisContext, Weights, lagrange, phasors, reduce_cycles
+from .linear_motion import LinearRows
 from .nufft import TIGHTEST, Backend
 from .transform import (
+    EachPulse,
     ErrorSum,
     Motion,
-    PulseResult,
+    PulseMotionTransform,
     PulseTransform,
     RampTransform,
     SynthesisReport,
     Transform,
     engine_tolerance,
-    left_out_rad,
+    pulse_left_out_rad,
+    ramp_left_out_rad,
 )
-
-# -------------------------------------------------------------------------------------------------
-# Work in threads with results in order: sums are then the same from run to run.
-# -------------------------------------------------------------------------------------------------
-
 
 T = TypeVar("T")
 
@@ -88,25 +99,10 @@ class OrderedExecutor:
                 future.cancel()
 
     def close(self) -> None:
-        """Let the threads go; `run` makes new ones."""
+        """End the threads; `run` makes new ones."""
         if self._pool is not None:
             self._pool.shutdown(wait=True)
             self._pool = None
-
-
-# -------------------------------------------------------------------------------------------------
-# Jobs of the synthesis that go pulse by pulse, or once for all pulses.
-# -------------------------------------------------------------------------------------------------
-
-
-class BlockTransform(Protocol):
-    """Spectra of pulses, one after the other, from lengths (pulses, ...) and amplitudes (rows,) or
-    (pulses, rows), with the pulse intervals of folding.
-    """
-
-    def pulses(
-        self, lengths_m: Real, weights: Weights, order: Real | None
-    ) -> Iterator[PulseResult]: ...
 
 
 @dataclass(frozen=True)
@@ -126,8 +122,8 @@ class PulseBlock:
 class TransformPool:
     """Transforms with their buffers, made when a thread finds none free."""
 
-    def __init__(self, make: Callable[[], BlockTransform], count: int) -> None:
-        self._free: SimpleQueue[BlockTransform] = SimpleQueue()
+    def __init__(self, make: Callable[[], EachPulse], count: int) -> None:
+        self._free: SimpleQueue[EachPulse] = SimpleQueue()
         self._make, self._count = make, count
 
     def block(
@@ -137,10 +133,9 @@ class TransformPool:
         amplitude: Weights | Callable[[], Weights],
         order: Real | None = None,
     ) -> PulseBlock:
-        """Spectra of the lengths (pulses, ...), one pulse after the other.
-
-        `amplitude` is or returns (rows,) or (pulses, rows); `order` are the pulse intervals by
-        which rows are folded, None: found from the delays.
+        """Spectra of the lengths (pulses, ...), one pulse after the other. `amplitude` is or
+        returns (rows,) or (pulses, rows); `order` are the pulse intervals by which rows are folded,
+        None: found from the delays.
         """
         start = time.thread_time()
         try:
@@ -160,20 +155,6 @@ class TransformPool:
         finally:
             self._free.put(transform)
         return PulseBlock(pulses, values, error, heard, folded, time.thread_time() - start)
-
-
-# -------------------------------------------------------------------------------------------------
-# Spectra of paths that share most of their motion: at a few times of a burst, interpolated.
-#
-# The lengths of the paths of one body change at nearly one rate b [m/s]. Without the common phase
-# exp(-j 2 pi f_n b t / c), the sum of these paths changes slowly from pulse to pulse. It is
-# computed at M Chebyshev points of the burst (extrema, so that both ends are among them) and
-# interpolated. For a function that is at most exp(E) within the Bernstein ellipse of parameter rho,
-# the error of this interpolation is at most 4 exp(E) rho^(1 - M) / (rho - 1) (Trefethen,
-# Approximation Theory and Approximation Practice, theorem 8.2), here relative to sum |a|. E follows
-# from the Chebyshev coefficients c_k of the lengths: |Im T_k| <= (rho^k - rho^-k) / 2. An amplitude
-# that is a Chebyshev series of K terms needs K - 1 more points.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Widest group, and largest bend of a path in it [rad].
@@ -197,9 +178,7 @@ class CommonMotion:
     def at_pulses(self, spectra: Complex, sums: SynthesisContext, times_s: Real) -> Complex:
         """Spectra at pulses, (pulses, frequencies), from those at the nodes."""
         place = (times_s - self.nodes_s[0]) / (self.nodes_s[-1] - self.nodes_s[0])
-        degree = self.nodes_s.size - 1
-        vander = np.polynomial.chebyshev.chebvander
-        weights = vander(2 * place - 1, degree) @ np.linalg.inv(vander(_lobatto(degree), degree))
+        weights = lagrange(_lobatto(self.nodes_s.size - 1), 2 * place - 1).T
         found: Complex = weights @ (spectra * self._turns(sums, self.nodes_s).conj())
         found *= self._turns(sums, times_s)
         return found
@@ -212,9 +191,8 @@ class CommonMotion:
         return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, np.complex128))
 
     def error(self, at_nodes: ErrorSum, pulses: int) -> ErrorSum:
-        """Error of the transforms at all pulses from that at all nodes.
-
-        Random ones keep their size on average; the bound takes Lebesgue's constant.
+        """Error of the transforms at all pulses from that at all nodes: random ones keep their size
+        on average; the bound takes Lebesgue's constant.
         """
         more = pulses / self.nodes_s.size
         root = math.sqrt(more)
@@ -224,7 +202,7 @@ class CommonMotion:
         )
 
 
-def left_out(tolerance: float) -> float:
+def interpolation_error(tolerance: float) -> float:
     """Error of the interpolation relative to sum |a|."""
     return max(_NODES_SHARE * engine_tolerance(tolerance), TIGHTEST)
 
@@ -234,8 +212,7 @@ def common_motions(
     sums: SynthesisContext, tolerance: float,
 ) -> list[CommonMotion]:  # fmt: skip
     """Group rows with lengths c_k T_k, (rows, degrees), over a burst of `half_s` to either side.
-
-    Rows are left out that bend too much, or that are not received at every pulse in their own
+    Rows that bend too much are left out, and rows that are not received at every pulse in their own
     window, `late_s` before or after it. Empty where pulse by pulse takes no longer.
     """
     if sums.extra_cycles is not None and sums.ramp is None:
@@ -273,13 +250,13 @@ def common_motions(
 def _degree(
     coefficients_m: Real, middle_m: float, half_s: float, sums: SynthesisContext, tolerance: float
 ) -> int:
-    """Degree of the polynomial in slow time that their sum is, without the rate in common."""
+    """Degree of the polynomial in slow time that the sum of rows is, without the rate in common."""
     size_m = np.abs(coefficients_m[:, 1:]).max(axis=0)
     apart_m = np.append(np.abs(coefficients_m[:, 1] - middle_m).max(), size_m[1:])
     turns, light = _cycle(sums.grid.highest_hz), SPEED_OF_LIGHT_MPS
     # the last ones are rounding
     tails_rad = turns * np.cumsum(apart_m[::-1])[::-1]
-    used = max(int(np.count_nonzero(tails_rad > left_out(tolerance) / 2)), 1)
+    used = max(int(np.count_nonzero(tails_rad > interpolation_error(tolerance) / 2)), 1)
     size_m, apart_m = size_m[:used], apart_m[:used]
     power = _RHO[:, None] ** np.arange(1, used + 1)
     # lengths and their rates within the ellipses
@@ -292,7 +269,7 @@ def _degree(
         exponent += video * (farthest_m + length_m / 2) * length_m
     if sums.pulse is not None:  # motion within it mixes its frequencies
         exponent += _cycle(abs(sums.grid.step_hz) * sums.grid.count) * length_m
-    exponent += np.log(16 / (left_out(tolerance) * (_RHO - 1)))
+    exponent += np.log(16 / (interpolation_error(tolerance) * (_RHO - 1)))
     return max(math.ceil(float((exponent / np.log(_RHO)).min())), 1)
 
 
@@ -330,15 +307,8 @@ _TOGETHER = 32
 
 
 class PulseSums:
-    """Adds up the spectra of moving paths in `values` (pulses, frequencies), None where nothing
-    moved.
-
-    The first parameters are those of :class:`.spectrum.accumulator.SpectrumAccumulator`; `rows`
-    paths are in one transform; `interval_s` is that from pulse to pulse, for folding in Doppler.
-
-    `heard` and `folded_pulses` count paths in the window, and folded into it, once per pulse;
-    `folded` those folded at every pulse; `fast` those that turn by more than half a cycle between
-    pulses.
+    """Adds up the spectra of moving paths. Parameters as of `SpectrumAccumulator`; `rows` paths are
+    in one transform; `interval_s` is the time from pulse to pulse, for folding in Doppler.
     """
 
     def __init__(
@@ -353,9 +323,13 @@ class PulseSums:
         report: SynthesisReport,
         interval_s: float,
     ) -> None:
+        #: (pulses, frequencies); None where nothing moved.
         self.values: Complex | None = None
         self.error = ErrorSum()
-        self.heard, self.folded, self.folded_pulses, self.fast = 0, 0, 0, 0
+        #: Paths in the window, and folded into it, once per pulse.
+        self.heard, self.folded_pulses = 0, 0
+        #: Paths folded at every pulse; those that turn by more than half a cycle between pulses.
+        self.folded, self.fast = 0, 0
         self._linear_rows: list[LinearRows] = []
         self._smooth_rows: list[tuple[Real, Weights]] = []
         self._left_rad = [0.0]  # appended to by threads
@@ -365,7 +339,7 @@ class PulseSums:
         self._added = 0
         self._way: Transform = "direct sum" if backend == "direct" else "pulse by pulse"
         transform: type[PulseTransform | RampTransform | PulseMotionTransform] = PulseTransform
-        # times at which a pulse wants lengths, from its own
+        # times at which a pulse needs lengths, from its own
         self._offsets_s, first_s = np.zeros(1), 0.0
         if sums.ramp is not None:
             transform, first_s = RampTransform, -sums.ramp.half_s(sums.grid.count)
@@ -395,11 +369,13 @@ class PulseSums:
         return max(self._left_rad)
 
     def _lengths_at(self, pulses: slice) -> Real:
-        """Times at which these pulses want lengths, (pulses x offsets,) [s]."""
+        """Times at which these pulses need lengths, (pulses x offsets,) [s]."""
         return np.asarray((self._times_s[pulses, None] + self._offsets_s).ravel())
 
     def _by_pulses(self, lengths_m: Real) -> Real:
-        """To (pulses, rows); of a ramp (pulses, 3, rows), of a pulse (pulses, 2, rows)."""
+        """Lengths (pulses x offsets, rows) as (pulses, rows); for a ramp (pulses, 3, rows), for a
+        pulse lengths and rates (pulses, 2, rows).
+        """
         if self._offsets_s.size == 1:
             return lengths_m
         found = lengths_m.reshape(-1, self._offsets_s.size, lengths_m.shape[1])
@@ -408,8 +384,8 @@ class PulseSums:
             found = np.stack([found[:, 0], rate_mps], axis=1)
         return found
 
-    def _left_out(self, amplitude: Weights, error: float) -> None:
-        """Remember an error of all terms, relative to the amplitudes."""
+    def _add_phase_error(self, amplitude: Weights, error: float) -> None:
+        """Add an error of all terms, relative to the amplitudes."""
         size, terms = np.abs(amplitude), self._times_s.size * self._sums.grid.count
         size = size if size.ndim == 1 else size.sum(axis=1)
         root = error * float(np.sqrt(terms))
@@ -431,10 +407,9 @@ class PulseSums:
         ahead: bool = False,
         at: AmplitudesAt | None = None,
     ) -> None:
-        """One transform for each pulse and block of rows.
-
-        `lengths_m` gives lengths (pulses, rows) of parts of either, and `at` amplitudes; with
-        `ahead` both are called in this thread alone, since a motion need not be safe in several.
+        """One transform for each pulse and block of rows. `lengths_m` gives lengths (pulses, rows)
+        of parts of either, `at` amplitudes; with `ahead` both are called in this thread alone,
+        since a motion need not be safe in several.
         """
         count = len(amplitude)
         if at is None and amplitude.ndim > 1:
@@ -479,9 +454,9 @@ class PulseSums:
         self._report.count(motion, self._way, count, transforms, cpu_s)
 
     def _watched(self, lengths_m: Callable[[], Real], pulses: slice) -> Real:
-        """These lengths; remembers what is left out of the motion within the ramps."""
+        """These lengths; keeps the phase of their motion that is left out."""
         found = lengths_m()
-        left_out = pulse_left_out_rad if self._sums.ramp is None else left_out_rad
+        left_out = pulse_left_out_rad if self._sums.ramp is None else ramp_left_out_rad
         self._left_rad.append(left_out(found, self._sums, self._times_s[pulses]))
         return found
 
@@ -493,8 +468,8 @@ class PulseSums:
 
     @contextmanager
     def _nodes_of(self, group: CommonMotion, amplitude: Weights) -> Iterator[Self]:
-        """As this one, empty, at the nodes of a group with these amplitudes; when it is left, its
-        sums are those of all pulses.
+        """As this one, empty, at the nodes of a group with these amplitudes; on exit its sums are
+        added at all pulses.
         """
         other = copy.copy(self)
         other._times_s, other.values, other.error = group.nodes_s, None, ErrorSum()
@@ -503,4 +478,4 @@ class PulseSums:
         moving = self._matrix()
         moving += group.at_pulses(other._matrix(), self._sums, self._times_s)
         self.error.add(group.error(other.error, self._times_s.size))
-        self._left_out(amplitude, left_out(self._tolerance))
+        self._add_phase_error(amplitude, interpolation_error(self._tolerance))

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One spectrum from many paths: phases, a type-1 transform, and how far off it is."""
+"""One spectrum from many paths: phases, a type-1 transform, and its error.
+
+In: lengths of n paths at one pulse [m] and amplitudes. Out: `PulseResult`. Three transforms, alike
+to their callers: `PulseTransform` (nothing moves meanwhile), `PulseMotionTransform` (paths move
+while the pulse is under way), `RampTransform` (frequencies come one after the other).
+`SynthesisReport` at the end adds up what was chosen.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +22,15 @@ from ...findings import Finding, finding
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import (
     BLOCK,
+    NODES_SHARE,
     RECEPTION,
     SynthesisContext,
     Weights,
+    chebyshev_nodes,
+    lagrange,
     nodes_for,
     phasors,
-    place,
+    received_rows,
     reduce_cycles,
     reduced_cycles,
 )
@@ -47,28 +56,26 @@ def engines_for(tolerance: float, count: int, backend: Backend) -> list[tuple[fl
 
 
 def engine_tolerance(tolerance: float) -> float:
-    """What the engines are asked for, so that the result meets `tolerance`."""
+    """Tolerance of the engines for the result to meet `tolerance`."""
     return max(_MARGIN * tolerance, TIGHTEST)
 
 
 def l2_norm(values: Complex) -> float:
-    """L2 norm; by no BLAS, whose threads wait for one another."""
+    """L2 norm without BLAS, whose threads wait for one another."""
     return math.sqrt(float(np.sum(values.real**2) + np.sum(values.imag**2)))
 
 
 @dataclass
 class ErrorSum:
-    """Error of a sum of transforms, in the units of their L2 norm: for phases that are random just
-    outside the band, and for any paths; `energy` is the squared norm expected of random phases.
-    """
+    """Error of a sum of transforms, in the units of their L2 norm."""
 
-    random: float = 0.0
-    bound: float = 0.0
-    energy: float = 0.0
+    random: float = 0.0  #: for phases that are random just outside the band
+    bound: float = 0.0  #: for any paths
+    energy: float = 0.0  #: squared norm of the sum expected of random phases
 
     @classmethod
     def of(cls, engine: float, frequencies: int, squares: float, total: float) -> ErrorSum:
-        """Of one transform: sum |c|^2 and sum |c| of its paths."""
+        """Error of one transform, from sum |c|^2 and sum |c| of its paths."""
         relative = engine + _ROUNDING * frequencies
         root = math.sqrt(frequencies)
         return cls(
@@ -78,13 +85,13 @@ class ErrorSum:
         )
 
     def add(self, other: ErrorSum) -> None:
-        """Of results that are added: never less than either."""
+        """Add the error of a result that is added: never less than either."""
         self.random += other.random
         self.bound += other.bound
         self.energy += other.energy
 
     def of_each(self, parts: int) -> ErrorSum:
-        """Of one of several parts that share it evenly."""
+        """Error of one of several parts that share it evenly."""
         return ErrorSum(
             self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
         )
@@ -107,7 +114,7 @@ class PulseResult:
 
 
 class EachPulse(ABC):
-    """Transforms of pulses one by one."""
+    """Transforms of pulses one by one. For one thread at a time."""
 
     @abstractmethod
     def __call__(
@@ -123,7 +130,7 @@ class EachPulse(ABC):
 
 
 class PulseTransform(EachPulse):
-    """Sums of one synthesis, with buffers that are used again. For one thread at a time."""
+    """Sums of one synthesis, with buffers that are used again."""
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
         self._sums = sums
@@ -135,13 +142,12 @@ class PulseTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the paths that are received.
-
-        With `order` all are, folded by that many pulse intervals.
+        """sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the paths that are received; with `order`
+        all are, folded by that many pulse intervals.
         """
         count, kept = self._sums.grid.count, length_m.size
         if order is None:
-            rows, order, kept = place(self._sums, length_m)
+            rows, order, kept = received_rows(self._sums, length_m)
             length_m, amplitude = length_m[rows], amplitude[rows]
         if length_m.size == 0:
             return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
@@ -155,9 +161,8 @@ class PulseTransform(EachPulse):
         order: Real | None,
         moved_m: Real | None = None,
     ) -> PulseResult:
-        """The same sum over all paths, folded by `order`, None: by none.
-
-        `moved_m` adds to the lengths, without their rounding.
+        """The same sum over all paths, folded by `order` (None: by none). `moved_m` adds to the
+        lengths, without their rounding.
         """
         count = self._sums.grid.count
         squares, total = self._fill(length_m, amplitude, order, moved_m)
@@ -213,6 +218,88 @@ class PulseTransform(EachPulse):
 
 
 # -------------------------------------------------------------------------------------------------
+# Spectra of echoes whose delay changes during the pulse.
+#
+# t_m is the middle of pulse m, u the time from there, w(u) the transmitted pulse, f0 the carrier
+# and f the baseband frequency. What is emitted at t_m + u returns after the delay tau(t_m + u),
+# which changes at the rate beta. The spectrum s of the echo is then
+#
+#     s(t_m, f) = (1 + beta) int w(u) exp(-j 2 pi (f0 + f) [tau(t_m) + beta u]) exp(-j 2 pi f u) du
+#
+# The exponential in u is interpolated between Chebyshev nodes u_j of the pulse by their Lagrange
+# polynomials L_j: s = sum_j W_j(f) S(tau(t_m) + beta u_j) (1 + beta), with W_j the spectrum of w
+# L_j and S that of stationary paths. Doppler shift, range-Doppler coupling and the stretched
+# envelope are included. At a constant rate only the error of the interpolation remains. A code that
+# repeats without end (`CodeShape`) is the same with u in the time of reception; its samples are
+# weighted by L_j(u) instead of the spectra by W_j.
+# -------------------------------------------------------------------------------------------------
+
+
+class PulseMotionTransform(EachPulse):
+    """As `PulseTransform`, for lengths in the middle of a pulse and their rates, to spectra of
+    echoes: the pulse's spectrum is included.
+    """
+
+    def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
+        assert sums.pulse is not None
+        self._sums, self._pulse = sums, sums.pulse
+        self._tolerance = TIGHTEST if backend == "direct" else tolerance
+        self._transform = PulseTransform(sums, tolerance, backend)
+
+    def __call__(
+        self, length_m: Real, amplitude: Weights, order: Real | None = None
+    ) -> PulseResult:
+        """Lengths [m] and rates [m/s], (2, rows), or also what the lengths lost by rounding [m],
+        (3, rows); with `order` all are received, folded by it.
+        """
+        sums, pulse = self._sums, self._pulse
+        middle, rate_mps, *lost_m = length_m
+        kept, count = middle.size, sums.grid.count
+        if order is None:
+            rows, order, kept = received_rows(sums, middle)
+            middle, rate_mps, amplitude = middle[rows], rate_mps[rows], amplitude[rows]
+            lost_m = [one[rows] for one in lost_m]
+        if not middle.size:
+            return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
+        amplitude = amplitude * pulse.stretch(rate_mps)
+        folded_s = 0.0 if order is None else order * (sums.listening.period_s or 0.0)
+        nodes = pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance)
+        spectra, error = np.empty((nodes, count), dtype=np.complex128), ErrorSum()
+        for spectrum, time_s in zip(spectra, pulse.times_s(nodes), strict=True):
+            later_m = pulse.meeting.moved_m(middle, rate_mps, time_s - folded_s)
+            found = self._transform.spectrum(middle, amplitude, order, sum(lost_m, later_m))
+            spectrum[:] = found.values
+            error = max(error, found.error, key=lambda one: one.random)
+        error = joined_error(error, nodes, self._tolerance, count)
+        return PulseResult(pulse.joined(spectra), error, kept, found.folded)
+
+
+def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
+    """Largest phase of an acceleration within pulses of lengths and rates (pulses, 2, rows). The
+    acceleration is that between pulses; of a single one it is unknown.
+    """
+    assert sums.pulse is not None
+    if times_s.size < 2:
+        return 0.0
+    change = np.abs(np.diff(lengths_m[:, 1], axis=0)) / np.diff(times_s)[:, None]
+    # half of it over the pulse, and as much in the rate, which is that of its second half
+    left_m = float(change.max(initial=0.0)) * sums.pulse.half_s**2
+    return 2 * math.pi * sums.grid.highest_hz * left_m / SPEED_OF_LIGHT_MPS
+
+
+def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
+    """Error of a sum over nodes whose spectra (count values) each have this error."""
+    if nodes == 1:
+        return error
+    lebesgue, left = 1 + math.log(nodes), NODES_SHARE * tolerance * math.sqrt(error.energy)
+    return ErrorSum(
+        lebesgue * error.random + left,
+        lebesgue * error.bound + left * math.sqrt(count),
+        error.energy,
+    )
+
+
+# -------------------------------------------------------------------------------------------------
 # One spectrum of moving paths whose frequencies come one after the other.
 #
 # Frequency f_n = f_c + n df is sampled at t_m + n dt, n = k - count//2. With the delay to the
@@ -221,13 +308,12 @@ class PulseTransform(EachPulse):
 #     f_n tau - K tau^2 / 2 = f_c tau_0 - K tau_0^2 / 2 + n [df tau_0 + (f_c - K tau_0) b]
 #         + n^2 [df b + (f_c - K tau_0) g / 2 - K b^2 / 2]
 #
-# and terms in n^3, see `left_out_rad`. Times are of reception, half a delay after the wave met the
-# path (:mod:`.meeting`). The second term is the range-Doppler coupling of such radars: a moving
-# target appears where it will be f_c / (df / dt) later. The third bends the phase, by B T v / 2c
-# cycles at the ends of the ramp, 0.009 rad for 1 GHz, 50 us and 17 m/s. It is interpolated:
-# spectra with n^2 held at Chebyshev nodes q_j of its range, weighted by the Lagrange polynomials of
-# n^2. For phases within +-L of the mean M nodes leave 4 (L/2)^M / M! (the tail of the Jacobi-Anger
-# series). Paths that are bent by more go in groups.
+# and terms in n^3, see `ramp_left_out_rad`. Times are of reception (`Meeting`). The second term is
+# the range-Doppler coupling of such radars: a moving target appears where it will be f_c/(df/dt)
+# later. The third bends the phase, by B T v / 2c cycles at the ends of the ramp, 0.009 rad for 1
+# GHz, 50 us and 17 m/s. It is interpolated: spectra with n^2 held at Chebyshev nodes q_j of its
+# range, weighted by the Lagrange polynomials of n^2 (`nodes_for` has the error). Paths that are
+# bent by more go in groups.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -244,7 +330,7 @@ _MAX_TERMS = 1 << 20
 
 
 class RampTransform(EachPulse):
-    """As :class:`.spectrum.transform.PulseTransform`, for lengths at three times of each ramp."""
+    """As `PulseTransform`, for lengths at three times of each ramp."""
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
         assert sums.ramp is not None
@@ -262,8 +348,7 @@ class RampTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """Lengths (3, rows), `Ramp.half_s` before the middle, in the middle, and after it [m].
-
+        """Lengths (3, rows): `Ramp.half_s` before the middle, in the middle, and after it [m].
         `order` is 0 where it is given: a ramp does not fold in delay.
         """
         grid = self._sums.grid
@@ -293,8 +378,8 @@ class RampTransform(EachPulse):
     def pulses(
         self, lengths_m: Real, weights: Weights, order: Real | None
     ) -> Iterator[PulseResult]:
-        """As a call for each of several pulses, (pulses, 3, rows); weights (rows,) or (pulses,
-        rows). Pulses of few rows are transformed together.
+        """As the base class; lengths (pulses, 3, rows). Pulses of few rows are transformed
+        together.
         """
         shape = lengths_m.shape[0], lengths_m.shape[2]
         together = self._rows is not None and shape[0] > 1 and 0 < shape[1] <= _FEW_ROWS
@@ -399,15 +484,12 @@ class RampTransform(EachPulse):
     def _basis(self, nodes: int) -> tuple[Real, Real]:
         """Nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
         if nodes not in self._bases:
-            at = np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
-            vander = np.polynomial.chebyshev.chebvander
-            everywhere = vander(self._square / self._half - 1, nodes - 1)
-            weights = np.asarray(everywhere @ np.linalg.inv(vander(at, nodes - 1))).T
+            at = chebyshev_nodes(nodes)
+            weights = lagrange(at, self._square / self._half - 1)
             self._bases[nodes] = (self._half * (1 + at), np.ascontiguousarray(weights))
         return self._bases[nodes]
 
     def _directly(self, points: Real, cycles: Real, curve: Real, amplitude: Weights) -> Complex:
-        """Term by term."""
         total = np.zeros(self._n.size, dtype=np.complex128)
         block = max(1, _MAX_TERMS // self._n.size)
         for start in range(0, points.size, block):
@@ -438,11 +520,10 @@ def _received(lengths_m: Real, half_s: float) -> Real:
     return lengths_m + RECEPTION.moved_m(lengths_m, rates_mps)
 
 
-def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase that the motion (pulses, 3, rows) [m] has beyond `RampTransform`, about.
-
-    In n^3: f_c times the change of the acceleration (between pulses; unknown for a single one),
-    less what the parabola through three lengths takes off, and n df times half the acceleration.
+def ramp_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
+    """Largest phase that the motion (pulses, 3, rows) [m] has beyond `RampTransform`, about. In
+    n^3: f_c times the change of the acceleration (between pulses; unknown for a single one), less
+    what the parabola through three lengths takes off, and n df times half the acceleration.
     """
     assert sums.ramp is not None
     first, middle, last = (lengths_m[:, i] for i in range(3))
@@ -457,11 +538,6 @@ def left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> floa
     return 2 * math.pi * left / SPEED_OF_LIGHT_MPS
 
 
-# -------------------------------------------------------------------------------------------------
-# What the synthesis chose, what it cost, and how far off the sum can be.
-# -------------------------------------------------------------------------------------------------
-
-
 Motion = Literal["still", "linear", "smooth", "sampled"]
 Transform = Literal["once", "type 3", "pulse by pulse", "interpolated", "direct sum"]
 
@@ -471,15 +547,13 @@ _RAMP_SLACK_RAD = 1e-3
 
 @dataclass
 class SynthesisStep:
-    """Paths (twice where folded into the window twice) of one kind of motion that went one way.
+    """Paths (twice where folded into the window twice) of one kind of motion that went one way."""
 
-    motion: "linear" has a constant range rate within the bound, "smooth" a polynomial fitted within
-    it, of "sampled" lengths are taken at every pulse. transform: "once" is one 1-D type 1 for all
-    pulses, "type 3" 2-D over frequency and pulse, "pulse by pulse" a 1-D type 1 each,
-    "interpolated" the same at a few times, from which all pulses follow.
-    """
-
+    #: "linear": constant range rate within the bound; "smooth": a polynomial fitted within it;
+    #: "sampled": lengths are taken at every pulse.
     motion: Motion
+    #: "once": one 1-D type 1 for all pulses; "type 3": 2-D over frequency and pulse; "pulse by
+    #: pulse": a 1-D type 1 each; "interpolated": the same at a few times, from which all follow.
     transform: Transform
     paths: int = 0
     transforms: int = 0
@@ -501,7 +575,7 @@ class SynthesisReport:
     pulses, frequencies
         Size of the result.
     steps
-        What was chosen for how many paths, and its cost.
+        Ways that were chosen, for how many paths, and their cost.
     error_estimate
         Relative L2 error to the direct sum, for phases that are random just outside the band, with
         that of fitted motion; cancellation within the band counts. 0 where there is no echo.
@@ -518,12 +592,12 @@ class SynthesisReport:
     doppler_ambiguous_count
         Moving paths whose phase turns by more than half a cycle from pulse to pulse.
     ramp_residual_phase_rad
-        Where frequencies come one after the other: phase of the motion meanwhile beyond the second
+        If frequencies come one after the other: phase of the motion meanwhile beyond the second
         order in time, about [rad].
     wall_s
         Time spent in all [s].
     notes
-        What was done in addition to the steps, in whole sentences.
+        Remarks on the steps, in whole sentences.
     """
 
     backend: str
@@ -558,7 +632,7 @@ class SynthesisReport:
         step.cpu_s += cpu_s
 
     def accuracy_findings(self) -> list[Finding]:
-        """Return where the samples may miss the tolerance or the motion."""
+        """Findings where the samples may miss the tolerance or the motion."""
         found = []
         if self.error_estimate > self.tolerance:
             found.append(
@@ -574,7 +648,7 @@ class SynthesisReport:
         return found
 
     def lines(self) -> list[str]:
-        """The report for people, a line each."""
+        """The report for people, one line per entry."""
         found = [
             f"{step.paths} paths {step.motion}, {step.transform}: {step.transforms} transforms, "
             f"{step.cpu_s:.3g} s of processor time"
