@@ -71,12 +71,16 @@ def _assigned(view_layer: Any) -> set[Any]:
     return {m for one in assigned for m in one.materials if m is not None}
 
 
+#: Nodes whose output changes from frame to frame.
+_NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
+
+
 def holds_foreign_materials(view_layer: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
     depsgraph = evaluated_depsgraph(view_layer)
     if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
         return True
-    evaluated = {one.item for one in assigned_materials(depsgraph) if _renders_alike(one.item)}
+    evaluated = {one.item for one in assigned_materials(depsgraph) if _same_faces_always(one.item)}
     shown = [
         one
         for one in bpy.data.objects
@@ -89,9 +93,24 @@ def holds_foreign_materials(view_layer: Any) -> bool:
     return not all(is_radar_material(material) for of_one in slots for material in of_one)
 
 
-def _renders_alike(item: Any) -> bool:
-    """Whether the viewport has the same modifiers as renders, so that its mesh decides."""
-    return all(one.show_viewport == one.show_render for one in item.modifiers)
+def _same_faces_always(item: Any) -> bool:
+    """Whether the faces of this moment decide: no modifier makes others in renders or later."""
+    still = not item.animation_data and not getattr(item.data, "animation_data", None)
+    return still and all(
+        one.show_viewport == one.show_render
+        and one.type == "NODES"
+        and not (one.node_group and _depends_on_time(one.node_group))
+        for one in item.modifiers
+    )
+
+
+def _depends_on_time(tree: Any) -> bool:
+    """Whether a group of Geometry Nodes, or one in it, is animated or reads the time."""
+    return bool(tree.animation_data) or any(
+        node.bl_idname in _NODES_OF_TIME
+        or (node.type == "GROUP" and _depends_on_time(node.node_tree))
+        for node in tree.nodes
+    )
 
 
 def holds_rough_facets(view_layer: Any) -> bool:
