@@ -194,6 +194,7 @@ class Element:
 
     @property
     def rotation(self) -> Real:
+        """The orientation, (3, 3)."""
         return np.asarray(self.orientation, dtype=np.float64)
 
 

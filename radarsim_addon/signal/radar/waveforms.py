@@ -140,13 +140,16 @@ class PhaseCodedPulse(ChipNumbers, PulseNumbers):
 
     @property
     def sample_count(self) -> int:
+        """Samples of the pulse."""
         return self.code_length * self.samples_per_chip
 
     @property
     def duration_s(self) -> float:
+        """Pulse length [s]."""
         return self.code_length * self.chip_duration_s
 
     def replica_samples(self) -> Complex:
+        """The transmitted samples, (chips x samples_per_chip,)."""
         return self.sampled(barker(self.code_length))
 
 
@@ -206,13 +209,16 @@ class ArbitraryPulse(PulseNumbers):
 
     @property
     def sample_count(self) -> int:
+        """Samples of the pulse."""
         return self.samples.size
 
     @property
     def duration_s(self) -> float:
+        """Pulse length [s]."""
         return self.samples.size / self.sampling_rate_hz
 
     def replica_samples(self) -> Complex:
+        """The transmitted samples, mean power 1."""
         return self.samples
 
 
@@ -258,10 +264,12 @@ class Waveform(PulseNumbers):
 
     @property
     def sample_count(self) -> int:
+        """Whole samples in the pulse, at least 2."""
         return math.floor(self._samples)
 
     @property
     def duration_s(self) -> float:
+        """Pulse length [s]."""
         return self.chirp_duration_s
 
     @property
@@ -386,6 +394,7 @@ class FmcwWaveform(LineNumbers):
 
     @property
     def sampling_rate_hz(self) -> float:
+        """`adc_rate_hz` [Hz]."""
         return self.adc_rate_hz
 
     @property
@@ -407,6 +416,7 @@ class FmcwWaveform(LineNumbers):
 
     @property
     def grid_count(self) -> int:
+        """Frequencies: one per ADC sample."""
         return self.adc_samples
 
     @property
@@ -416,6 +426,7 @@ class FmcwWaveform(LineNumbers):
 
     @property
     def grid_start_s(self) -> float:
+        """The first sample, from the start of the ramp [s]."""
         return self.adc_start_s
 
     @property
@@ -465,6 +476,7 @@ class SteppedWaveform(LineNumbers):
 
     @property
     def duration_s(self) -> float:
+        """All steps [s]."""
         return self.steps * self.step_time_s
 
     @property
@@ -474,10 +486,12 @@ class SteppedWaveform(LineNumbers):
 
     @property
     def grid_count(self) -> int:
+        """Number of steps."""
         return self.steps
 
     @property
     def grid_step_hz(self) -> float:
+        """Distance of two steps [Hz]."""
         return self.step_hz
 
     @property
@@ -487,6 +501,7 @@ class SteppedWaveform(LineNumbers):
 
     @property
     def grid_interval_s(self) -> float:
+        """Time per step [s]."""
         return self.step_time_s
 
 
@@ -557,6 +572,7 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
 
     @property
     def grid_start_s(self) -> float:
+        """Sampling begins with the code [s]."""
         return 0.0
 
     @property
