@@ -331,7 +331,7 @@ class LineWaveform(AnyWaveform, Protocol):
 
     @property
     def grid_middle(self) -> float:
-        """Index of the carrier in the grid, (N-1)/2; a half where it lies between two frequencies."""
+        """Index of the carrier in the grid, (N-1)/2; a half between two frequencies."""
 
     @property
     def grid_middle_s(self) -> float:

@@ -189,7 +189,7 @@ def inside_blender_program() -> bool:
 
 
 def exr_backend() -> tuple[str, ModuleType]:
-    """Return name ("OpenEXR" or "OpenImageIO") and module of the library that reads EXR files here."""
+    """Return name ("OpenEXR" or "OpenImageIO") and module of the library for EXR files here."""
     names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
     for name in names:
         if importlib.util.find_spec(name) is not None:
