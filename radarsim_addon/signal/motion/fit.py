@@ -68,7 +68,7 @@ def degrees_for(samples: int) -> range:
     return range(min(_MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
 
 
-class Burst(NamedTuple):
+class BurstTimes(NamedTuple):
     """Times at which displacements are needed, and the epoch, at which they are 0 [s]."""
 
     stop_s: float
@@ -76,12 +76,13 @@ class Burst(NamedTuple):
 
 
 def spread_of(
-    times_s: Real, start_s: float, stop_s: float, degree: int, burst: Burst
+    times_s: Real, start_s: float, stop_s: float, degree: int, burst: BurstTimes
 ) -> tuple[float, float]:
-    """Return the largest standard deviations of a displacement in a burst, and of the rate.
+    """Return the largest standard deviations of a displacement in a burst, and of the rate, for
+    unit noise.
 
-    For unit noise. The displacement is fit(t) - fit(epoch) where the fit contains the epoch, else
-    both positions count; the rate is that at the epoch [1/s], 0 elsewhere.
+    The displacement is fit(t) - fit(epoch) where the fit contains the epoch, else both positions
+    count; the rate is that at the epoch [1/s], 0 elsewhere.
     """
     if stop_s <= 0 or start_s >= burst.stop_s:
         return 0.0, 0.0
@@ -115,10 +116,9 @@ def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, deg
 
 
 def _rate_bias(
-    times_s: Real, values: Real, start_s: float, stop_s: float, degrees: range, burst: Burst
+    times_s: Real, values: Real, start_s: float, stop_s: float, degrees: range, burst: BurstTimes
 ) -> float:
-    """Return a bias of the rate at the epoch at the first of some degrees, 0 if there is no sign of
-    one.
+    """Return the bias of the rate at the epoch for the lowest of some degrees; 0: no sign of one.
 
     A term of degree n that is lost in the noise of positions has a slope of n^2 times as much at
     the ends of a segment. Where a higher degree has another rate by more than its own error, there
@@ -136,7 +136,7 @@ def _rate_bias(
     own = np.linalg.solve(upper.T, at)  # of polynomials that are orthogonal at the samples
     rates = np.cumsum(own[:, None] * parts, axis=0)
     bias = 0.0
-    for n in degrees[1:3]:  # further ones know rates worse
+    for n in degrees[1:3]:  # of further ones the rate is worse
         beyond = parts[n + 1 : n + 1 + _TERMS_BEYOND]
         apart = float(np.linalg.norm(rates[n] - rates[low]))
         if not len(beyond):
@@ -148,7 +148,7 @@ def _rate_bias(
 
 
 def fit_series(
-    times_s: Real, values: Real, start_s: float, stop_s: float, floor: float, burst: Burst
+    times_s: Real, values: Real, start_s: float, stop_s: float, floor: float, burst: BurstTimes
 ) -> Series:
     """Fit a Chebyshev series of the degree with the least criterion to (samples, columns).
 
@@ -228,9 +228,7 @@ def split_segments(
 ) -> list[FittedSegment]:
     """Return one segment, or several if those fit better."""
     whole = fit(first, stop, stop_s)
-    if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES:
-        return [whole]
-    if _is_noise(whole):
+    if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES or _is_noise(whole):
         return [whole]
     lowest, highest = first + _LEAST_SAMPLES, stop - _LEAST_SAMPLES
     candidates = [mark for mark in marks if lowest <= mark <= highest]
@@ -287,12 +285,11 @@ class _Samples:
     """Poses of one body at the sample times."""
 
     def __init__(
-        self, times_s: Real, poses: Real, floor_m: float, floor_turn: float, burst: Burst
+        self, times_s: Real, poses: Real, floor_m: float, floor_turn: float, burst: BurstTimes
     ) -> None:
         self.times_s, self.origins, self.burst = times_s, poses[:, :3, 3], burst
         self.floor_m, self.floor_turn = floor_m, floor_turn
         axes = poses[:, :3, :3]
-        self.axes = axes
         try:
             relative = axes @ np.linalg.inv(axes[0])
         except np.linalg.LinAlgError:  # scaled to zero: it has no surface either
@@ -435,7 +432,7 @@ def fit_body(
     # of turns: relative to the size of the axes
     size = float(np.linalg.norm(pose[:3, :3], axis=0).max()) or 1.0
     floor_turn = _rounding(poses[:, :3, :3]) / size
-    samples = _Samples(times_s, poses, floor_m, floor_turn, Burst(span_s, epoch_s))
+    samples = _Samples(times_s, poses, floor_m, floor_turn, BurstTimes(span_s, epoch_s))
     # indices at which a segment may begin
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
     stop_s = max(span_s, float(times_s[-1]))
@@ -534,7 +531,7 @@ def fit_vertices(
     # about 400 vertices determine degree and segments of all
     chosen = np.concatenate([order[:200], order[200 :: 1 + vertices // 200]])
     some = positions[:, chosen].astype(np.float64).reshape(count, -1)
-    burst = Burst(span_s, epoch_s)
+    burst = BurstTimes(span_s, epoch_s)
 
     def fit(first: int, stop: int, stop_s: float) -> FittedSegment:
         start_s = float(times_s[first])

@@ -3,10 +3,10 @@
 
 A path of one reflection has the length |P - C| + |P - T|, one of two
 |P1 - C| + |P1 - P2| + |P2 - T|, with vertices that move with their bodies and antennas C and T that
-may also move. Only
-*changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and added to the length
-in the table: at the time of the render it is that length exactly, and optical delays in walls are
-kept. That is the frame's time t = 0, or a later one for further renders of a burst.
+may also move. Only *changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and
+added to the length in the table: at the time of the render it is that length exactly, and optical
+delays in walls are kept. That is the frame's time t = 0, or a later one for further renders of a
+burst.
 
 With three or more reflections the first and the last vertex are known, those between are not. The
 legs at both ends are then exact. The path from first to last vertex changes like the straight line
@@ -48,21 +48,17 @@ class PathMotion(Protocol):
     @property
     def moving(self) -> NDArray[np.bool_]:
         """(n,): False where the length is the same at all times."""
-        ...
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
         """Whether the first and the last vertex move, (n, 2)."""
-        ...
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
         """(n,): True where a vertex or a mirror of the path moves, not only an antenna."""
-        ...
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """Return the total lengths of some rows, (rows, times) [m]. Callers limit rows x times."""
-        ...
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
         """Return displacements since t = 0 of points near the first (`end` 0) or last (1) vertex.
@@ -70,7 +66,6 @@ class PathMotion(Protocol):
         `points_m` are points at t = 0 on the bodies of these vertices, (rows, 3) [m]. The result,
         (rows, times, 3) [m], is 0 where the motion of the vertex is not known.
         """
-        ...
 
     def select(self, rows: Rows) -> PathMotion: ...
 
@@ -79,7 +74,7 @@ class PathMotion(Protocol):
 class LinearMotion:
     """Constant range rates, receding positive: l(t) = l + 2 v t.
 
-    The vertices' motion is not known, nor whether it is the scatterer's or the antenna's.
+    The motion of vertices is unknown, and all of the rate is taken for the scatterers'.
     """
 
     #: Total length at t = 0, (n,) [m].

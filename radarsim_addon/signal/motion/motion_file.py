@@ -14,7 +14,8 @@ metres; ``object`` and ``instance`` (n,), names in UTF-8.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -310,6 +311,20 @@ def _array(values: Any, shape: tuple[int | None, ...], where: str) -> Real:
     return array
 
 
+@contextmanager
+def _readable(path: Path, what: str) -> Iterator[None]:
+    """Name the file in errors of reading it, and of the checks of its arrays."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
+    # zipfile and zlib raise errors of many kinds on damaged files
+    except Exception as error:
+        raise FrameFileError(
+            f"{path} cannot be read as {what} ({error}). {RENDER_AGAIN}"
+        ) from error
+
+
 def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
     """Read and check the file of stationary bodies of a frame; None where its record names none."""
     if not record.still_bodies_file:
@@ -320,7 +335,7 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
             f"{folder / MOTION_FILE} names the file {record.still_bodies_file!r} of stationary "
             f"bodies; expected {STILL_BODIES_FILE!r}. {RENDER_AGAIN}"
         )
-    try:
+    with _readable(path, "stationary bodies"):
         arrays = read_npz(path, _KINDS)
         for name, kind in _KINDS.items():
             if arrays[name].dtype.kind not in kind:
@@ -330,13 +345,6 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
             arrays["number"].astype(np.int64), arrays["pose"].astype(np.float64), *names
         )
         _check_still_bodies(found, len(record.bodies))
-    except FileNotFoundError as error:
-        raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
-    # zipfile and zlib raise errors of many kinds on damaged files
-    except Exception as error:
-        raise FrameFileError(
-            f"{path} cannot be read as stationary bodies ({error}). {RENDER_AGAIN}"
-        ) from error
     if file_sha256(path) != record.still_bodies_sha256:
         raise SchemaError(f"{path} was changed, or belongs to another frame. {RENDER_AGAIN}")
     return found
@@ -355,7 +363,7 @@ def _check_still_bodies(found: StillBodies, others: int) -> None:
 
 
 def _read_tracks(path: Path, bodies: int) -> Tracks:
-    try:
+    with _readable(path, "points of deforming surfaces"):
         arrays = read_npz(path)
         for name, array in arrays.items():
             expected = "iu" if name in ("track_body", "track_vertices") else "f"
@@ -371,13 +379,6 @@ def _read_tracks(path: Path, bodies: int) -> Tracks:
             },
         )
         _check_tracks(tracks, bodies)
-    except FileNotFoundError as error:
-        raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
-    # zipfile and zlib raise errors of many kinds on damaged files
-    except Exception as error:
-        raise FrameFileError(
-            f"{path} cannot be read as points of deforming surfaces ({error}). {RENDER_AGAIN}"
-        ) from error
     return tracks
 
 

@@ -20,7 +20,6 @@ from .footprints import (
     joined_places,
     spread,
     steps_of,
-    tiles_by_replicate,
     views_by_replicate,
 )
 from .paths import (
@@ -124,7 +123,6 @@ __all__ = [
     "scatterer_rows",
     "spread",
     "steps_of",
-    "tiles_by_replicate",
     "unrendered_record",
     "usable",
     "views_by_replicate",

@@ -14,7 +14,7 @@ where it comes nearer (a strong one would lend power to ranges before it); where
 a horizon) it continues for half a pixel. Where the steps to both sides differ too much (a step in
 the surface), the smaller one counts.
 
-The steps: `grid_places` finds column and row of each ray's pixel from the directions, `steps_of`
+In order: `grid_places` finds column and row of each ray's pixel from the directions, `steps_of`
 the differences to the rays around it, `spread` the points, a grid of lines across and up in each
 pixel. Values change along both axes independently, so changes are computed line by line, of which
 there are fewer than points.
@@ -160,8 +160,8 @@ def _sphere_steps(u: Real, v: Real, level: Real, area: Real) -> tuple[float, flo
     alone.
 
     Latitudes are distinguished by their steps. Longitudes are not, near a pole, where rounding is
-    multiplied by the inverse of the distance from the axis; but the solid angle of a pixel, 2
-    sin(dlat/2) cos(lat) dlon, gives their step.
+    multiplied by the inverse of the distance from the axis; but the solid angle of a pixel,
+    sin(dlat/2) cos(lat) dlon times 2, gives their step.
     """
     side = math.sqrt(float(np.median(area)))
     same = max(_SAME * side, min(_SAME_RAD, 0.1 * side))
@@ -211,16 +211,16 @@ _CHUNK = 1 << 15
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes from ray to ray of n rows, by axis (across, up) and side (before, after), along the
-    axis.
+    """Changes from ray to ray of n rows, (n, 2, 2): by axis (across, up) and side (before, after),
+    counted along the axis; 0 where unknown.
     """
 
-    #: (n, 2, 2) each [m], [m/s], and relative to the ray's own power; 0 where unknown.
     length_m: Real
     range_rate_mps: Real
+    #: Relative to the power of the ray.
     power: Real
     #: Rows that each step leads from and to, (n, 2, 2, 2), one row twice where it is unknown;
-    #: empty: not told.
+    #: empty: not given.
     between: Indices = field(default_factory=lambda: np.zeros((0, 2, 2, 2), dtype=np.intp))
 
     def part(self, rows: slice | Indices) -> Steps:
@@ -534,12 +534,6 @@ def view_limits(table: PathRows) -> tuple[Indices, Indices]:
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
     starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
     return starts, np.append(starts[1:], table.size)[: starts.size]
-
-
-def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
-    """Yield, for each replicate, an iterator over the rows of each tile that have a length."""
-    for views in views_by_replicate(table, replicates):
-        yield (rows for _, rows in views)
 
 
 def views_by_replicate(

@@ -146,7 +146,7 @@ class PathCounts:
 
 @dataclass(frozen=True)
 class Paths:
-    """Propagation paths, one a row; all arrays of one length. ``paths[a:b]`` is `select`.
+    """Propagation paths, one per row; all arrays of one length. ``paths[a:b]`` is `select`.
 
     Attributes
     ----------

@@ -200,7 +200,7 @@ def open_table(
 ) -> PathRows:
     """Open a table memory-mapped, with the columns of the groups that this version knows.
 
-    `listed` are its groups by its sidecar (empty or None: told from the columns alone); without one
+    `listed` are its groups by its sidecar (empty or None: from the columns alone); without one
     of the `needed` groups the table is refused.
     """
     shape, dtype, start = _read_header(path)

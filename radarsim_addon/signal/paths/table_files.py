@@ -100,12 +100,7 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
 
 
 def _check_column(
-    path: Path,
-    rows: PathRows,
-    name: str,
-    first_row: int,
-    bounds: Sequence[float],
-    blank: bool,
+    path: Path, rows: PathRows, name: str, first_row: int, bounds: Sequence[float], blank: bool
 ) -> None:
     values = rows[name]
     if values.min() >= bounds[0] and values.max() <= bounds[1]:  # False with NaN

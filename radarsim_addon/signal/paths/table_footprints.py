@@ -39,17 +39,18 @@ from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.
 _POINTS_A_ROW = 4
-#: Rows of a table whose points are kept until they are wanted again: some 120 bytes each.
+#: Rows of a table whose points are kept until they are needed again: about 120 bytes each.
 _KEPT_ROWS = 1 << 20
 
 
 class _Split(NamedTuple):
-    """Rows of several points (n,) in rising order, the rows that their steps lie between, (n, 2, 2,
-    2), and the number of their points across and up, (n, 2).
-    """
+    """Rows that have several points, in rising order."""
 
+    #: Numbers in the table, (n,).
     rows: Indices
+    #: Rows that their steps lead from and to, (n, 2, 2, 2).
     between: NDArray[np.signedinteger]
+    #: Number of points across and up, (n, 2).
     along: NDArray[np.int16]
 
 
@@ -87,7 +88,7 @@ class TableFootprints:
         """Add the rows of several views as those of the first one."""
         along = points_along(steps, *self._cell, _POINTS_A_ROW, views)
         several = np.flatnonzero(along.max(axis=1, initial=1) > 1)
-        # 44 bytes a row, for half of the rows of a scene: numbers no longer than they have to be
+        # 44 bytes per row, for half of the rows of a scene: numbers as short as they can be
         kind: type[np.signedinteger] = np.int32 if self._table.size < 1 << 31 else np.int64
         between: NDArray[np.signedinteger] = number[steps.between[several]].astype(kind)
         self._views[view] = _Split(number[several], between, along[several].astype(np.int16))

@@ -240,7 +240,7 @@ class TriangleMesh:
             outside, off_plane, way = self._intersect(rays, points, triangles)
             # A ray that meets a triangle beats one that passes by it. Of triangles that it meets,
             # in two sheets of a wall, it is the one in whose plane the point lies; where the point
-            # does not tell, the first one.
+            # does not decide, the first one.
             most = rays.reach.take(points)
             cost = outside + _PLANE_COUNTS * np.maximum(off_plane, _SURE * most)
             cost += _WAY_COUNTS * most * np.arctan(way / most)

@@ -329,7 +329,17 @@ class Radar:
         if not self.channels:
             raise ConfigError("The radar has no channels; expected at least one.")
         for number, channel in enumerate(self.channels):
-            self._check_channel(number, channel)
+            stop_s = channel.start_offset_s + self.waveform.duration_s
+            if stop_s > interval_s * (1 + _SLACK):
+                raise ConfigError(
+                    f"The pulse of channel {number} ends {stop_s:g} s after the start of the pulse "
+                    f"interval of {interval_s:g} s. Start it earlier or lower the PRF."
+                )
+            if channel.active is not None and len(channel.active) != self.burst.pulses:
+                raise ConfigError(
+                    f"Channel {number} says of {len(channel.active)} pulses whether it is active; "
+                    f"expected one value for each of the {self.burst.pulses} pulses."
+                )
         self.check_size(self.waveform.sample_count)
 
     def check_size(self, samples: int) -> None:
@@ -341,20 +351,6 @@ class Radar:
                 f"A burst of {self.burst.pulses} pulses takes {rows} rows of {samples} samples, "
                 f"{rows * samples:.3g} in all; expected at most {MAX_SAMPLES} (4 GiB). Choose "
                 "fewer pulses, a lower sampling rate or shorter range limits."
-            )
-
-    def _check_channel(self, number: int, channel: Channel) -> None:
-        interval_s = 1 / self.burst.prf_hz
-        stop_s = channel.start_offset_s + self.waveform.duration_s
-        if stop_s > interval_s * (1 + _SLACK):
-            raise ConfigError(
-                f"The pulse of channel {number} ends {stop_s:g} s after the start of the pulse "
-                f"interval of {interval_s:g} s. Start it earlier or lower the PRF."
-            )
-        if channel.active is not None and len(channel.active) != self.burst.pulses:
-            raise ConfigError(
-                f"Channel {number} says of {len(channel.active)} pulses whether it is active; "
-                f"expected one value for each of the {self.burst.pulses} pulses."
             )
 
     def with_pulses(self, pulses: int) -> Radar:

@@ -131,10 +131,16 @@ class RadarFrame:
 
     def missing(self) -> list[MissingRender]:
         """Return renders without EXR or sidecar. Checks names and sizes only."""
-        if self.sampling_mode == "paths":
-            renders = map(self.of_burst, range(self.visibility_updates))
-            return [gap for render in renders for gap in render._missing_table()]
         found = []
+        if self.sampling_mode == "paths":
+            for render in map(self.of_burst, range(self.visibility_updates)):
+                for name in (PATHS_FILE, PATHS_TABLE):
+                    file = render.path / name
+                    if not file.is_file() or file.stat().st_size == 0:
+                        reason = f"{name} is missing or empty"
+                        found.append(MissingRender(self.number, 0, 0, reason))
+                        break
+            return found
         for snapshot_index in range(self.snapshots):
             for ring in range(self.rings):
                 stem = self.path / render_stem(ring, snapshot_index)
@@ -145,13 +151,6 @@ class RadarFrame:
                         found.append(MissingRender(self.number, ring, snapshot_index, reason))
                         break
         return found
-
-    def _missing_table(self) -> list[MissingRender]:
-        for name in (PATHS_FILE, PATHS_TABLE):
-            file = self.path / name
-            if not file.is_file() or file.stat().st_size == 0:
-                return [MissingRender(self.number, 0, 0, f"{name} is missing or empty")]
-        return []
 
     def scene(self) -> GroundTruthRecord | None:
         """Return the ground truth of the objects, or None if the run holds no such record."""
