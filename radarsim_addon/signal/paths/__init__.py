@@ -20,6 +20,7 @@ from .footprints import (
     joined_places,
     spread,
     steps_of,
+    tiles_by_replicate,
     views_by_replicate,
 )
 from .paths import (
@@ -123,6 +124,7 @@ __all__ = [
     "scatterer_rows",
     "spread",
     "steps_of",
+    "tiles_by_replicate",
     "unrendered_record",
     "usable",
     "views_by_replicate",

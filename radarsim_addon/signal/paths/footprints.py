@@ -536,6 +536,12 @@ def view_limits(table: PathRows) -> tuple[Indices, Indices]:
     return starts, np.append(starts[1:], table.size)[: starts.size]
 
 
+def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
+    """Yield, for each replicate, an iterator over the rows of each tile that have a length."""
+    for views in views_by_replicate(table, replicates):
+        yield (rows for _, rows in views)
+
+
 def views_by_replicate(
     table: PathRows, replicates: int
 ) -> Iterator[Iterator[tuple[Indices, PathRows]]]:

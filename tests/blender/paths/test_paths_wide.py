@@ -18,7 +18,7 @@ from radarsim_addon.blender.paths import tiles as path_tiles
 from radarsim_addon.blender.paths.tiles import Tile
 from radarsim_addon.physics.radar_equation import effective_area_m2
 from radarsim_addon.signal.detection import object_echoes
-from radarsim_addon.signal.paths import views_by_replicate
+from radarsim_addon.signal.paths import tiles_by_replicate
 from radarsim_addon.signal.paths.footprints import grid_places
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -271,8 +271,8 @@ def test_small_targets_around_a_pole_have_small_images(tmp_path: Path) -> None:
     options = {**OPTIONS, "replicates": 2, "tile_px": 128}
     run = ph.run_paths(tmp_path, width_px=256, height_px=128, options=options)
     sizes = []
-    for views in views_by_replicate(run.table(), 2):
-        for _, rows in views:
+    for views in tiles_by_replicate(run.table(), 2):
+        for rows in views:
             at = grid_places(rows, run.record().receiver, 2)
             sizes.append(max(int(place.max()) + 1 for place in at))
     assert len(sizes) > 10

@@ -31,7 +31,7 @@ from radarsim_addon.signal.paths import (
     replicate_offset_px,
     spread,
     steps_of,
-    views_by_replicate,
+    tiles_by_replicate,
 )
 from radarsim_addon.signal.paths.footprints import PixelPoints, along_steps
 from tests.signal import path_runs as pr
@@ -149,7 +149,7 @@ def test_one_shift_has_no_error(tmp_path: Path) -> None:
 def test_power_is_kept_and_the_map_holds_it_too(tmp_path: Path) -> None:
     camera = view(0.0)
     rows = rows_of(camera, 48, SHIFTS)
-    for view_rows in [r for views in views_by_replicate(rows, SHIFTS) for _, r in views]:
+    for view_rows in [r for views in tiles_by_replicate(rows, SHIFTS) for r in views]:
         steps = steps_of(view_rows, camera, SHIFTS)
         share = np.zeros(view_rows.size)
         for part in spread(view_rows, steps, 1.0, np.inf):
