@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Poses of bodies and lengths of paths at every moment of a burst.
+"""Poses of bodies and lengths of paths at every moment of a burst: one render for all pulses.
 
-In: sampled poses and the motion files of a run. Out: fits with an error bound, path lengths [m] and
-range rates [m/s] at any time [s].
+Blender samples poses in float32. `fit` replaces the samples of each body, or of the vertices of a
+deforming mesh, by Chebyshev series of the degree that the noise allows, with an error bound;
+`body_motion` evaluates them. `kinematics` adds the changes of each path's legs, from the motion of
+its vertices and antennas, to its length in the table, and gives range rates. `motion_file` keeps
+the motion of a frame on disk.
 """
 
 from .body_motion import AntennaMotion, BodyMotion, BodyMotions, axes_of, places_m, which_move
@@ -25,7 +28,6 @@ from .motion_file import (
     VertexSeries,
     body_record,
     read_motion,
-    read_still_bodies,
     write_still_bodies,
     write_tracks,
 )
@@ -54,7 +56,6 @@ __all__ = [
     "mean_over_burst",
     "places_m",
     "read_motion",
-    "read_still_bodies",
     "smooth_poses",
     "which_move",
     "write_still_bodies",

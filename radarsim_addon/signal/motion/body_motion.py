@@ -23,7 +23,6 @@ from ...arrays import Indices, Mask, Real
 
 
 def _cross_matrix(vectors: Real) -> Real:
-    """Return matrices K with K x = v cross x, (..., 3, 3)."""
     matrix = np.zeros((*vectors.shape, 3))
     x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
@@ -53,9 +52,8 @@ def rotation(vectors: Real) -> Real:
 
 
 def rotation_vector(matrices: Real) -> Real:
-    """Return the logarithm of rotations, (..., 3), of angle 0 to pi.
-
-    Computed from the quaternion, which is accurate at all angles.
+    """Return the logarithm of rotations, (..., 3), of angle 0 to pi, from the quaternion, which is
+    accurate at all angles.
     """
     m = matrices.reshape(-1, 3, 3)
     # Shepperd's method: compute the largest of the four quaternion components first.
@@ -104,19 +102,20 @@ def left_jacobian(vectors: Real) -> Real:
 class Segment:
     """Motion in start_s <= t < stop_s [s]; x is -1 at its start and 1 at its end.
 
-    T(t) = c(t) + G(t) rotation_centre, with the Chebyshev coefficients `translation` of c,
-    (degrees, 3) [m], and the body's origin relative to its centre of rotation, (3,) [m].
-    G(t) = exp(phi(t)) initial_orientation, relative to the pose at t = 0, with the coefficients
-    k >= 1 `rotation` of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad]; or, instead of both, the
-    coefficients `linear` of the nine numbers of G, (degrees, 9).
+    T(t) = c(t) + G(t) rotation_centre. G(t), relative to the pose at t = 0, is exp(phi(t))
+    initial_orientation, or the series `linear`.
     """
 
     start_s: float
     stop_s: float
+    #: Chebyshev coefficients of c, (degrees, 3) [m].
     translation: Real
+    #: Origin of the body relative to its centre of rotation, (3,) [m].
     rotation_centre: Real = field(default_factory=lambda: np.zeros(3))
+    #: b_k with k >= 1 of phi(t) = sum b_k (T_k(x) - T_k(-1)), (n, 3) [rad].
     rotation: Real = field(default_factory=lambda: np.empty((0, 3)))
     initial_orientation: Real = field(default_factory=lambda: np.eye(3))
+    #: Coefficients of the nine numbers of G, (degrees, 9); in place of `rotation`.
     linear: Real | None = None
 
     def _x(self, times_s: Real) -> Real:
@@ -169,39 +168,29 @@ class Segment:
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """Motion of one body over a burst; without segments it is stationary.
-
-    Attributes
-    ----------
-    pose
-        Pose at t = 0 from Blender, (4, 4), translation in metres.
-    segments
-        Segments in order of time from t = 0.
-    noise_m
-        Rms scatter of the samples about the fit, at the body's farthest point [m].
-    displacement_error_bound_m
-        Bound of the error of a displacement, at the body's farthest point [m].
-    epoch_offset_s
-        Time of the pose and of all points [s]; 0 except for further renders of a burst. It replaces
-        t = 0 in all texts of this module.
-    rate_stderr_mps
-        Standard error of the velocity then, at the body's farthest point [m/s]. Not in files.
-    rate_bias_mps
-        What the velocity then lacks, by fits of more terms; 0 if not known to [m/s]. Not in files.
+    """Motion of one body over a burst; without segments it is stationary. Noise and errors are
+    those at the farthest point of the body.
     """
 
+    #: Pose at t = 0 from Blender, (4, 4), translation in metres.
     pose: Real
+    #: Segments in order of time from t = 0.
     segments: tuple[Segment, ...] = ()
+    #: RMS scatter of the samples about the fit [m].
     noise_m: float = 0.0
+    #: Bound of the error of a displacement [m].
     displacement_error_bound_m: float = 0.0
+    #: Time of the pose and of all points [s]; 0 except for further renders of a burst. It takes the
+    #: place of t = 0 in all texts of this file.
     epoch_offset_s: float = 0.0
+    #: Standard error of the velocity at the epoch [m/s]. Not in files.
     rate_stderr_mps: float = 0.0
+    #: Bias of the velocity at the epoch, by fits of more terms; 0 if unknown [m/s]. Not in files.
     rate_bias_mps: float = 0.0
     _start: list[Real] = field(default_factory=list, compare=False, repr=False)
 
     @property
     def moving(self) -> bool:
-        """Whether the body moves."""
         return bool(self.segments)
 
     @property
@@ -210,7 +199,6 @@ class BodyMotion:
         return any(np.any(part.rotation) or part.linear is not None for part in self.segments)
 
     def _segment_at(self, times_s: Real | float) -> Indices:
-        """Return the index of the segment that contains each time."""
         starts = [segment.start_s for segment in self.segments[1:]]
         return np.asarray(np.searchsorted(starts, times_s, side="right"))
 
@@ -220,7 +208,6 @@ class BodyMotion:
         return self.segments[int(self._segment_at(self.epoch_offset_s))]
 
     def _origin_and_inverse(self) -> tuple[Real, Real]:
-        """Return T(0) of the fit, and the inverse of its G(0)."""
         if not self._start:
             at = np.array([self.epoch_offset_s])
             self._start.append(self._first.origin(at)[0])
@@ -272,28 +259,19 @@ class BodyMotion:
         return result
 
 
-# -------------------------------------------------------------------------------------------------
-# Motions of bodies of which most are stationary: one of these has a pose and no more.
-# -------------------------------------------------------------------------------------------------
-
-
 class BodyMotions(Sequence[BodyMotion]):
-    """Motions of n bodies; that of a stationary one is made when it is asked for.
-
-    Attributes
-    ----------
-    poses
-        Poses of all, (n, 4, 4), translation in metres; of `others` those in their motions count.
-    others
-        Motions by index of bodies that may move; all others are stationary.
-    epoch_offset_s
-        As `BodyMotion` has it, of the stationary ones [s].
+    """Motions of n bodies, most of them stationary: a stationary one has a pose, and its
+    `BodyMotion` is made on access.
     """
 
     def __init__(
         self, poses: Real, others: Mapping[int, BodyMotion], epoch_offset_s: float = 0.0
     ) -> None:
-        self.poses, self.others, self.epoch_offset_s = poses, dict(others), epoch_offset_s
+        #: Poses of all, (n, 4, 4), translation in metres; those of `others` are in their motions.
+        self.poses = poses
+        #: Motions by index of bodies that may move.
+        self.others = dict(others)
+        self.epoch_offset_s = epoch_offset_s
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -315,18 +293,6 @@ class BodyMotions(Sequence[BodyMotion]):
 
 
 def which_move(motions: Sequence[BodyMotion]) -> Mask:
-    """Return which bodies move.
-
-    Parameters
-    ----------
-    motions
-        Of n bodies.
-
-    Returns
-    -------
-    ndarray
-        (n,).
-    """
     if not isinstance(motions, BodyMotions):
         return np.array([motion.moving for motion in motions], dtype=bool)
     moves = np.zeros(len(motions), dtype=bool)
@@ -334,42 +300,19 @@ def which_move(motions: Sequence[BodyMotion]) -> Mask:
     return moves
 
 
-# -------------------------------------------------------------------------------------------------
-# Where the receiver's and the transmitter's antenna are, and where they look, during a burst.
-# -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class AntennaMotion:
-    """Poses of both antennas over a burst.
-
-    Attributes
-    ----------
-    receiver, transmitter
-        Motion of the antennas' origins and axes (x right, y up, z back).
-    orthographic
-        Whether all rays leave the receiver along its boresight.
-    """
+    """Poses of both antennas over a burst (x right, y up, z back)."""
 
     receiver: BodyMotion
     transmitter: BodyMotion
+    #: Whether all rays leave the receiver along its boresight.
     orthographic: bool = False
 
 
 def axes_of(body: BodyMotion, times_s: Real) -> Real:
-    """Return unit vectors of an antenna's axes in world space as columns.
-
-    Parameters
-    ----------
-    body
-        An antenna; its scale has no effect.
-    times_s
-        (times,) [s].
-
-    Returns
-    -------
-    ndarray
-        (times, 3, 3).
+    """Return the unit vectors of an antenna's axes in world space as columns, (times, 3, 3). Its
+    scale has no effect.
     """
     start = body.pose[:3, :3]
     axes = start + body.change(times_s)[0] @ start
@@ -377,21 +320,8 @@ def axes_of(body: BodyMotion, times_s: Real) -> Real:
 
 
 def places_m(body: BodyMotion, times_s: Real, offset_m: Real | None = None) -> Real:
-    """Return where a point of an antenna is in world space.
-
-    Parameters
-    ----------
-    body
-        The antenna.
-    times_s
-        (times,) [s].
-    offset_m
-        The point in the antenna's axes, (3,) [m]; None: its origin.
-
-    Returns
-    -------
-    ndarray
-        (times, 3) [m].
+    """Return where a point of an antenna is, (times, 3) [m]; the point is in the antenna's axes,
+    (3,) [m], or its origin.
     """
     origin_m = body.pose[:3, 3]
     place: Real = origin_m + body.displacement(origin_m[None], times_s)[0]

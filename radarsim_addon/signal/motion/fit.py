@@ -2,10 +2,10 @@
 """Fits of sampled poses: low-degree series over a burst, which average float32 rounding.
 
 Blender's matrices are float32. At 100 m from the world's origin that is 2 um rms, 7e-3 rad of
-two-way phase at 77 GHz; a fit of p numbers to N samples reduces it by about 2 sqrt(p/N). The
-degree minimises the Bayesian information criterion (Schwarz 1978): higher ones fit the
-rounding, lower ones miss motion. If one series does not fit (a keyframe's corner), the burst is
-split if two fit better by the same criterion.
+two-way phase at 77 GHz; a fit of p numbers to N samples reduces it by about 2 sqrt(p/N). The degree
+minimises the Bayesian information criterion (Schwarz 1978): higher ones fit the rounding, lower
+ones miss motion. If one series does not fit (a keyframe's corner), the burst is split where two fit
+better by the same criterion. A fitted segment has a noise, and from that an error bound.
 """
 
 from __future__ import annotations
@@ -23,21 +23,13 @@ from ...errors import MissingDependencyError
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
 from .motion_file import VertexSeries
 
-# -------------------------------------------------------------------------------------------------
-# Chebyshev series of the degree that suits samples, with an estimate of their noise.
-#
-# The degree minimises the Bayesian information criterion (Schwarz 1978): higher ones fit
-# the rounding, lower ones miss motion.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Highest degree of a series.
 _MAX_DEGREE = 14
 #: Terms beyond a fit from which its noise is estimated.
 _TERMS_BEYOND = 8
 #: Standard errors by which the rate of a higher degree contradicts that of a lower one.
 _CONTRADICTS = 2.0
-#: Degree from which a series is likely to go on: what a higher one differs by counts, noise or not.
+#: Degree from which a series probably has further terms: every difference of a higher one counts.
 _MANY_TERMS = 5
 
 
@@ -56,7 +48,6 @@ class Series:
 
     @property
     def scatter(self) -> float:
-        """Root mean square of the residual."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
 
@@ -77,20 +68,21 @@ def degrees_for(samples: int) -> range:
     return range(min(_MAX_DEGREE, max((samples - 1) // 2, 0)) + 1)
 
 
-class Burst(NamedTuple):
-    """Times at which displacements are needed, and the one at which they are 0 [s]."""
+class BurstTimes(NamedTuple):
+    """Times at which displacements are needed, and the epoch, at which they are 0 [s]."""
 
     stop_s: float
     epoch_s: float
 
 
 def spread_of(
-    times_s: Real, start_s: float, stop_s: float, degree: int, burst: Burst
+    times_s: Real, start_s: float, stop_s: float, degree: int, burst: BurstTimes
 ) -> tuple[float, float]:
-    """Return the largest standard deviations of a displacement in a burst, and of the rate.
+    """Return the largest standard deviations of a displacement in a burst, and of the rate, for
+    unit noise.
 
-    For unit noise. The displacement is fit(t) - fit(epoch) where the fit contains the epoch, else
-    both positions count; the rate is that at the epoch [1/s], 0 elsewhere.
+    The displacement is fit(t) - fit(epoch) where the fit contains the epoch, else both positions
+    count; the rate is that at the epoch [1/s], 0 elsewhere.
     """
     if stop_s <= 0 or start_s >= burst.stop_s:
         return 0.0, 0.0
@@ -110,8 +102,53 @@ def spread_of(
     return float(np.sqrt(np.einsum("ij,jk,ik->i", rows, inverse, rows).max())), rate
 
 
+def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:
+    """Return the standard deviation of noise as slow as a fit: rms of the next terms.
+
+    For white noise that is the scatter of the samples. Rounding of slow motion is a sawtooth with
+    much less in the fit; motion that is not fitted adds to it.
+    """
+    highest = min(degree + _TERMS_BEYOND, len(times_s) - 1)
+    if highest <= degree:
+        return float(np.sqrt(np.mean(residual**2)))
+    base = np.linalg.qr(design_matrix(times_s, start_s, stop_s, highest))[0][:, degree + 1 :]
+    return float(np.sqrt(np.mean((base.T @ residual) ** 2)))
+
+
+def _rate_bias(
+    times_s: Real, values: Real, start_s: float, stop_s: float, degrees: range, burst: BurstTimes
+) -> float:
+    """Return the bias of the rate at the epoch for the lowest of some degrees; 0: no sign of one.
+
+    A term of degree n that is lost in the noise of positions has a slope of n^2 times as much at
+    the ends of a segment. Where a higher degree has another rate by more than its own error, there
+    is such a term (Lepski 1991).
+    """
+    low = degrees[0]
+    if low == 0 or not start_s <= burst.epoch_s <= stop_s:
+        return 0.0
+    terms = min(degrees[-1] + _TERMS_BEYOND, len(times_s) - 1)
+    basis, upper = np.linalg.qr(design_matrix(times_s, start_s, stop_s, terms))
+    parts = basis.T @ values
+    per_s = 2 / (stop_s - start_s)
+    slopes = chebyshev.chebder(np.eye(terms + 1), axis=0) * per_s
+    at = chebyshev.chebval((burst.epoch_s - start_s) * per_s - 1, slopes)
+    own = np.linalg.solve(upper.T, at)  # of polynomials that are orthogonal at the samples
+    rates = np.cumsum(own[:, None] * parts, axis=0)
+    bias = 0.0
+    for n in degrees[1:3]:  # of further ones the rate is worse
+        beyond = parts[n + 1 : n + 1 + _TERMS_BEYOND]
+        apart = float(np.linalg.norm(rates[n] - rates[low]))
+        if not len(beyond):
+            break
+        error = np.linalg.norm(own[: n + 1]) * np.sqrt(np.sum(beyond**2) / len(beyond))
+        if low >= _MANY_TERMS or apart > _CONTRADICTS * float(error):
+            bias = max(bias, apart)
+    return bias
+
+
 def fit_series(
-    times_s: Real, values: Real, start_s: float, stop_s: float, floor: float, burst: Burst
+    times_s: Real, values: Real, start_s: float, stop_s: float, floor: float, burst: BurstTimes
 ) -> Series:
     """Fit a Chebyshev series of the degree with the least criterion to (samples, columns).
 
@@ -143,56 +180,6 @@ def fit_series(
     return Series(solved, criterion, residual, spread, slow, floor, rate, bias)
 
 
-def _rate_bias(
-    times_s: Real, values: Real, start_s: float, stop_s: float, degrees: range, burst: Burst
-) -> float:
-    """Return how much the rate at the epoch lacks by the first of some degrees, 0 if not known to.
-
-    A term of degree n that is lost in the noise of positions has a slope of n^2 times as much at
-    the ends of a segment. Where a higher degree has another rate by more than the error of its own,
-    there is such a term (Lepski 1991).
-    """
-    low = degrees[0]
-    if low == 0 or not start_s <= burst.epoch_s <= stop_s:
-        return 0.0
-    terms = min(degrees[-1] + _TERMS_BEYOND, len(times_s) - 1)
-    basis, upper = np.linalg.qr(design_matrix(times_s, start_s, stop_s, terms))
-    parts = basis.T @ values
-    per_s = 2 / (stop_s - start_s)
-    slopes = chebyshev.chebder(np.eye(terms + 1), axis=0) * per_s
-    at = chebyshev.chebval((burst.epoch_s - start_s) * per_s - 1, slopes)
-    own = np.linalg.solve(upper.T, at)  # of polynomials that are orthogonal at the samples
-    rates = np.cumsum(own[:, None] * parts, axis=0)
-    bias = 0.0
-    for n in degrees[1:3]:  # further ones know rates worse
-        beyond = parts[n + 1 : n + 1 + _TERMS_BEYOND]
-        apart = float(np.linalg.norm(rates[n] - rates[low]))
-        if not len(beyond):
-            break
-        error = np.linalg.norm(own[: n + 1]) * np.sqrt(np.sum(beyond**2) / len(beyond))
-        if low >= _MANY_TERMS or apart > _CONTRADICTS * float(error):
-            bias = max(bias, apart)
-    return bias
-
-
-def slow_noise(times_s: Real, residual: Real, start_s: float, stop_s: float, degree: int) -> float:
-    """Return the standard deviation of noise as slow as a fit: rms of the next terms.
-
-    For white noise that is the scatter of the samples. Rounding of slow motion is a sawtooth with
-    much less in the fit; motion that is not fitted adds to it.
-    """
-    highest = min(degree + _TERMS_BEYOND, len(times_s) - 1)
-    if highest <= degree:
-        return float(np.sqrt(np.mean(residual**2)))
-    base = np.linalg.qr(design_matrix(times_s, start_s, stop_s, highest))[0][:, degree + 1 :]
-    return float(np.sqrt(np.mean((base.T @ residual) ** 2)))
-
-
-# -------------------------------------------------------------------------------------------------
-# Fitted segments of a burst: split where two fit better than one, with noise and error bound.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Minimum number of samples of a segment.
 _LEAST_SAMPLES = 6
 _MAX_DEPTH = 7
@@ -214,8 +201,20 @@ class FittedSegment:
 
     @property
     def criterion(self) -> float:
-        """Sum of the criteria of both series."""
         return self.turn.criterion + self.move.criterion
+
+
+def _is_noise(fitted: FittedSegment) -> bool:
+    """Whether the residual looks like rounding: small, no slow part, no peaks."""
+    for series in (fitted.move, fitted.turn):
+        scatter = series.scatter
+        if (
+            scatter > _MOST_NOISE * series.floor
+            or series.slow > 2 * scatter
+            or np.abs(series.residual).max() > 8 * scatter
+        ):
+            return False
+    return True
 
 
 def split_segments(
@@ -229,9 +228,7 @@ def split_segments(
 ) -> list[FittedSegment]:
     """Return one segment, or several if those fit better."""
     whole = fit(first, stop, stop_s)
-    if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES:
-        return [whole]
-    if _is_noise(whole):
+    if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES or _is_noise(whole):
         return [whole]
     lowest, highest = first + _LEAST_SAMPLES, stop - _LEAST_SAMPLES
     candidates = [mark for mark in marks if lowest <= mark <= highest]
@@ -263,19 +260,6 @@ def within_burst(fitted: Sequence[FittedSegment], span_s: float) -> list[FittedS
     ]
 
 
-def _is_noise(fitted: FittedSegment) -> bool:
-    """Whether the residual looks like rounding: small, no slow part, no peaks."""
-    for series in (fitted.move, fitted.turn):
-        scatter = series.scatter
-        if (
-            scatter > _MOST_NOISE * series.floor
-            or series.slow > 2 * scatter
-            or np.abs(series.residual).max() > 8 * scatter
-        ):
-            return False
-    return True
-
-
 def quality_of(fitted: Sequence[FittedSegment], reach_m: float, still: bool) -> tuple[float, float]:
     """Return rms noise and bound of a displacement at the body's farthest point [m]."""
     noise = bound = 0.0
@@ -291,14 +275,6 @@ def quality_of(fitted: Sequence[FittedSegment], reach_m: float, still: bool) -> 
     return noise, bound
 
 
-def rate_error_of(fitted: Sequence[FittedSegment], reach_m: float) -> float:
-    """Return the standard deviation of the velocity at the epoch, farthest point [m/s]."""
-    return max(
-        float(np.hypot(p.move.slow * p.move.rate, p.turn.slow * reach_m * p.turn.rate))
-        for p in fitted
-    )
-
-
 #: Largest deviation of relative axes from orthonormal; float32 poses are within 1e-6.
 _RIGID_WITHIN = 1e-5
 #: Rotation from which the centre of rotation is fitted [rad].
@@ -309,12 +285,11 @@ class _Samples:
     """Poses of one body at the sample times."""
 
     def __init__(
-        self, times_s: Real, poses: Real, floor_m: float, floor_turn: float, burst: Burst
+        self, times_s: Real, poses: Real, floor_m: float, floor_turn: float, burst: BurstTimes
     ) -> None:
         self.times_s, self.origins, self.burst = times_s, poses[:, :3, 3], burst
         self.floor_m, self.floor_turn = floor_m, floor_turn
         axes = poses[:, :3, :3]
-        self.axes = axes
         try:
             relative = axes @ np.linalg.inv(axes[0])
         except np.linalg.LinAlgError:  # scaled to zero: it has no surface either
@@ -426,6 +401,11 @@ class _Samples:
         return best, pivot
 
 
+def _rounding(values: NDArray[Any]) -> float:
+    largest = np.float32(np.abs(values).max(initial=0.0))
+    return 0.1 * float(np.spacing(max(largest, np.float32(1e-30))))
+
+
 def fit_body(
     times_s: Real,
     poses: Real,
@@ -437,29 +417,12 @@ def fit_body(
     pose: Real | None = None,
     epoch_s: float = 0.0,
 ) -> BodyMotion:
-    """Fit the motion of one body to its poses.
+    """Fit the motion of one body to float32 poses (samples, 4, 4) at ascending times, which may
+    begin before 0 and end after the burst of `span_s`.
 
-    Parameters
-    ----------
-    times_s
-        Ascending, (samples,) [s]. They may begin before 0 and end after the burst.
-    poses
-        float32 poses in float64, translation in metres, (samples, 4, 4).
-    span_s
-        Duration of the burst, which begins at 0 [s].
-    reach_m
-        Largest distance of the body's surface from its origin [m].
-    unit_m
-        Metres per Blender unit, in which translations were rounded.
-    corners_s
-        Times at which motion may have corners [s].
-    pose, epoch_s
-        Pose to which displacements are relative, and its time [s]. None: the first sample's.
-
-    Returns
-    -------
-    BodyMotion
-        The fit with its noise and error bound.
+    `reach_m` is the largest distance of the body's surface from its origin, `unit_m` the metres per
+    Blender unit, in which translations were rounded. Motion may have corners at `corners_s`.
+    Displacements are relative to `pose` at `epoch_s` (None: the first sample).
     """
     if pose is None:
         pose, epoch_s = poses[0], float(times_s[0])
@@ -469,13 +432,15 @@ def fit_body(
     # of turns: relative to the size of the axes
     size = float(np.linalg.norm(pose[:3, :3], axis=0).max()) or 1.0
     floor_turn = _rounding(poses[:, :3, :3]) / size
-    samples = _Samples(times_s, poses, floor_m, floor_turn, Burst(span_s, epoch_s))
+    samples = _Samples(times_s, poses, floor_m, floor_turn, BurstTimes(span_s, epoch_s))
     # indices at which a segment may begin
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
     stop_s = max(span_s, float(times_s[-1]))
     fitted = split_segments(samples.fit, times_s, 0, len(times_s), stop_s, marks, 0)
     fitted = within_burst(fitted, span_s)
-    still = len(fitted) == 1 and _stands_still(fitted[0].segment)
+    segment = fitted[0].segment
+    turns = len(segment.rotation) if segment.linear is None else len(segment.linear) - 1
+    still = len(fitted) == 1 and turns == 0 and len(segment.translation) == 1
     noise, bound = quality_of(fitted, reach_m, still)
     if not still and noise < 0.8 * floor_m:
         # steps of the rounding that follow the samples: a bias without scatter
@@ -483,26 +448,17 @@ def fit_body(
     if still:
         return BodyMotion(pose, (), noise, bound, epoch_s)
     segments = tuple(part.segment for part in fitted)
+    error = max(
+        float(np.hypot(p.move.slow * p.move.rate, p.turn.slow * reach_m * p.turn.rate))
+        for p in fitted
+    )
     bias = max(part.move.bias for part in fitted)
-    return BodyMotion(pose, segments, noise, bound, epoch_s, rate_error_of(fitted, reach_m), bias)
+    return BodyMotion(pose, segments, noise, bound, epoch_s, error, bias)
 
 
 def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:
-    """Return poses on cubics through poses that are known at few times.
-
-    Parameters
-    ----------
-    known_s
-        Ascending, (poses,) [s].
-    poses
-        (poses, 4, 4).
-    times_s
-        (times,) [s].
-
-    Returns
-    -------
-    ndarray
-        (times, 4, 4). Poses are constant with one known pose, linear with two.
+    """Return poses (times, 4, 4) on cubics through a few known ones: constant with one, linear with
+    two.
     """
     found = np.repeat(poses[:1], times_s.size, axis=0)
     if len(poses) < 2:
@@ -521,24 +477,8 @@ def smooth_poses(known_s: Real, poses: Real, times_s: Real) -> Real:
 
 
 def cubic_spline(known_s: Real, values: Real) -> Callable[[Real], Real]:
-    """Return the cubic spline through values that are known at few times.
-
-    Parameters
-    ----------
-    known_s
-        Ascending, (n,) [s].
-    values
-        (n, ...).
-
-    Returns
-    -------
-    callable
-        From times (times,) [s] to values (times, ...).
-
-    Raises
-    ------
-    MissingDependencyError
-        Python has no scipy, as in some Blender programs.
+    """Return the cubic spline through values (n, ...) at ascending times; it takes times and gives
+    (times, ...).
     """
     try:
         from scipy.interpolate import CubicSpline
@@ -549,59 +489,6 @@ def cubic_spline(known_s: Real, values: Real) -> Callable[[Real], Real]:
         ) from None
     spline: Callable[[Real], Real] = CubicSpline(known_s, values)
     return spline
-
-
-#: Number of vertices that determine degree and segments of all.
-_DECIDING = 400
-
-
-def fit_vertices(
-    times_s: Real,
-    positions: Real | Single,
-    span_s: float,
-    *,
-    corners_s: Sequence[float] = (),
-    epoch_s: float = 0.0,
-) -> tuple[VertexSeries, float, float]:
-    """Fit series to the vertices of a mesh that deforms.
-
-    Parameters
-    ----------
-    times_s
-        As for `fit_body`, (samples,) [s].
-    positions
-        Positions in the body's own axes, (samples, vertices, 3) [m].
-    span_s, corners_s, epoch_s
-        As for `fit_body`.
-
-    Returns
-    -------
-    series
-        One degree and the same segments for all vertices.
-    noise_m, displacement_error_bound_m
-        As for `BodyMotion`.
-    """
-    count, vertices = positions.shape[:2]
-    floor_m = _rounding(positions)
-    spread = np.ptp(positions, axis=0).max(axis=-1)
-    order = np.argsort(spread)[::-1]
-    chosen = np.concatenate([order[: _DECIDING // 2], order[_DECIDING // 2 :: 1 + vertices // 200]])
-    some = positions[:, chosen].astype(np.float64).reshape(count, -1)
-    burst = Burst(span_s, epoch_s)
-
-    def fit(first: int, stop: int, stop_s: float) -> FittedSegment:
-        start_s = float(times_s[first])
-        found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m, burst)
-        no_turn = Series(np.zeros((0, 3)), 0.0, np.zeros((1, 3)), 0.0, 0.0)
-        return FittedSegment(Segment(start_s, stop_s, found.coefficients), found, no_turn)
-
-    marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
-    last_s = max(span_s, float(times_s[-1]))
-    fitted = within_burst(split_segments(fit, times_s, 0, count, last_s, marks, 0), span_s)
-    noise, bound = quality_of(fitted, 0.0, False)
-    segments = [part.segment for part in fitted]
-    edges_s = np.array([segment.start_s for segment in segments] + [segments[-1].stop_s])
-    return VertexSeries(edges_s, _vertex_series(times_s, positions, segments)), noise, bound
 
 
 def _vertex_series(times_s: Real, positions: Real | Single, segments: Sequence[Segment]) -> Real:
@@ -623,13 +510,39 @@ def _vertex_series(times_s: Real, positions: Real | Single, segments: Sequence[S
     return series
 
 
-def _rounding(values: NDArray[Any]) -> float:
-    """Return a tenth of the rounding of float32 numbers, below which nothing is fitted."""
-    largest = np.float32(np.abs(values).max(initial=0.0))
-    return 0.1 * float(np.spacing(max(largest, np.float32(1e-30))))
+def fit_vertices(
+    times_s: Real,
+    positions: Real | Single,
+    span_s: float,
+    *,
+    corners_s: Sequence[float] = (),
+    epoch_s: float = 0.0,
+) -> tuple[VertexSeries, float, float]:
+    """Fit series to the vertices of a mesh that deforms, (samples, vertices, 3) [m] in the body's
+    own axes.
 
+    All vertices have one degree and the same segments. Also returns noise and error bound [m] as
+    `BodyMotion` has them; times and corners are as for `fit_body`.
+    """
+    count, vertices = positions.shape[:2]
+    floor_m = _rounding(positions)
+    spread = np.ptp(positions, axis=0).max(axis=-1)
+    order = np.argsort(spread)[::-1]
+    # about 400 vertices determine degree and segments of all
+    chosen = np.concatenate([order[:200], order[200 :: 1 + vertices // 200]])
+    some = positions[:, chosen].astype(np.float64).reshape(count, -1)
+    burst = BurstTimes(span_s, epoch_s)
 
-def _stands_still(segment: Segment) -> bool:
-    if segment.linear is not None:
-        return len(segment.linear) == 1 and len(segment.translation) == 1
-    return len(segment.rotation) == 0 and len(segment.translation) == 1
+    def fit(first: int, stop: int, stop_s: float) -> FittedSegment:
+        start_s = float(times_s[first])
+        found = fit_series(times_s[first:stop], some[first:stop], start_s, stop_s, floor_m, burst)
+        no_turn = Series(np.zeros((0, 3)), 0.0, np.zeros((1, 3)), 0.0, 0.0)
+        return FittedSegment(Segment(start_s, stop_s, found.coefficients), found, no_turn)
+
+    marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
+    last_s = max(span_s, float(times_s[-1]))
+    fitted = within_burst(split_segments(fit, times_s, 0, count, last_s, marks, 0), span_s)
+    noise, bound = quality_of(fitted, 0.0, False)
+    segments = [part.segment for part in fitted]
+    edges_s = np.array([segment.start_s for segment in segments] + [segments[-1].stop_s])
+    return VertexSeries(edges_s, _vertex_series(times_s, positions, segments)), noise, bound

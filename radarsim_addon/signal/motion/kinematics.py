@@ -1,16 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lengths of paths over a burst from the motion of their vertices: one render for all pulses.
 
-A path of one reflection has the length |P - C| + |P - T|, one of two |P1 - C| + |P1 - P2| +
-|P2 - T|, with vertices that move with their bodies and antennas C and T that may also move. Only
-*changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and added to the length
-in the table: at the time of the render it is that length exactly, and optical delays in walls
-are kept. That is the frame's time t = 0, or a later one for further renders of a burst.
+A path of one reflection has the length |P - C| + |P - T|, one of two
+|P1 - C| + |P1 - P2| + |P2 - T|, with vertices that move with their bodies and antennas C and T that
+may also move. Only *changes* are computed, as |a + d| - |a| = (2 a.d + d.d) / (|a + d| + |a|), and
+added to the length in the table: at the time of the render it is that length exactly, and optical
+delays in walls are kept. That is the frame's time t = 0, or a later one for further renders of a
+burst.
 
 With three or more reflections the first and the last vertex are known, those between are not. The
 legs at both ends are then exact. The path from first to last vertex changes like the straight line
 between them: exact if all vertices move as one body (a corner reflector), an approximation
 otherwise. Paths without known vertices are taken as stationary.
+
+A path over a planar mirror is as long as the straight one from the antenna's image. From the
+antenna itself it leads to the scatterer's image: the scatterer, unfolded. A curved mirror reflects
+one path like the plane that touches it at the point of reflection: length and direction are those
+of the plane's image, and so are their changes as the ends begin to move.
 """
 
 from __future__ import annotations
@@ -30,11 +36,6 @@ from ...physics.mirrors import mirror_matrix
 from .body_motion import BodyMotion, which_move
 from .motion_file import FrameMotion, VertexSeries
 
-# -------------------------------------------------------------------------------------------------
-# Protocol of the motion of paths: how their lengths change over a burst.
-# -------------------------------------------------------------------------------------------------
-
-
 Rows = NDArray[np.bool_] | NDArray[np.intp] | slice
 
 
@@ -47,21 +48,17 @@ class PathMotion(Protocol):
     @property
     def moving(self) -> NDArray[np.bool_]:
         """(n,): False where the length is the same at all times."""
-        ...
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
         """Whether the first and the last vertex move, (n, 2)."""
-        ...
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
         """(n,): True where a vertex or a mirror of the path moves, not only an antenna."""
-        ...
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         """Return the total lengths of some rows, (rows, times) [m]. Callers limit rows x times."""
-        ...
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
         """Return displacements since t = 0 of points near the first (`end` 0) or last (1) vertex.
@@ -69,74 +66,49 @@ class PathMotion(Protocol):
         `points_m` are points at t = 0 on the bodies of these vertices, (rows, 3) [m]. The result,
         (rows, times, 3) [m], is 0 where the motion of the vertex is not known.
         """
-        ...
 
-    def select(self, rows: Rows) -> PathMotion:
-        """Return the motion of these rows alone."""
-        ...
+    def select(self, rows: Rows) -> PathMotion: ...
 
 
 @dataclass(frozen=True)
 class LinearMotion:
-    """Constant range rates: l(t) = l + 2 v t.
+    """Constant range rates, receding positive: l(t) = l + 2 v t.
 
-    Attributes
-    ----------
-    length_m
-        Total length at t = 0, (n,) [m].
-    range_rate_mps
-        Rate of the one-way range, receding positive, (n,) [m/s].
+    The motion of vertices is unknown, and all of the rate is taken for the scatterers'.
     """
 
+    #: Total length at t = 0, (n,) [m].
     length_m: Real
+    #: Rate of the one-way range, receding positive, (n,) [m/s].
     range_rate_mps: Real
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Paths with a range rate other than 0, (n,)."""
         return np.asarray(self.range_rate_mps != 0)
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
-        """All False: of the vertices' motion only the range rate is known."""
         return np.zeros((self.length_m.size, 2), dtype=bool)
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
-        """Paths that move: of a range rate alone it is not known whose motion it is."""
         return self.moving
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        """See `PathMotion`."""
         return self.length_m[rows, None] + 2 * self.range_rate_mps[rows, None] * times_s
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
-        """See `PathMotion`; all 0."""
         return np.zeros((len(points_m), np.size(times_s), 3))
 
     def select(self, rows: Rows) -> LinearMotion:
-        """See `PathMotion`."""
         return LinearMotion(self.length_m[rows], self.range_rate_mps[rows])
 
 
 def mean_over_burst(motion: PathMotion, burst_s: float, rows: Rows) -> tuple[Real, Real]:
-    """Return one-way ranges in the middle of a burst and mean range rates over it, (rows,) each.
+    """Return one-way ranges [m] in the middle of a burst and mean range rates [m/s] over it,
+    (rows,) each.
 
     A map shows an echo there: range rates of accelerating bodies at t are not those of its peaks.
-
-    Parameters
-    ----------
-    motion
-        Of the paths.
-    burst_s
-        Time from the first pulse to the last one, above 0 [s].
-    rows
-        Rows of the paths.
-
-    Returns
-    -------
-    middle_m, rate_mps
-        Half of the lengths, and its change per time, (rows,) each.
     """
     first_m, middle_m, last_m = motion.lengths_m(np.array([0.0, 0.5, 1.0]) * burst_s, rows).T / 2
     return middle_m, (last_m - first_m) / burst_s
@@ -144,35 +116,26 @@ def mean_over_burst(motion: PathMotion, burst_s: float, rows: Rows) -> tuple[Rea
 
 @dataclass(frozen=True)
 class JoinedMotion:
-    """Motions in sequence, as of paths that were joined.
-
-    Attributes
-    ----------
-    parts
-        Motions in the order of their rows.
-    """
+    """Motions in sequence, as of paths that were joined."""
 
     parts: tuple[PathMotion, ...]
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return np.concatenate([part.moving for part in self.parts])
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return np.concatenate([part.moving_vertices for part in self.parts])
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return np.concatenate([part.scatterers_move for part in self.parts])
 
     def _places(
         self, rows: Rows
     ) -> Iterator[tuple[PathMotion, NDArray[np.intp], NDArray[np.intp]]]:
-        """Parts that rows lie in, with the rows' places among `rows` and in the part."""
+        """Yield the parts that rows lie in, with the rows' places among `rows` and in the part."""
         starts = np.cumsum([0, *(part.moving.size for part in self.parts)])
         wanted = np.arange(starts[-1])[rows]
         for part, start, stop in zip(self.parts, starts[:-1], starts[1:], strict=True):
@@ -181,21 +144,18 @@ class JoinedMotion:
                 yield part, here, wanted[here] - start
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        """See `PathMotion`."""
         lengths = np.empty((np.arange(self.moving.size)[rows].size, np.size(times_s)))
         for part, here, own in self._places(rows):
             lengths[here] = part.lengths_m(times_s, own)
         return lengths
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
-        """See `PathMotion`."""
         moved = np.empty((len(points_m), np.size(times_s), 3))
         for part, here, own in self._places(rows):
             moved[here] = part.displacements_m(times_s, own, end, points_m[here])
         return moved
 
     def select(self, rows: Rows) -> PathMotion:
-        """See `PathMotion`."""
         starts = np.cumsum([0, *(part.moving.size for part in self.parts)])
         return SelectedMotion(self, np.arange(starts[-1])[rows])
 
@@ -209,58 +169,29 @@ class SelectedMotion:
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return self.whole.moving[self.rows]
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return self.whole.moving_vertices[self.rows]
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return self.whole.scatterers_move[self.rows]
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        """See `PathMotion`."""
         return self.whole.lengths_m(times_s, self.rows[rows])
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
-        """See `PathMotion`."""
         return self.whole.displacements_m(times_s, self.rows[rows], end, points_m)
 
     def select(self, rows: Rows) -> PathMotion:
-        """See `PathMotion`."""
         return SelectedMotion(self.whole, self.rows[rows])
 
 
 def join_motion(parts: Sequence[PathMotion]) -> PathMotion:
-    """Join several motions to one.
-
-    Parameters
-    ----------
-    parts
-        Motions in the order of their rows, at least one.
-
-    Returns
-    -------
-    PathMotion
-        Motion of all rows.
-    """
+    """Join several motions, one at least, in the order of their rows."""
     return parts[0] if len(parts) == 1 else JoinedMotion(tuple(parts))
-
-
-# -------------------------------------------------------------------------------------------------
-# Images of antennas in planar mirrors, for the ends of paths that go over them.
-#
-# A path over a mirror is as long as the straight one from the antenna's image. Seen from the
-# antenna itself, it goes to the scatterer's image: the scatterer, unfolded.
-#
-# A curved mirror reflects one path like the plane that touches it at the point of reflection:
-# length and direction are those of the plane's image, and so is how both change as the ends begin
-# to move.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Images that are kept whichever of them some paths need.
@@ -269,22 +200,15 @@ _FEW = 65
 
 @dataclass(frozen=True)
 class PathImages:
-    """Images of receiver and transmitter over which n paths go.
+    """Images of receiver and transmitter over which n paths go."""
 
-    Attributes
-    ----------
-    linear, offset_m
-        Image x -> A x + b of a point, by the image's number: (images, 3, 3), (images, 3) [m].
-        Number 0 is the antenna itself; those of single paths over curved mirrors are at the end.
-    numbers
-        Numbers of the receiver's and of the transmitter's image, (n, 2).
-    records
-        What the images are of, by number less 1.
-    """
-
+    #: Image x -> A x + b of a point, by the image's number: (images, 3, 3), (images, 3) [m]. Number
+    #: 0 is the antenna itself; those of single paths over curved mirrors are at the end.
     linear: Real
     offset_m: Real
+    #: Numbers of the receiver's and of the transmitter's image, (n, 2).
     numbers: Int32
+    #: What the images are of, by number less 1.
     records: tuple[ImageRecord, ...] = ()
 
     @classmethod
@@ -294,8 +218,8 @@ class PathImages:
         numbers: NDArray[np.integer],
         planes: Real | None = None,
     ) -> PathImages:
-        """Return the images of a table: `numbers` as `numbers`, from 1 in `records`; one below 0 is
-        the image in its plane of `planes`, normals and offsets (n, 2, 4) [m].
+        """Return the images of a table. Its `numbers` count from 1 in `records`; one below 0 is the
+        image in its plane of `planes`, normals and offsets (n, 2, 4) [m].
         """
         linear, offset_m = [np.eye(3)], [np.zeros(3)]
         for record in records:
@@ -323,7 +247,6 @@ class PathImages:
         return replace(self, linear=matrices, offset_m=shifts_m, numbers=own_numbers)
 
     def select(self, rows: Rows) -> PathImages:
-        """Return the images of some paths."""
         numbers = self.numbers[rows]
         if len(self.linear) <= max(numbers.size, _FEW):
             return replace(self, numbers=numbers)
@@ -441,32 +364,20 @@ _BLOCK = 1 << 19
 
 @dataclass(frozen=True)
 class KinematicMotion:
-    """Motion of n rows of a path table, a `PathMotion`.
-
-    Attributes
-    ----------
-    scene
-        Motion of all bodies.
-    length_m
-        Lengths at t = 0, (n,) [m].
-    order
-        Reflections, (n,).
-    first_scatterer_m, last_scatterer_m, direction
-        Vertices and the direction from the receiver, (n, 3); NaN where unknown.
-    bodies, tracks
-        Body and track of the first and of the last vertex, (n, 2); 0: unknown, none.
-    images
-        Images of the antennas over which the paths go; None: none.
-    """
+    """Motion of n rows of a path table, a `PathMotion`."""
 
     scene: FrameMotion
+    #: Lengths at t = 0, (n,) [m].
     length_m: Real
     order: Int32
+    #: Vertices and the direction from the receiver, (n, 3); NaN where unknown.
     first_scatterer_m: Real
     last_scatterer_m: Real
     direction: Real
+    #: Body and track of the first and of the last vertex, (n, 2); 0: unknown, none.
     bodies: Int32
     tracks: Int32
+    #: Images of the antennas over which the paths go; None: none.
     images: PathImages | None = None
 
     @functools.cached_property
@@ -476,14 +387,12 @@ class KinematicMotion:
 
     @functools.cached_property
     def moving(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         if self.scene.receiver.moving or self.scene.emitter.moving:
             return self.known
         return self.scatterers_move
 
     @functools.cached_property
     def scatterers_move(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         first, last = self.moving_vertices.T
         moving = first | last
         if self.images is not None:
@@ -493,7 +402,6 @@ class KinematicMotion:
 
     @functools.cached_property
     def moving_vertices(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         moves = np.concatenate([[False], which_move(self.scene.bodies)])
         touched = moves[self.bodies] | (self.tracks > 0)
         return np.asarray(touched & self.known[:, None])
@@ -510,7 +418,6 @@ class KinematicMotion:
         return np.asarray(~self.known | (self.bodies == 0).any(axis=-1))
 
     def select(self, rows: Rows) -> KinematicMotion:
-        """See `PathMotion`."""
         return KinematicMotion(
             self.scene,
             self.length_m[rows],
@@ -524,13 +431,6 @@ class KinematicMotion:
         )
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        """See `PathMotion`.
-
-        Raises
-        ------
-        ConfigError
-            A time lies outside the burst for which motion was sampled.
-        """
         times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         self._check(times_s)
         index = np.arange(self.length_m.size)[rows]
@@ -577,12 +477,12 @@ class KinematicMotion:
         return change
 
     def _place(self, end: int, rows: NDArray[np.intp]) -> Real:
-        """Place of receiver (0) or transmitter (1), or of its images, at t, (3,) or (rows, 3)."""
+        """Return receiver (0) or transmitter (1), or its images, at t, (3,) or (rows, 3)."""
         place_m: Real = (self.scene.receiver, self.scene.emitter)[end].pose[:3, 3]
         return place_m if self.images is None else self.images.select(rows).places(end, place_m)
 
     def _moved(self, end: int, rows: NDArray[np.intp], times_s: Real) -> Real:
-        """How far an antenna, or its images, have moved, (1 or rows, times, 3) [m]."""
+        """Return how far an antenna, or its images, have moved, (1 or rows, times, 3) [m]."""
         body = (self.scene.receiver, self.scene.emitter)[end]
         place_m = body.pose[:3, 3]
         move = body.displacement(place_m[None], times_s)[0]
@@ -597,7 +497,7 @@ class KinematicMotion:
         return moved
 
     def _antenna_velocity(self, end: int, rows: NDArray[np.intp]) -> Real:
-        """Velocity of an antenna, or of its images, at t = 0, (1 or rows, 3) [m/s]."""
+        """Return the velocity of an antenna, or of its images, at t = 0, (1 or rows, 3) [m/s]."""
         body = (self.scene.receiver, self.scene.emitter)[end]
         place_m = body.pose[:3, 3]
         velocity = body.velocity(place_m[None])[0]
@@ -633,13 +533,12 @@ class KinematicMotion:
         return np.asarray(change)
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
-        """See `PathMotion`."""
         times_s = np.atleast_1d(np.asarray(times_s, dtype=np.float64))
         self._check(times_s)
         return self._displacement(np.arange(self.length_m.size)[rows], end, times_s, points_m)
 
     def _displacement(self, rows: NDArray[np.intp], end: int, times_s: Real, points: Real) -> Real:
-        """How far points at one end (0 first, 1 last) have moved, (rows, times, 3)."""
+        """Return how far points at one end (0 first, 1 last) have moved, (rows, times, 3)."""
         moved = np.zeros((rows.size, times_s.size, 3))
         for motion, here, surface in self._groups(rows, end):
             if surface is None:
@@ -739,18 +638,7 @@ class _SurfacePoints(NamedTuple):
 
 
 def leg_change(leg: Real, moved: Real) -> Real:
-    """Return |a + d| - |a| without cancellation.
-
-    Parameters
-    ----------
-    leg, moved
-        a, (n, 3), and d, (n, times, 3) [m].
-
-    Returns
-    -------
-    ndarray
-        Change of length, (n, times) [m].
-    """
+    """Return |a + d| - |a| without cancellation, (n, times) [m]; a is (n, 3), d (n, times, 3)."""
     # einsum over three components is several times faster than sums of products here
     along = 2 * np.einsum("ni,nti->nt", leg, moved)
     along += np.einsum("nti,nti->nt", moved, moved)

@@ -1,8 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The path table: columns, flags, selection, geometry, pixel footprints.
+"""The path table: one row per pixel with an echo, and the surface that each row stands for.
 
 In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path lengths [m],
 radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
+
+`table` is the file format and reads its columns; `table_files` opens the table of a frame, checked,
+and gives lengths, geometry and motion of its rows. `paths` has the paths in memory, their
+selection, power, and lengths between displaced antenna elements. A path stands for all that its
+pixel covers: `footprints` spreads it over points between the neighbouring rays, `table_footprints`
+does that with places in space and for range bins. `replicates` has the sub-pixel offsets of a grid
+and the error that its edges leave, `triangles` finds in float64 where rays hit a mesh.
 """
 
 from .footprints import (

@@ -1,18 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a pixel's surface covers of range, range rate and place, told from its neighbours.
+"""The part of range, range rate and place that a pixel's surface covers, from its neighbours.
 
-A path stands for all that its pixel sees. Where a surface is seen at grazing incidence, that is a
-stretch of many range cells, and single paths have an echo in one of them and nothing in the others.
-Between the rays of one object lengths follow a parabola: from its own ray a pixel
-reaches half-way to its neighbours, and its power, which it keeps, is spread over that as theirs
-tell. Expected powers and the echoes of rough surfaces are formed of the same points
-(:mod:`.paths.table_footprints`); where pixels add up in phase, single paths stay as they are.
+A path stands for all that its pixel sees. A surface at grazing incidence extends over many range
+bins in one pixel; single paths would have an echo in one of them and none in the others. Between
+the rays of one object lengths follow a parabola: from its own ray a pixel reaches half-way to its
+neighbours. Its power, which it keeps, is spread over that according to the neighbours' powers.
+Expected powers and the echoes of rough surfaces are formed of the same points (`table_footprints`);
+where pixels add up in phase, single paths stay as they are.
 
-Nothing is spread at orders above 1 (which chance rules), where the ranges to both sides say
-opposite things (the nearest point of a sphere, an edge that juts out), and beyond the last ray of
-an object where it comes nearer (a strong one would lend power to ranges before it); where it
-recedes (a limb, a horizon) it continues for half a pixel. Where the steps to both sides differ too
-much (a step in the surface), the smaller one counts.
+Nothing is spread at orders above 1 (which are random), where the ranges to both sides contradict
+each other (the nearest point of a sphere, a protruding edge), and beyond the last ray of an object
+where it comes nearer (a strong one would lend power to ranges before it); where it recedes (a limb,
+a horizon) it continues for half a pixel. Where the steps to both sides differ too much (a step in
+the surface), the smaller one counts.
+
+In order: `grid_places` finds column and row of each ray's pixel from the directions, `steps_of`
+the differences to the rays around it, `spread` the points, a grid of lines across and up in each
+pixel. Values change along both axes independently, so changes are computed line by line, of which
+there are fewer than points.
 """
 
 from __future__ import annotations
@@ -29,119 +34,9 @@ from ...contract import ReceiverRecord
 from .table import PathRows
 from .table_files import usable
 
-# -------------------------------------------------------------------------------------------------
-# Points that lie evenly in pixels, and how values change from point to point.
-#
-# The points of a pixel are a grid of lines across and up, and values change along both axes
-# independently. So changes are computed line by line, of which there are fewer than points.
-# -------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class PixelLines:
-    """Lines of points in pixels, at one place along an axis each.
-
-    Attributes
-    ----------
-    row
-        Row of the pixel of each line, (lines,).
-    place
-        Place along the axis in the pixel, from -1/2 to 1/2, (lines,).
-    of_point
-        The line on which each point lies, (points,).
-    """
-
-    row: Indices
-    place: Real
-    of_point: Indices
-
-
-@dataclass(frozen=True)
-class PixelPoints:
-    """Points in the pixels of rows.
-
-    Attributes
-    ----------
-    row
-        Row that each point belongs to, in rising order, (points,).
-    lines
-        By place across, and by place up.
-    """
-
-    row: Indices
-    lines: tuple[PixelLines, PixelLines]
-
-    @classmethod
-    def of(cls, along: Indices) -> PixelPoints:
-        """Return the points of rows with so many across and up, (rows, 2): line by line, from
-        below, each from left to right.
-        """
-        across, up = along.T
-        first, second = (_lines(count) for count in (across, up))
-        width = across.take(second[0])
-        # points of the lines before, and lines across of the rows before
-        begins, lefts = np.cumsum(width) - width, np.cumsum(across) - across
-        number = np.arange(int(width.sum()))
-        number += np.repeat(lefts.take(second[0]) - begins, width)
-        line = np.repeat(np.arange(width.size), width)
-        lines = PixelLines(*first, number), PixelLines(*second, line)
-        return cls(second[0].take(line), lines)
-
-
-def _lines(count: Indices) -> tuple[Indices, Real]:
-    """Row of each of so many lines in pixels, and its place in the pixel, (lines,)."""
-    row = np.repeat(np.arange(count.size), count)
-    number = np.arange(row.size) - (np.cumsum(count) - count).take(row)
-    return row, (number + 0.5) / count.take(row) - 0.5
-
-
-def along_steps(steps: Real, points: PixelPoints) -> Real:
-    """Return by how much values change, (points,), at points in pixels of rows with these steps,
-    (n, 2, 2).
-    """
-    if not steps.any():
-        return np.zeros(points.row.size)
-    change: list[Real] = []
-    for lines, (mean, half, bent) in zip(points.lines, courses(steps), strict=True):
-        row, place = lines.row, lines.place
-        of_line = place * mean.take(row)
-        of_line += place**2 * half.take(row)
-        if bent.any():
-            of_line += abs(place) * bent.take(row)
-        change.append(of_line.take(lines.of_point))
-    return np.add(change[0], change[1], out=change[0])
-
-
-def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
-    """Factors of x, x^2 and |x| by which values change at x in a pixel across, and up, (n,) each.
-
-    With a step on either side it is the parabola through the three rays, which the neighbours'
-    meets half-way; with one side alone that half is straight, and the other one stays at the ray.
-    """
-    for before, after in ((steps[:, axis, 0], steps[:, axis, 1]) for axis in (0, 1)):
-        known = (before != 0) & (after != 0)
-        half = (after - before) / 2
-        yield (before + after) / 2, np.where(known, half, 0.0), np.where(known, 0.0, half)
-
-
-def shares(power_steps: Real, points: PixelPoints) -> Real:
-    """Return the fraction of its row's power that each point has, (points,); they add up to 1."""
-    row, share = points.row, along_steps(power_steps, points)
-    share += 1
-    share /= np.bincount(row, share).take(row)
-    return share
-
-
-# -------------------------------------------------------------------------------------------------
-# Where the paths of a view lie on its grid of pixels, told from their directions.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Angles between rays of a sphere that are rounding, as a fraction of a pixel's side, and those of
 #: tables in which directions and pose are of two float32 matrices [rad].
 _SAME, _SAME_RAD = 1e-3, 3e-7
-#: Pixels whose median tells the pitch, which is the same for all.
-_ENOUGH = 1 << 12
 #: Most pixels of an image. Tiles are smaller; a table that was put together otherwise may not be.
 _MOST_PX = 1 << 25
 #: Paths whose places are kept: 16 bytes each.
@@ -151,9 +46,8 @@ _GAP = 3
 
 
 def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
-    """Return which rows have a known pixel, (n,).
-
-    Parallel rays are told by where they end, others by their direction.
+    """Return which rows have a known pixel, (n,): parallel rays by where they end, others by their
+    direction.
     """
     if receiver.kind == "orthographic":
         return are_finite(rows["first_scatterer_m"])
@@ -164,7 +58,7 @@ def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
 
 
 def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
-    """Return column and row of each path's pixel, counted from the first ones that are met, (n,).
+    """Return column and row of each path's pixel, counted from the first ones that occur, (n,).
 
     The rows are of one tile at one of `count` replicates, one at least, all of them `placed`.
     """
@@ -182,7 +76,7 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
         step_u, step_v = _sphere_steps(u, v, np.maximum(level, 1e-12), area)
     elif receiver.kind == "perspective":
         u, v = local[:, 0] / -local[:, 2], local[:, 1] / -local[:, 2]
-        few = slice(None, None, -(-u.size // _ENOUGH))
+        few = slice(None, None, -(-u.size // (1 << 12)))  # the pitch is the same for all
         step_u = step_v = math.sqrt(
             float(np.median(area[few] * (1 + u[few] ** 2 + v[few] ** 2) ** 1.5))
         )
@@ -194,40 +88,17 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
     return _bounded(col, row)
 
 
-def view_limits(table: PathRows) -> tuple[Indices, Indices]:
-    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
-    tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
-    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
-    starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
-    return starts, np.append(starts[1:], table.size)[: starts.size]
-
-
 def joined_places(
     rows: PathRows, receiver: ReceiverRecord, count: int
 ) -> tuple[Integers, Integers]:
-    """Return column and row of each path's pixel, of rows of several views, whose grids lie side by
-    side.
-
-    Parameters
-    ----------
-    rows
-        Of tiles at some of `count` replicates, view by view, all of them `placed`, (n,).
-    receiver
-        Of the frame.
-    count
-        Number of replicates.
-
-    Returns
-    -------
-    (ndarray, ndarray)
-        As from `grid_places`; paths of different views are no neighbours.
+    """Return `grid_places` of rows of several views, whose grids lie side by side: paths of
+    different views are no neighbours.
     """
     limits = zip(*view_limits(rows), strict=True)
     return _side_by_side([grid_places(rows[a:b], receiver, count) for a, b in limits])
 
 
 def _side_by_side(each: list[tuple[Integers, Integers]]) -> tuple[Integers, Integers]:
-    """Places in one grid of those in several, none a neighbour of another's."""
     if len(each) == 1:
         return each[0]
     starts = np.cumsum([0] + [int(col.max()) + _GAP for col, _ in each])
@@ -240,23 +111,16 @@ Places = Callable[[PathRows, ReceiverRecord, int], tuple[Integers, Integers]]
 
 
 class GridPlaces:
-    """Finds the places of a table's views in their grids once for two who ask for them."""
+    """Places of a table's views in their grids, found once for two users."""
 
     def __init__(self) -> None:
         self._kept: dict[int, tuple[Integers, Integers]] = {}
 
     def of_views(self, number: Indices) -> Places:
-        """Return what finds places of rows of one view or of several.
+        """Return a `Places` for rows of one view or of several, whose rows have the numbers
+        `number` in the table, (n,).
 
-        Parameters
-        ----------
-        number
-            Numbers of all rows of the views in the table, (n,).
-
-        Returns
-        -------
-        callable
-            As `joined_places`; of all rows of a view it keeps what it finds, once.
+        It keeps the places of all rows of a view until they are used once more.
         """
 
         def places(
@@ -274,7 +138,7 @@ class GridPlaces:
     def _of_view(
         self, first: int, rows: PathRows, receiver: ReceiverRecord, count: int
     ) -> tuple[Integers, Integers]:
-        """Places of all rows of a view, by the number of the first one."""
+        """Return the places of all rows of a view, by the number of the first one."""
         found = self._kept.pop(first, None)
         if found is None:
             found = grid_places(rows, receiver, count)
@@ -284,7 +148,7 @@ class GridPlaces:
 
 
 def _from_widest_gap(angle: Real) -> Real:
-    """Angles from 0 to 2 pi that begin where most of the circle is empty."""
+    """Return angles from 0 to 2 pi that begin where most of the circle is empty."""
     ordered = np.sort(angle)
     gaps = np.diff(ordered, append=ordered[0] + 2 * math.pi)
     widest = int(np.argmax(gaps))
@@ -292,11 +156,12 @@ def _from_widest_gap(angle: Real) -> Real:
 
 
 def _sphere_steps(u: Real, v: Real, level: Real, area: Real) -> tuple[float, float]:
-    """Steps of longitude and latitude of a grid; infinite along an axis that has one place alone.
+    """Return the steps of longitude and latitude of a grid; infinite along an axis with one place
+    alone.
 
-    Latitudes are told apart by their steps. Longitudes are not, near a pole, where rounding is
+    Latitudes are distinguished by their steps. Longitudes are not, near a pole, where rounding is
     multiplied by the inverse of the distance from the axis; but the solid angle of a pixel,
-    2 sin(dlat/2) cos(lat) dlon, tells their step.
+    sin(dlat/2) cos(lat) dlon times 2, gives their step.
     """
     side = math.sqrt(float(np.median(area)))
     same = max(_SAME * side, min(_SAME_RAD, 0.1 * side))
@@ -313,7 +178,7 @@ def _least_step(places: Real, same: float) -> float:
 
 
 def _bounded(col: Integers, row: Integers) -> tuple[Integers, Integers]:
-    """Places in an image that is not too large, with the same neighbours.
+    """Return places in an image that is not too large, with the same neighbours.
 
     Where it would be, empty columns and rows between paths are left out, and if that is not enough
     each path is taken to be alone.
@@ -330,45 +195,35 @@ def _pixels(col: Integers, row: Integers) -> float:
 
 
 def _without_gaps(places: Integers) -> Integers:
-    """Numbers that keep neighbours adjacent, and others apart."""
+    """Return numbers that keep neighbours adjacent, and others apart."""
     found, number = np.unique(places, return_inverse=True)
     return np.asarray(np.cumsum(np.minimum(np.diff(found, prepend=found[0]), _GAP))[number])
 
 
-#: Neighbours on both sides are of one smooth surface where their steps differ by less than this.
-_STEEPER = 4.0
 #: Largest step of power that is followed, as a fraction of it: half of it along two axes is less
 #: than all there is.
 _LARGEST_STEP = 0.9
 #: Points that rows are spread over: so many times the rows of a view, or so many at least.
 _POINTS_A_ROW, _LEAST_POINTS = 16, 1 << 17
-#: Most points along one side of a pixel.
-_MOST_ALONG = 4096
 #: Points that are made at a time: they stay in the processor's cache.
 _CHUNK = 1 << 15
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes from ray to ray of n rows.
-
-    Attributes
-    ----------
-    length_m, range_rate_mps, power
-        Of length, range rate, and power over the ray's own, (n, 2, 2) [m, m/s, 1]: by axis (across,
-        up) and side (before, after), counted along the axis; 0 where unknown.
-    between
-        Rows that each step leads from and to, (n, 2, 2, 2), one row twice where it is unknown;
-        empty: not told.
+    """Changes from ray to ray of n rows, (n, 2, 2): by axis (across, up) and side (before, after),
+    counted along the axis; 0 where unknown.
     """
 
     length_m: Real
     range_rate_mps: Real
+    #: Relative to the power of the ray.
     power: Real
+    #: Rows that each step leads from and to, (n, 2, 2, 2), one row twice where it is unknown;
+    #: empty: not given.
     between: Indices = field(default_factory=lambda: np.zeros((0, 2, 2, 2), dtype=np.intp))
 
     def part(self, rows: slice | Indices) -> Steps:
-        """Return the steps of some rows."""
         if isinstance(rows, slice):
             return Steps(self.length_m[rows], self.range_rate_mps[rows], self.power[rows])
         columns = self.length_m, self.range_rate_mps, self.power
@@ -382,43 +237,22 @@ class Steps:
 
 @dataclass(frozen=True)
 class Points:
-    """Points that the rows of a tile replicate are spread over.
+    """Points that the rows of a tile replicate are spread over."""
 
-    Attributes
-    ----------
-    row
-        Row that each point belongs to, (points,).
-    length_m, range_rate_mps
-        Total length [m] and range rate [m/s], (points,).
-    share
-        Fraction of the row's power, (points,).
-    """
-
+    #: Row that each point belongs to, (points,).
     row: Indices
+    #: Total length [m] and range rate [m/s], (points,).
     length_m: Real
     range_rate_mps: Real
+    #: Fraction of the row's power, (points,).
     share: Real
 
 
 def steps_of(
     rows: PathRows, receiver: ReceiverRecord, count: int, grid: Places = grid_places
 ) -> Steps:
-    """Compute the differences between neighbouring rays of a tile replicate.
-
-    Parameters
-    ----------
-    rows
-        Of one tile at one replicate, with lengths, (n,); with `joined_places` of several of them.
-    receiver
-        Of the frame.
-    count
-        Number of replicates of the tile.
-    grid
-        Finds the pixels of rows.
-
-    Returns
-    -------
-    Steps
+    """Compute the differences between neighbouring rays of a tile at one of `count` replicates;
+    with `joined_places` of several.
     """
     own = np.arange(rows.size)
     between = np.broadcast_to(own[:, None, None, None], (rows.size, 2, 2, 2)).copy()
@@ -456,7 +290,9 @@ def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
 
 
 def _differences(values: Real, between: Indices) -> Real:
-    """Steps of values; none to or from what is not finite, which is refused where it is used."""
+    """Return the steps of values; 0 to or from one that is not finite, which is refused where it is
+    used.
+    """
     with np.errstate(invalid="ignore"):
         steps = values.take(between[..., 1]) - values.take(between[..., 0])
     known = np.isfinite(steps)
@@ -464,7 +300,7 @@ def _differences(values: Real, between: Indices) -> Real:
 
 
 def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[Indices]:
-    """Five rays in a line across, and up: two before each, itself, two after it, (5, n).
+    """Yield five rays in a line across, and up: two before each, itself, two after it, (5, n).
 
     Where another owner begins, the last ray of the own one stands for all that follow.
     """
@@ -487,8 +323,8 @@ def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[
 
 
 def _counting(length_m: Real, rays: Indices) -> Indices:
-    """Rays that the step to each side leads from and to, (n, 2, 2), the ray twice for none, of
-    chains of five rays and their lengths, (5, n).
+    """Return the rays that the step to each side leads from and to, (n, 2, 2), the ray twice for
+    none, of chains of five rays and their lengths, (5, n).
     """
     step = np.diff(length_m, axis=0)
     size = abs(step)
@@ -503,7 +339,8 @@ def _counting(length_m: Real, rays: Indices) -> Indices:
     before, after = step.take(first), step.take(last)
     near, far = abs(before), abs(after)
     smaller = near <= far
-    rough = np.maximum(near, far) > _STEEPER * np.minimum(near, far)
+    # steps of one smooth surface differ by a smaller factor
+    rough = np.maximum(near, far) > 4.0 * np.minimum(near, far)
     # How far a surface extends beyond the last ray is unknown. Where it comes nearer, that half
     # stays at the ray; where it recedes (a limb, a horizon), the step before continues.
     monotonic = before * after > 0
@@ -517,11 +354,94 @@ def _counting(length_m: Real, rays: Indices) -> Indices:
     return found
 
 
+@dataclass(frozen=True)
+class PixelLines:
+    """Lines of points in pixels, each at one place along an axis."""
+
+    #: Row of the pixel of each line, (lines,).
+    row: Indices
+    #: Place along the axis in the pixel, from -1/2 to 1/2, (lines,).
+    place: Real
+    #: The line on which each point lies, (points,).
+    of_point: Indices
+
+
+@dataclass(frozen=True)
+class PixelPoints:
+    """Points in the pixels of rows."""
+
+    #: Row that each point belongs to, in rising order, (points,).
+    row: Indices
+    #: By place across, and by place up.
+    lines: tuple[PixelLines, PixelLines]
+
+    @classmethod
+    def of(cls, along: Indices) -> PixelPoints:
+        """Return the points of rows with so many across and up, (rows, 2): line by line, from
+        below, each from left to right.
+        """
+        across, up = along.T
+        first, second = (_lines(count) for count in (across, up))
+        width = across.take(second[0])
+        # points of the lines before, and lines across of the rows before
+        begins, lefts = np.cumsum(width) - width, np.cumsum(across) - across
+        number = np.arange(int(width.sum()))
+        number += np.repeat(lefts.take(second[0]) - begins, width)
+        line = np.repeat(np.arange(width.size), width)
+        lines = PixelLines(*first, number), PixelLines(*second, line)
+        return cls(second[0].take(line), lines)
+
+
+def _lines(count: Indices) -> tuple[Indices, Real]:
+    """Return the row of each of so many lines in pixels, and its place in the pixel, (lines,)."""
+    row = np.repeat(np.arange(count.size), count)
+    number = np.arange(row.size) - (np.cumsum(count) - count).take(row)
+    return row, (number + 0.5) / count.take(row) - 0.5
+
+
+def along_steps(steps: Real, points: PixelPoints) -> Real:
+    """Return the change of values, (points,), at points in pixels of rows with these steps, (n, 2,
+    2).
+    """
+    if not steps.any():
+        return np.zeros(points.row.size)
+    change: list[Real] = []
+    for lines, (mean, half, bent) in zip(points.lines, courses(steps), strict=True):
+        row, place = lines.row, lines.place
+        of_line = place * mean.take(row)
+        of_line += place**2 * half.take(row)
+        if bent.any():
+            of_line += abs(place) * bent.take(row)
+        change.append(of_line.take(lines.of_point))
+    return np.add(change[0], change[1], out=change[0])
+
+
+def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
+    """Yield the factors of x, x^2 and |x| by which values change at x in a pixel across, and up,
+    (n,) each.
+
+    With a step on either side it is the parabola through the three rays, which the neighbours'
+    meets half-way; with one side alone that half is straight, and the other one stays at the ray.
+    """
+    for before, after in ((steps[:, axis, 0], steps[:, axis, 1]) for axis in (0, 1)):
+        known = (before != 0) & (after != 0)
+        half = (after - before) / 2
+        yield (before + after) / 2, np.where(known, half, 0.0), np.where(known, 0.0, half)
+
+
+def shares(power_steps: Real, points: PixelPoints) -> Real:
+    """Return the fraction of its row's power that each point has, (points,); they add up to 1."""
+    row, share = points.row, along_steps(power_steps, points)
+    share += 1
+    share /= np.bincount(row, share).take(row)
+    return share
+
+
 def points_along(
     steps: Steps, cell_m: float, cell_mps: float, most_a_row: int = _POINTS_A_ROW, views: int = 1
 ) -> Indices:
-    """Return how many points stand for each row across and up, (n, 2), see `spread`; there are at
-    most so many times the rows, or a number for each view that costs nothing.
+    """Return how many points stand for each row across and up, (n, 2), see `spread`. In all there
+    are at most `most_a_row` times the rows, or a number for each view that costs nothing.
     """
     # by columns: reductions over two are slow
     length_m, rate_mps = abs(steps.length_m), abs(steps.range_rate_mps)
@@ -529,7 +449,7 @@ def points_along(
     if rate_mps.any():
         extent = np.maximum(extent, np.maximum(rate_mps[..., 0], rate_mps[..., 1]) / cell_mps)
     most = max(most_a_row * len(extent), _LEAST_POINTS * views)
-    along = np.clip(np.ceil(extent), 1, _MOST_ALONG).astype(np.intp)
+    along = np.clip(np.ceil(extent), 1, 4096).astype(np.intp)
     # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
     while int(along[:, 0] @ along[:, 1]) > most:
         along = np.minimum(along, max(int(0.8 * along.max()), 1))
@@ -544,28 +464,12 @@ def spread(
     border_m: float = 0.0,
     views: int = 1,
 ) -> Iterator[Points]:
-    """Yield points that stand for the rows, no further apart than cells, a part at a time.
+    """Yield points that stand for the rows of some views, no further apart than cells, a part at a
+    time.
 
-    Parameters
-    ----------
-    rows
-        Of one tile at one replicate, or of several such views, (n,).
-    steps
-        Of these rows, from `steps_of`.
-    cell_m
-        Largest distance of the points in total length [m].
-    cell_mps
-        Largest distance in range rate [m/s].
-    border_m
-        Total length at which a cell ends. A point that reaches over such a place, or others whole
-        cells away from it, is cut in two there.
-    views
-        Number of tile replicates that the rows are of.
-
-    Yields
-    ------
-    Points
-        Those of some rows; the fractions of a row add up to 1.
+    Cells are `cell_m` of total length and `cell_mps` of range rate; a cell ends at the total length
+    `border_m`. A point that reaches over such a border, or others whole cells away from it, is cut
+    in two there. The fractions of a row add up to 1.
     """
     along = points_along(steps, cell_m, cell_mps, views=views)
     points, covered_m = along[:, 0] * along[:, 1], widths_m(steps, along)
@@ -598,7 +502,7 @@ def widths_m(steps: Steps, along: Indices) -> Real:
 
 
 def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: float) -> Points:
-    """The points, those cut in two that reach over a border; each is even over its width."""
+    """Return the points, cut in two where they reach over a border; each is even over its width."""
     low_m = points.length_m - width_m / 2
     over_m = low_m + width_m
     low_m -= border_m
@@ -624,20 +528,16 @@ def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: floa
     return Points(row, length_m, rate_mps, share)
 
 
+def view_limits(table: PathRows) -> tuple[Indices, Indices]:
+    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
+    tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
+    cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
+    starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
+    return starts, np.append(starts[1:], table.size)[: starts.size]
+
+
 def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[PathRows]]:
-    """Yield, for each replicate, an iterator over the rows of each tile that have a length.
-
-    Parameters
-    ----------
-    table
-        Rows of a frame, tile by tile and in each of them replicate by replicate.
-    replicates
-        Number of replicates.
-
-    Yields
-    ------
-    iterator of ndarray
-    """
+    """Yield, for each replicate, an iterator over the rows of each tile that have a length."""
     for views in views_by_replicate(table, replicates):
         yield (rows for _, rows in views)
 
@@ -645,19 +545,8 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
 def views_by_replicate(
     table: PathRows, replicates: int
 ) -> Iterator[Iterator[tuple[Indices, PathRows]]]:
-    """Yield, for each replicate, an iterator as `tiles_by_replicate`, with numbers of the rows.
-
-    Parameters
-    ----------
-    table
-        Rows of a frame, tile by tile and in each of them replicate by replicate.
-    replicates
-        Number of replicates.
-
-    Yields
-    ------
-    iterator of (ndarray, ndarray)
-        Numbers of the rows in the table, and the rows, (n,) each.
+    """Yield, for each replicate, an iterator over the numbers and rows of each tile that have a
+    length. The table has tile by tile, and in each of them replicate by replicate.
     """
     starts, stops = view_limits(table)
     replicate = np.asarray(table["replicate"])[starts]

@@ -3,6 +3,14 @@
 
 A pixel of solid angle dOmega that sees radiance L receives L A_e dOmega, A_e = lambda^2 G_r/(4 pi)
 (the radar equation summed over pixels: the return leg's 1/R^2 is in dOmega).
+
+Between the elements of a channel the length of a path is, at every moment and with spherical
+wavefronts,
+
+    l_ij = l - |rx - P_first| - |P_last - tx| + |rx_j - P_first| + |P_last - tx_i|
+
+The differences are formed without cancellation, so that the length keeps the digits of the path's
+own.
 """
 
 from __future__ import annotations
@@ -33,12 +41,8 @@ from ..motion import (
 )
 from ..radar import Channel, Element
 
-# -------------------------------------------------------------------------------------------------
-# What is known of a path besides its numbers: one value for each flag, in files and in memory.
-# -------------------------------------------------------------------------------------------------
-
-
 Flags = NDArray[np.uint16]
+Table = TypeVar("Table")
 
 
 class PathFlag:
@@ -77,103 +81,45 @@ class PathFlag:
 PATH_FLAGS = {name.lower(): flag for name, flag in vars(PathFlag).items() if name.isupper()}
 
 
-# -------------------------------------------------------------------------------------------------
-# Select and join the rows of dataclasses whose fields are columns, whatever fields there are.
-# -------------------------------------------------------------------------------------------------
-
-
-Table = TypeVar("Table")
-
-
-def select_columns(table: Table, rows: Rows) -> Table:
-    """Return some rows (mask, row numbers or slice) of every column of a dataclass.
-
-    Columns are arrays (n, ...) and objects with a method `select`; other fields are kept.
-    """
-    columns = dict(vars(table))
-    for name, column in columns.items():
-        if isinstance(column, np.ndarray):
-            columns[name] = column[rows]
-        elif hasattr(column, "select"):
-            columns[name] = column.select(rows)
-    return type(table)(**columns)
-
-
-def join_columns(tables: Sequence[Table], **joined: Any) -> Table:
-    """Return the rows of several tables (one at least) of one type, one behind the other.
-
-    Where a table has None for a column, it is filled with the field's metadata "absent"; without
-    that the result has None, too. `joined` are fields that are no arrays, already joined.
-    """
-    kind: Any = type(tables[0])
-    for item in dataclasses.fields(kind):
-        if item.name in joined:
-            continue
-        columns = [getattr(table, item.name) for table in tables]
-        if not all(column is None for column in columns) and "absent" in item.metadata:
-            fill = item.metadata["absent"]
-            columns = [
-                np.full(len(cast(Sized, table)), fill) if column is None else column
-                for table, column in zip(tables, columns, strict=True)
-            ]
-        known = all(column is not None for column in columns)
-        joined[item.name] = np.concatenate(columns) if known else None
-    return cast(Table, kind(**joined))
-
-
-# -------------------------------------------------------------------------------------------------
-# Where paths go: their vertices and directions, for what depends on them.
-#
-# Antenna patterns depend on the directions at both antennas, speckle on the place on the surface,
-# motion on the objects that the paths touch.
-# -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class PathGeometry:
     """Geometry of n paths at the frame's time t, in world space; NaN where unknown.
 
-    Attributes
-    ----------
-    order, transparent_depth
-        Reflections, and transparent surfaces passed on the receiver's side, (n,).
-    first_scatterer_m, last_scatterer_m
-        First and last scatterer, equal at order 1, (n, 3) [m].
-    direction
-        From the receiver towards the first scatterer, unit vectors, (n, 3).
-    first_object, last_object
-        Numbers in the frame's list of objects, from 1; 0: unknown, (n,).
-    images
-        Images of the antennas over which the paths go; None: none.
+    Antenna patterns depend on the directions at both antennas, speckle on the place on the surface,
+    motion on the objects that the paths touch.
     """
 
+    #: Reflections, and transparent surfaces passed on the receiver's side, (n,).
     order: Int32
     transparent_depth: Int32
+    #: First and last scatterer, equal at order 1, (n, 3) [m].
     first_scatterer_m: Real
     last_scatterer_m: Real
+    #: From the receiver towards the first scatterer, unit vectors, (n, 3).
     direction: Real
+    #: Numbers in the frame's list of objects, from 1; 0: unknown, (n,).
     first_object: Int32
     last_object: Int32
+    #: Images of the antennas over which the paths go.
     images: PathImages | None = None
 
     def select(self, rows: Rows) -> PathGeometry:
-        """Return the geometry of some rows: mask (n,), row numbers (m,) or slice."""
         return select_columns(self, rows)
 
 
 @dataclass(frozen=True)
 class PathCounts:
-    """How many paths there were, how many of them bear a `PathFlag`, and how many were left out.
+    """Number of paths, of those with a `PathFlag`, and of pixels that are no paths.
 
     Attributes
     ----------
     paths
         Paths with a length.
     mixed, single_snapshot, range_rate_rejected, crossed_shell
-        Those of them with the flag of that name.
+        Paths with the flag of that name.
     range_encoding_underflow, no_range_encoding
-        Pixels with an echo and without a length, which are no paths: too far for the range
-        encoding, and light that does not carry it.
+        Pixels with an echo and without a length: too far for the range encoding, and light that
+        does not carry it.
     """
 
     paths: int = 0
@@ -189,7 +135,7 @@ class PathCounts:
 
     @classmethod
     def of(cls, flags: Flags, **left_out: int) -> PathCounts:
-        """Count paths by their flags, (n,); `left_out` are the counts that flags do not tell."""
+        """Count paths by their flags, (n,); `left_out` are the counts that flags do not give."""
         flagged = {
             name: int(np.count_nonzero(flags & PATH_FLAGS[name]))
             for name in cls.__dataclass_fields__
@@ -200,7 +146,7 @@ class PathCounts:
 
 @dataclass(frozen=True)
 class Paths:
-    """Propagation paths, one a row; all arrays of one length. ``paths[a:b]`` is `select`.
+    """Propagation paths, one per row; all arrays of one length. ``paths[a:b]`` is `select`.
 
     Attributes
     ----------
@@ -223,11 +169,10 @@ class Paths:
     motion
         Lengths over the burst; None: constant range rates, see `lengths`.
     gain
-        What a radar system makes of the power, the mean over the burst, see
-        :mod:`.scattering.antenna_gains`; None: 1.
+        Factor of the power by a link budget, the mean over the burst; None: 1.
     phasors
-        Complex factors of the amplitudes from the surface's scatterers, see
-        :mod:`.scattering.surface_speckle`; NaN where unknown, None: none.
+        Complex factors of the amplitudes from the surface's scatterers (speckle); NaN where
+        unknown, None: none.
     mirror_phase_rad
         Phases of the amplitudes from mirrors, as echoes have them [rad]; None: 0.
     """
@@ -314,7 +259,6 @@ class Paths:
 
 
 def _joined_geometry(tables: Sequence[Paths]) -> PathGeometry | None:
-    """Geometry of all rows of some tables; None where one has none."""
     geometries = [t.geometry for t in tables if t.geometry is not None]
     if len(geometries) < len(tables):
         return None
@@ -322,6 +266,42 @@ def _joined_geometry(tables: Sequence[Paths]) -> PathGeometry | None:
     known = next((one for one in images if one is not None), None)
     over = None if known is None else known.join(images, [len(t) for t in tables])
     return join_columns(geometries, images=over)
+
+
+def select_columns(table: Table, rows: Rows) -> Table:
+    """Return some rows of every column of a dataclass.
+
+    Columns are arrays (n, ...) and objects with a method `select`; other fields are kept.
+    """
+    columns = dict(vars(table))
+    for name, column in columns.items():
+        if isinstance(column, np.ndarray):
+            columns[name] = column[rows]
+        elif hasattr(column, "select"):
+            columns[name] = column.select(rows)
+    return type(table)(**columns)
+
+
+def join_columns(tables: Sequence[Table], **joined: Any) -> Table:
+    """Return the rows of several tables (one at least) of one type, one behind the other.
+
+    Where a table has None for a column, it is filled with the field's metadata "absent"; without
+    that the result has None, too. `joined` are fields that are no arrays, already joined.
+    """
+    kind: Any = type(tables[0])
+    for item in dataclasses.fields(kind):
+        if item.name in joined:
+            continue
+        columns = [getattr(table, item.name) for table in tables]
+        if not all(column is None for column in columns) and "absent" in item.metadata:
+            fill = item.metadata["absent"]
+            columns = [
+                np.full(len(cast(Sized, table)), fill) if column is None else column
+                for table, column in zip(tables, columns, strict=True)
+            ]
+        known = all(column is not None for column in columns)
+        joined[item.name] = np.concatenate(columns) if known else None
+    return cast(Table, kind(**joined))
 
 
 def make_paths(
@@ -390,16 +370,6 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
     return power_w if paths.gain is None else power_w * paths.gain
 
 
-# -------------------------------------------------------------------------------------------------
-# Lengths of paths between the elements of a channel, from those between the antennas' origins.
-#
-#     l_ij = l - |rx - P_first| - |P_last - tx| + |rx_j - P_first| + |P_last - tx_i|
-#
-# at every moment, spherical wavefronts included. The differences are formed without cancellation,
-# so that the length keeps the digits of the path's own.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Rows times times that are computed at once: 12 MB for each array of vectors.
 _BLOCK = 1 << 19
 
@@ -421,7 +391,6 @@ class ChannelMotion:
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         turns = (self.antennas.receiver.moving and self.channel.rx.displaced) or (
             self.antennas.transmitter.moving and self.channel.tx.displaced
         )
@@ -429,16 +398,13 @@ class ChannelMotion:
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return self.reference.moving_vertices
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
-        """See `PathMotion`."""
         return self.reference.scatterers_move
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        """See `PathMotion`."""
         lengths = np.array(self.reference.lengths_m(times_s, rows))
         index = np.arange(self.first_scatterer_m.shape[0])[rows]
         step = max(1, _BLOCK // max(np.size(times_s), 1))
@@ -451,7 +417,7 @@ class ChannelMotion:
     def _leg_change(
         self, times_s: Real, rows: NDArray[np.intp], end: int, element: Element
     ) -> Real:
-        """Length of a leg to the element less that to the origin, (rows, times) [m]."""
+        """Return the length of a leg to the element less that to the origin, (rows, times) [m]."""
         body = (self.antennas.receiver, self.antennas.transmitter)[end]
         points = (self.first_scatterer_m, self.last_scatterer_m)[end][rows]
         offset_m = axes_of(body, times_s) @ np.asarray(element.position_m)
@@ -470,11 +436,9 @@ class ChannelMotion:
         return leg_change(arm.reshape(-1, 3), flat).reshape(arm.shape[:2])
 
     def displacements_m(self, times_s: Real, rows: Rows, end: int, points_m: Real) -> Real:
-        """See `PathMotion`."""
         return self.reference.displacements_m(times_s, rows, end, points_m)
 
     def select(self, rows: Rows) -> ChannelMotion:
-        """See `PathMotion`."""
         return ChannelMotion(
             self.reference.select(rows),
             self.channel,
@@ -490,24 +454,8 @@ def channel_lengths(
 ) -> PathMotion:
     """Return the lengths over a burst of paths between the elements of a channel.
 
-    Parameters
-    ----------
-    paths
-        n paths between the antennas' origins.
-    channel
-        Elements; at the origins the lengths are those of the paths.
-    antennas
-        Motion of the antennas; needed where an element is away from its origin.
-
-    Returns
-    -------
-    PathMotion
-        Of n paths.
-
-    Raises
-    ------
-    ConfigError
-        An element is away from the origin and a vertex, its motion, or the antennas are unknown.
+    Where an element is away from its origin, the motion of the antennas and of the paths' vertices
+    must be known.
     """
     if not channel.displaced:
         return paths.lengths

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sub-pixel replicates of a pixel grid, and what edges along the grid make uncertain.
+"""Sub-pixel replicates of a pixel grid, and the error that edges along the grid leave.
 
-The scatter of the replicates tells the error of their mean, but for edges that run along the grid:
-a side of 20.1 pixels holds 20 columns in all replicates, more often than not, and nothing of the
-tenth of a column is seen in their scatter. What can be said of such an edge is that it lies
-somewhere between the rays nearest to it. That bounds the error from below, run by run of pixels
-whose edge lies in one line; an oblique edge has short runs and adds little.
+The scatter of the replicates gives the error of their mean, except at edges that run along the
+grid: a side of 20.1 pixels mostly contains 20 columns in all replicates, and their scatter shows
+nothing of the tenth of a column. Such an edge lies somewhere between the rays nearest to it. That
+bounds the error from below, run by run of pixels whose edge lies in one line; an oblique edge has
+short runs and adds little.
 
-A single replicate has no scatter. Its error is that of its edges, and what neighbouring pixels
-of one surface differ by.
+A single replicate has no scatter. Its error is that of its edges, and the differences of
+neighbouring pixels of one surface.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ from .table import PathRows
 MOST_UNCERTAIN = 0.5
 #: Steps of the additive recurrence (Roberts' R2 sequence): 1/g and 1/g^2, g^3 = g + 1.
 _R2 = (0.7548776662466927, 0.5698402909980532)
-#: Replicates whose pairs are summed up; the variance of more is taken to fall as their number does.
-_MOST_PAIRED = 1024
 
 
 def replicate_offset_px(index: int) -> tuple[float, float]:
@@ -37,15 +35,6 @@ def replicate_offset_px(index: int) -> tuple[float, float]:
 
     A low-discrepancy sequence that starts off the pixel centre: a ray exactly on the shared edge of
     two triangles counts both.
-
-    Parameters
-    ----------
-    index
-        Number of the replicate, from 0.
-
-    Returns
-    -------
-    (float, float)
     """
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
     v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
@@ -54,7 +43,7 @@ def replicate_offset_px(index: int) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def replicate_variances(count: int) -> tuple[float, float]:
-    """Return the variance of a side, as told by the first `count` replicates, across and down
+    """Return the variance of a side, measured with the first `count` replicates, across and down
     [px^2].
 
     It is the mean over all lengths and places of the side. The points x_i of the replicates in an
@@ -64,7 +53,7 @@ def replicate_variances(count: int) -> tuple[float, float]:
     Niederreiter, Uniform Distribution of Sequences, 1974, ch. 2). Evenly spaced points have 1/(6
     S^2).
     """
-    paired = min(count, _MOST_PAIRED)
+    paired = min(count, 1024)  # of more, the variance is taken to fall as their number rises
     replicates = np.array([replicate_offset_px(i) for i in range(paired)])
     across, down = (
         float(np.mean(x**2 - x + 1 / 6))
@@ -83,25 +72,8 @@ def edge_variances(
 ) -> Real:
     """Compute the least variance of the mean value of each label, by its edges along the grid.
 
-    Parameters
-    ----------
-    rows
-        Of one tile at one replicate.
-    label
-        What each row belongs to, from 1; 0: nothing, (n,).
-    value
-        What is summed up, such as the power of the replicate alone, (n,).
-    receiver
-        Of the frame.
-    count
-        Number of replicates that are averaged.
-    grid
-        Finds the pixels of rows.
-
-    Returns
-    -------
-    ndarray
-        By label from 0, (labels + 1,).
+    The rows are of one tile at one of `count` replicates. Each has a label from 1 (0: none) and a
+    value such as the power of the replicate alone, (n,). Gives (labels + 1,), by label from 0.
     """
     total = np.zeros(int(label.max(initial=0)) + 1)
     for labels, (values,) in _images(rows, label, value[None], receiver, count, grid):
@@ -118,25 +90,13 @@ def lone_variances(
 ) -> Real:
     """Compute the variance of the value of each label where there is one replicate alone.
 
-    To what the edges leave open comes what differs within a surface: a grid of rays samples it
-    systematically, and neighbours of one surface and path class have the same expectation but for
-    what changes from one pixel to the next, so half the mean squared difference of two is the
-    variance of one, or more (successive differences: Wolter, Introduction to Variance Estimation,
-    2007, ch. 8). A pixel without neighbours may be wrong by all of itself.
+    To the part of the edges comes the difference within a surface: a grid of rays samples it
+    systematically, and neighbours of one surface and path class have the same expectation except
+    for the change from one pixel to the next. Half the mean squared difference of two is therefore
+    the variance of one, or more (successive differences: Wolter, Introduction to Variance
+    Estimation, 2007, ch. 8). A pixel without neighbours may be wrong by all of itself.
 
-    Parameters
-    ----------
-    rows, label, receiver
-        As for :func:`edge_variances`.
-    value
-        What is summed up, (n,), or several such, (sets, n).
-    grid
-        Finds the pixels of rows.
-
-    Returns
-    -------
-    ndarray
-        By label from 0, (labels + 1,) or (sets, labels + 1).
+    Arguments are as for `edge_variances`; values (sets, n) give (sets, labels + 1).
     """
     sets, size = np.atleast_2d(value), int(label.max(initial=0)) + 1
     lost = np.flatnonzero((label > 0) & ~placed(rows, receiver))
@@ -157,8 +117,8 @@ def _images(
     count: int,
     grid: Places = grid_places,
 ) -> Iterator[tuple[Integers, Real]]:
-    """Labels, and values (sets, n), on the grid of pixels, path class by path class, with an empty
-    rim.
+    """Yield labels, and values (sets, n), on the grid of pixels, path class by path class, with an
+    empty rim.
     """
     kept = np.flatnonzero((label > 0) & placed(rows, receiver))
     if kept.size == 0:
@@ -177,7 +137,7 @@ def _images(
 
 
 def _edge_variance(labels: Integers, values: Real, count: int, size: int) -> Real:
-    """By label, for the mean of so many replicates."""
+    """Return the variance by label, for the mean of so many replicates."""
     total = np.zeros(size)
     for axis, variance in zip((1, 0), replicate_variances(count), strict=True):
         for step in (1, -1):
@@ -188,7 +148,7 @@ def _edge_variance(labels: Integers, values: Real, count: int, size: int) -> Rea
 
 
 def _scatter_variance(labels: Integers, values: Real, size: int) -> Real:
-    """By label, from the differences of neighbours that bear the same one."""
+    """Return the variance by label, from the differences of neighbours of one label."""
     squares, pairs = np.zeros(size), np.zeros(size)
     for axis in (0, 1):
         # the rim is empty: nothing wraps around
@@ -206,7 +166,7 @@ def _scatter_variance(labels: Integers, values: Real, size: int) -> Real:
 def _squared_runs(
     edge: NDArray[np.bool_], labels: Integers, values: Real, axis: int, size: int
 ) -> Real:
-    """Sum by label of the squared values of each run of edge pixels in a line along the edge."""
+    """Sum, by label, the squared values of each run of edge pixels in a line along the edge."""
     if axis == 1:
         edge, labels, values = edge.T, labels.T, values.T
     on = edge.ravel()

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of propagation paths on disk: one row a path, a plain numpy structured array.
+"""The table of propagation paths on disk: one row per path, a plain numpy structured array.
 
-``numpy.load("paths.npy", mmap_mode="r")`` opens it; nothing is pickled. Tables are written in
-parts and joined without holding them in memory, so a run may be larger than the machine.
+``numpy.load("paths.npy", mmap_mode="r")`` opens it; nothing is pickled. Tables are written in parts
+and joined without holding them in memory, so a run may be larger than the machine. Rows are long:
+columns are read part by part, or gathered on access, while a part is in the processor's cache.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from ...errors import FrameFileError
 from ...typed_json import file_sha256
 
 PathRows = NDArray[np.void]
+#: Columns by name, those of vectors with contiguous components.
+Columns = Mapping[str, NDArray[Any]]
 
 
 def _group(version: int, *columns: tuple[object, ...]) -> ColumnGroupRecord:
@@ -110,9 +113,6 @@ IMAGE_DTYPE = _dtype(
 CURVED_IMAGE_DTYPE = _dtype(
     column for group in (*COLUMN_GROUPS.values(), CURVED_IMAGE_COLUMNS) for column in group.columns
 )
-#: Version of the geometry of a table with images: its end vertices are seen over mirrors.
-_GEOMETRY_WITH_IMAGES = 2
-
 #: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
 MAX_ROWS = 5_000_000_000
 #: Bytes of a large table after which the disk begins to take them, while others are computed.
@@ -120,36 +120,18 @@ _SYNC_EVERY = 1 << 27
 
 
 def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
-    """Return the column groups of a table.
-
-    Parameters
-    ----------
-    columns
-        Names of its columns.
-
-    Returns
-    -------
-    dict
-        Group by name.
-    """
+    """Return the column groups of a table with these columns, by name."""
     if "transmitter_image" not in columns:
         return COLUMN_GROUPS
-    geometry = dataclasses.replace(COLUMN_GROUPS["geometry"], version=_GEOMETRY_WITH_IMAGES)
+    # the end vertices of version 2 are seen over mirrors
+    geometry = dataclasses.replace(COLUMN_GROUPS["geometry"], version=2)
     images = CURVED_IMAGE_COLUMNS if "transmitter_plane" in columns else IMAGE_COLUMNS
     return {**COLUMN_GROUPS, "geometry": geometry, IMAGE_GROUP: images}
 
 
 @dataclass(frozen=True)
 class TableFile:
-    """A table that was written.
-
-    Attributes
-    ----------
-    rows
-        Number of its rows.
-    sha256
-        Digest of the file, in hexadecimal digits.
-    """
+    """A table that was written."""
 
     rows: int
     sha256: str
@@ -163,25 +145,8 @@ def write_table(
 ) -> TableFile:
     """Write rows as one ``.npy`` file under a temporary name, then rename.
 
-    Parameters
-    ----------
-    path
-        File to make.
-    parts
-        Arrays of `dtype`; only one is in memory at a time.
-    dtype
-        `PATH_DTYPE`; `IMAGE_DTYPE` or `CURVED_IMAGE_DTYPE` with images.
-    rows
-        Number of all rows; None: unknown, and the file is read once more for its digest.
-
-    Returns
-    -------
-    TableFile
-
-    Raises
-    ------
-    OutputError
-        The folder is missing, read-only or full. Nothing half-written is left.
+    `parts` are arrays of `dtype`, of which only one is in memory at a time. With `rows`, the number
+    of all, the file need not be read again for its digest.
     """
     found, digest = 0, hashlib.sha256()
     with (
@@ -215,7 +180,7 @@ def write_table(
 
 
 def _header(rows: int, dtype: np.dtype[np.void]) -> bytes:
-    """The header of a table, of one length whatever the number of rows."""
+    """Return the header of a table, of one length whatever the number of rows."""
     header = npy_format.header_data_from_array_1_0(np.empty(0, dtype=dtype))
     header["shape"] = (rows,)
     text = repr(header)
@@ -233,26 +198,10 @@ def open_table(
     listed: Mapping[str, ColumnGroupRecord] | None = None,
     needed: Collection[str] = tuple(COLUMN_GROUPS),
 ) -> PathRows:
-    """Open a table memory-mapped: rows are read when they are used.
+    """Open a table memory-mapped, with the columns of the groups that this version knows.
 
-    Parameters
-    ----------
-    path
-        Table.
-    listed
-        Groups that the table has by its sidecar; empty or None: told from its columns alone.
-    needed
-        Groups without which the table is of no use to the caller.
-
-    Returns
-    -------
-    ndarray
-        (rows,), with the columns of the groups that this version knows.
-
-    Raises
-    ------
-    FrameFileError
-        The file is missing, truncated, no table of paths, or lacks a needed group.
+    `listed` are its groups by its sidecar (empty or None: from the columns alone); without one
+    of the `needed` groups the table is refused.
     """
     shape, dtype, start = _read_header(path)
     columns = _known_columns(path, dtype, listed, needed)
@@ -269,7 +218,7 @@ def open_table(
 
 
 def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
-    """Shape, columns, and first byte of the rows."""
+    """Return shape, columns, and first byte of the rows."""
     try:
         with open(path, "rb") as stream:
             shape, fortran, dtype, _ = read_header(stream)
@@ -298,7 +247,7 @@ def _known_columns(
     listed: Mapping[str, ColumnGroupRecord] | None,
     needed: Collection[str],
 ) -> np.dtype[np.void]:
-    """Where the columns of the known groups are in a row of the file."""
+    """Return where the columns of the known groups are in a row of the file."""
     found: list[str] = []
     # Without the columns of images, the ends of their paths would be misread.
     images = not listed or listed.get("geometry", COLUMN_GROUPS["geometry"]).version != 1
@@ -317,7 +266,7 @@ def _known_columns(
 def _fault(
     group: ColumnGroupRecord, dtype: np.dtype[np.void], listed: ColumnGroupRecord | None
 ) -> str:
-    """Why a group cannot be read; empty where it can."""
+    """Return why a group cannot be read; empty where it can."""
     if listed is None:
         return "its sidecar does not list it"
     if listed.version != group.version:
@@ -332,47 +281,21 @@ def _fault(
 
 
 def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """Yield a table in chunks of at most `rows` rows: views, not to be written to.
-
-    Parameters
-    ----------
-    table
-        Rows, (n,), in memory or mapped.
-    rows
-        Most rows of a chunk.
-
-    Yields
-    ------
-    ndarray
-    """
+    """Yield a table in chunks of at most `rows` rows: views, not to be written to."""
     for start in range(0, table.size, rows):
         yield np.asarray(table[start : start + rows])
 
 
-# -------------------------------------------------------------------------------------------------
-# Rows of the path table: read column by column, and with or without images of the antennas.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Columns by name, those of vectors with contiguous components.
-Columns = Mapping[str, NDArray[Any]]
 #: Rows that are read or written at a time.
 _ROWS_AT_ONCE = 1 << 12
 
 
 class PathColumns:
-    """Rows of a table, read column by column, as an array of rows is: each is gathered when asked.
+    """Some rows of a table, by number, in any order and more than once; each column is gathered on
+    first access.
 
     A row is so long that gathering all of it, and reading a column of it, take ten times as long.
-
-    Parameters
-    ----------
-    table
-        Table, in memory or mapped.
-    rows
-        Numbers of rows, in any order and more than once, (n,).
-    changed
-        Columns of other values than the table's, by name.
+    `changed` are columns of other values than the table's.
     """
 
     def __init__(
@@ -402,27 +325,12 @@ class PathColumns:
         self._columns[name] = column
 
     def copy(self) -> PathColumns:
-        """Return rows of which columns may be replaced."""
+        """Return the same rows; columns of the copy may be replaced."""
         return PathColumns(self._table, self._rows, self._columns)
 
 
 def read_columns(rows: PathRows, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Return copies of some columns, of vectors with contiguous components.
-
-    Rows are long: all columns of a part are read while it is in the processor's cache.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-    names
-        Of the columns.
-
-    Returns
-    -------
-    dict
-        Column by name, (n,) or (n, 3).
-    """
+    """Return copies of some columns, (n,) or (n, 3), of vectors with contiguous components."""
     kinds = [rows.dtype[name] for name in names]
     found = [np.empty((*kind.shape, rows.size), kind.base) for kind in kinds]
     for start in range(0, rows.size, _ROWS_AT_ONCE):
@@ -433,15 +341,7 @@ def read_columns(rows: PathRows, names: Sequence[str]) -> dict[str, NDArray[Any]
 
 
 def write_columns(rows: PathRows, columns: Mapping[str, Any]) -> None:
-    """Set some columns, part by part as `read_columns` reads them.
-
-    Parameters
-    ----------
-    rows
-        (n,), which are changed.
-    columns
-        Values by column, (n,) or (n, 3), or one for all rows.
-    """
+    """Set some columns of rows to values (n,) or (n, 3), or to one value for all rows."""
     for start in range(0, rows.size, _ROWS_AT_ONCE):
         some = slice(start, start + _ROWS_AT_ONCE)
         part = rows[some]
@@ -450,45 +350,14 @@ def write_columns(rows: PathRows, columns: Mapping[str, Any]) -> None:
 
 
 def chosen_rows(columns: Columns, rows: Indices) -> Columns:
-    """Return some rows of columns.
-
-    Parameters
-    ----------
-    columns
-        As from `read_columns`, of n rows.
-    rows
-        Numbers of different rows that rise, (m,).
-
-    Returns
-    -------
-    dict
-        Column by name, (m,) or (m, 3); those of all rows are the columns themselves.
-    """
+    """Return some rows of columns, by numbers that rise; of all rows, the columns themselves."""
     if all(rows.size == len(column) for column in columns.values()):
         return columns
     return {name: column.T.take(rows, axis=-1).T for name, column in columns.items()}
 
 
 def widened(rows: PathRows, dtype: np.dtype[np.void]) -> PathRows:
-    """Return rows of a type with more columns, which are 0, behind those that they have.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-    dtype
-        Its first columns are those of the rows.
-
-    Returns
-    -------
-    ndarray
-        (n,).
-
-    Raises
-    ------
-    ValueError
-        The type begins with other columns.
-    """
+    """Return rows of a type with more columns, which are 0, behind those that they have."""
     if dtype.descr[: len(rows.dtype.descr)] != rows.dtype.descr:
         raise ValueError("A wider row must begin with the same columns.")
     # each row as one piece: column by column takes ten times as long
@@ -505,58 +374,20 @@ AnyRows = PathRows | PathColumns
 
 
 def has_images(rows: AnyRows) -> bool:
-    """Return whether rows have the columns of images.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-
-    Returns
-    -------
-    bool
-    """
     return "transmitter_image" in (rows.dtype.names or ())
 
 
 def has_curved_images(rows: AnyRows) -> bool:
-    """Return whether rows have the columns of images in curved mirrors.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-
-    Returns
-    -------
-    bool
-    """
     return "transmitter_plane" in (rows.dtype.names or ())
 
 
 def scatterer_rows(rows: AnyRows) -> AnyRows:
-    """Return rows whose order leaves out the mirrors of images.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-
-    Returns
-    -------
-    ndarray
-        (n,), a copy where there are any mirrors.
-    """
+    """Return rows whose order leaves out the mirrors of images; a copy where there are any."""
     if not has_images(rows) or not rows["mirrors"].any():
         return rows
     rows = rows.copy()
     rows["order"] = rows["order"] - rows["mirrors"]
     return rows
-
-
-# -------------------------------------------------------------------------------------------------
-# The record of a table that no render has made.
-# -------------------------------------------------------------------------------------------------
 
 
 def unrendered_record(
@@ -567,25 +398,8 @@ def unrendered_record(
     objects: Sequence[str],
     replicates: int = 1,
 ) -> PathsRecord:
-    """Return a record in which only what the arguments say is known.
-
-    Parameters
-    ----------
-    receiver, transmitter
-        Antennas at the frame's time.
-    carrier_hz
-        Carrier [Hz].
-    rows
-        Table of single reflections, (n,).
-    objects
-        Names of the objects, which rows number from 1.
-    replicates
-        Replicates of the table.
-
-    Returns
-    -------
-    PathsRecord
-        Of frame 0, without pixels, renders and files.
+    """Return the record of a table of single reflections that no render has made, of frame 0: only
+    the arguments are known. Rows number the objects from 1.
     """
     return PathsRecord(
         frame=0,

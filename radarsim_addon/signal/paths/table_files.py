@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of a radar frame, opened and checked, and what its rows say of lengths and motion."""
+"""The table of a radar frame, opened and checked: lengths, vertices, images and motion of its rows.
+
+The rows are compared with the sidecar and the files of motion by their digests, and their numbers
+with bounds within which they can be summed. The digest of all rows is compared in
+`open_frame_table` and nowhere else: open a table once and hand it on.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +25,6 @@ from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .paths import PathFlag, PathGeometry
 from .table import AnyRows, PathRows, has_curved_images, has_images, iter_rows, open_table
 
-#: Rows whose columns are checked one after the other while they are in the processor's cache.
-_ROWS_IN_CACHE = 1 << 13
 #: Bounds of quantities of a row, by column: least, most, and whether NaN (unknown) is allowed.
 _BOUNDS = {
     "power_w": (-1e30, 1e30, False),  # estimates of differences are below 0 by chance
@@ -37,26 +40,8 @@ _BOUNDS = {
 
 
 def read_paths_record(folder: Path, frame: int, run_fingerprint: str = "") -> PathsRecord:
-    """Read the sidecar of a frame's table.
-
-    Parameters
-    ----------
-    folder
-        Folder of the radar frame, or of one render of its burst.
-    frame
-        Number that the record must have.
-    run_fingerprint
-        Fingerprint of the run that the record must be of; empty: any run. Records of older
-        versions name no run.
-
-    Returns
-    -------
-    PathsRecord
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        It is missing, damaged, newer than this version, or of another frame or run.
+    """Read the sidecar of a frame's table, which must be of this frame and run (empty: any run).
+    Records of older versions name no run.
     """
     record = read_record(folder / PATHS_FILE, PathsRecord)
     if record.frame != frame or record.table_file != PATHS_TABLE:
@@ -71,25 +56,7 @@ def read_paths_record(folder: Path, frame: int, run_fingerprint: str = "") -> Pa
 def open_frame_table(
     folder: Path, frame: int, run_fingerprint: str = ""
 ) -> tuple[PathsRecord, PathRows]:
-    """Open the sidecar and the table of a frame, and check them against each other.
-
-    The hash of all rows is compared here and nowhere else: open a table once and hand it on.
-
-    Parameters
-    ----------
-    folder, frame, run_fingerprint
-        As for :func:`read_paths_record`.
-
-    Returns
-    -------
-    PathsRecord, ndarray
-        The sidecar, and the memory-mapped rows (n,) by the columns of today.
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        A file is missing or damaged, they do not belong together, or a group of columns is missing.
-    """
+    """Open the sidecar and the mapped table of a frame, and check them against each other."""
     record = read_paths_record(folder, frame, run_fingerprint)
     path = folder / PATHS_TABLE
     table = open_table(path, record.column_groups)
@@ -125,7 +92,7 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
                     "Remove both and render the run again."
                 )
     first = 0
-    for rows in iter_rows(table, _ROWS_IN_CACHE):
+    for rows in iter_rows(table, 1 << 13):  # they stay in the processor's cache
         for name, (*bounds, blank) in _BOUNDS.items():
             if name in (rows.dtype.names or ()):
                 _check_column(path, rows, name, first, bounds, blank)
@@ -133,12 +100,7 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
 
 
 def _check_column(
-    path: Path,
-    rows: PathRows,
-    name: str,
-    first_row: int,
-    bounds: Sequence[float],
-    blank: bool,
+    path: Path, rows: PathRows, name: str, first_row: int, bounds: Sequence[float], blank: bool
 ) -> None:
     values = rows[name]
     if values.min() >= bounds[0] and values.max() <= bounds[1]:  # False with NaN
@@ -157,25 +119,13 @@ def _check_column(
         )
 
 
+def usable(rows: PathRows) -> Mask:
+    """Return which rows have a length, (n,)."""
+    return np.asarray((rows["flags"] & PathFlag.NO_RANGE) == 0)
+
+
 def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
-    """Read the motion of what the paths of a table touch; None where the run has none.
-
-    Parameters
-    ----------
-    folder
-        Where the table is.
-    record
-        Its sidecar.
-
-    Returns
-    -------
-    FrameMotion or None
-
-    Raises
-    ------
-    FrameFileError, SchemaError
-        A file is missing or damaged, or they do not belong together.
-    """
+    """Read the motion of the bodies that the paths of a table touch; None: the run has none."""
     if not record.motion_file:
         return None
     if record.motion_file != MOTION_FILE:
@@ -188,20 +138,8 @@ def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
-    """Return the radiance of rows: power over solid angle and an isotropic receiver's effective
-    area.
-
-    Parameters
-    ----------
-    rows
-        Rows of the table, (n,).
-    record
-        Sidecar of the table, for the carrier.
-
-    Returns
-    -------
-    ndarray
-        (n,) [W m^-2 sr^-1].
+    """Return the radiance of rows, (n,) [W m^-2 sr^-1]: power over solid angle and an isotropic
+    receiver's effective area.
     """
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     area_m2 = float(effective_area_m2(wavelength_m))
@@ -209,25 +147,7 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
 
 
 def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None:
-    """Return the images over which rows of a table go.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-    images
-        Those that the rows name, from the table's sidecar.
-
-    Returns
-    -------
-    PathImages or None
-        None where there are none.
-
-    Raises
-    ------
-    ConfigError
-        The rows name an image that the sidecar does not have.
-    """
+    """Return the images over which rows go, from those in the table's sidecar; None: no images."""
     curved = has_curved_images(rows)
     if not (curved or (images and has_images(rows))):
         return None
@@ -243,17 +163,8 @@ def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None
 
 
 def planes_of(rows: AnyRows) -> Real | None:
-    """Return the planes of images in curved mirrors.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-
-    Returns
-    -------
-    ndarray or None
-        Normals and offsets of receiver and transmitter, (n, 2, 4) [m]; None without the columns.
+    """Return normals and offsets of the planes of images in curved mirrors, of receiver and
+    transmitter, (n, 2, 4) [m]; None without the columns.
     """
     if not has_curved_images(rows):
         return None
@@ -261,19 +172,7 @@ def planes_of(rows: AnyRows) -> Real | None:
 
 
 def geometry_of(rows: AnyRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
-    """Return the vertices and directions of rows of the table.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-    images
-        Those that the rows name.
-
-    Returns
-    -------
-    PathGeometry
-    """
+    """Return the vertices and directions of rows; `images` are those that the rows name."""
     return PathGeometry(
         order=rows["order"].astype(np.int32),
         transparent_depth=rows["transparent_depth"].astype(np.int32),
@@ -286,41 +185,8 @@ def geometry_of(rows: AnyRows, images: Sequence[ImageRecord] = ()) -> PathGeomet
     )
 
 
-def usable(rows: PathRows) -> Mask:
-    """Return which rows have a length.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-
-    Returns
-    -------
-    ndarray
-        Mask, (n,).
-    """
-    return np.asarray((rows["flags"] & PathFlag.NO_RANGE) == 0)
-
-
 def motion_of_rows(rows: PathRows, scene: FrameMotion) -> KinematicMotion:
-    """Return how the lengths of rows of a table change over the burst.
-
-    Parameters
-    ----------
-    rows
-        (n,).
-    scene
-        The frame's motion.
-
-    Returns
-    -------
-    KinematicMotion
-
-    Raises
-    ------
-    ConfigError
-        The rows name a body or a surface point that the motion does not have.
-    """
+    """Return how the lengths of rows change over the burst."""
     one = np.asarray(rows["order"] == 1)
 
     def ends(what: str) -> Int32:

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rows of a table as the points that they are spread over: what echoes of rough surfaces are of.
+"""Rows of a table as the points that they are spread over, for echoes of rough surfaces.
 
-The points are those of expected power, see :mod:`.paths.footprints`, with their places in space: as
-a pixel reaches half-way to the rays around it, a point lies between their vertices. Its length is
-that over its place, so that speckle, which belongs to places on the surface, stays where it is.
+The points are those of expected power, see `footprints`, with their places in space: as a pixel
+reaches half-way to the rays around it, a point lies between their vertices. Its length is the one
+over its place, so that speckle, which belongs to places on the surface, stays where it is.
+
+`power_of_range_bins` sums the same points over range bins. They are never all in memory: rows of as
+many points across and up are treated together, as many as the processor's cache holds.
 """
 
 from __future__ import annotations
@@ -36,17 +39,18 @@ from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.
 _POINTS_A_ROW = 4
-#: Rows of a table whose points are kept until they are wanted again: some 120 bytes each.
+#: Rows of a table whose points are kept until they are needed again: about 120 bytes each.
 _KEPT_ROWS = 1 << 20
 
 
 class _Split(NamedTuple):
-    """Rows of several points (n,) in rising order, what their steps lie between, (n, 2, 2, 2), and
-    how many points they have across and up, (n, 2).
-    """
+    """Rows that have several points, in rising order."""
 
+    #: Numbers in the table, (n,).
     rows: Indices
+    #: Rows that their steps lead from and to, (n, 2, 2, 2).
     between: NDArray[np.signedinteger]
+    #: Number of points across and up, (n, 2).
     along: NDArray[np.int16]
 
 
@@ -54,16 +58,9 @@ _NONE = _Split(np.zeros(0, np.intp), np.zeros((0, 2, 2, 2), np.int32), np.zeros(
 
 
 class TableFootprints:
-    """Finds what rows of a table are spread over; all other rows are points of their own.
+    """Points that rows of a table are spread over; all other rows are points of their own.
 
-    Parameters
-    ----------
-    record, table
-        From :func:`.paths.open_frame_table`.
-    cell_m
-        Largest distance of the points in total length [m].
-    cell_mps
-        Largest distance in range rate [m/s].
+    Points are at most `cell_m` of total length and `cell_mps` of range rate apart.
     """
 
     def __init__(
@@ -79,14 +76,8 @@ class TableFootprints:
         self._kept: dict[int, tuple[Indices, tuple[Indices, PathColumns]]] = {}
 
     def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
-        """Take the steps of whole views, one after another, from who needs them too.
-
-        Parameters
-        ----------
-        number, rows
-            Usable rows of these views, and their numbers in the table, (n,) each.
-        steps
-            From `steps_of`.
+        """Take the steps of whole views, one after another, that somebody else needed too; the rows
+        (n,) are those with a length, `number` in the table.
         """
         if number.size and _placed(rows).all():
             first, last = (np.searchsorted(self._starts, number[[0, -1]], "right") - 1).tolist()
@@ -94,17 +85,17 @@ class TableFootprints:
             self._add(first, number, steps, last + 1 - first)
 
     def _add(self, view: int, number: Indices, steps: Steps, views: int = 1) -> None:
-        """Rows of several views are kept as those of the first one."""
+        """Add the rows of several views as those of the first one."""
         along = points_along(steps, *self._cell, _POINTS_A_ROW, views)
         several = np.flatnonzero(along.max(axis=1, initial=1) > 1)
-        # 44 bytes a row, for half of the rows of a scene: numbers no longer than they have to be
+        # 44 bytes per row, for half of the rows of a scene: numbers as short as they can be
         kind: type[np.signedinteger] = np.int32 if self._table.size < 1 << 31 else np.int64
         between: NDArray[np.signedinteger] = number[steps.between[several]].astype(kind)
         self._views[view] = _Split(number[several], between, along[several].astype(np.int16))
 
     @functools.cached_property
     def _split(self) -> _Split:
-        """The rows of all views in rising order; views that nobody gave are looked at here."""
+        """The rows of all views in rising order; here the views without given steps get them."""
         record = self._record
         for view, (start, stop) in enumerate(zip(self._starts, self._stops, strict=True)):
             if view not in self._views:
@@ -116,18 +107,8 @@ class TableFootprints:
         return _Split(*map(np.concatenate, zip(_NONE, *parts, strict=True)))
 
     def points(self, numbers: Indices) -> tuple[Indices, PathColumns]:
-        """Return the points of some rows, themselves as rows of a table.
-
-        Parameters
-        ----------
-        numbers
-            Rows of the table, (n,).
-
-        Returns
-        -------
-        ndarray, PathColumns
-            Index in `numbers` that each point belongs to, and the points with their parts of power
-            and solid angle, (points,) each.
+        """Return the points of some rows, themselves as rows of a table with their parts of power
+        and solid angle, and the index in `numbers` that each belongs to, (points,) each.
         """
         first = int(numbers[0]) if numbers.size else -1
         kept = self._kept.pop(first, None)
@@ -186,16 +167,8 @@ class TableFootprints:
 
 
 def _placed(rows: PathRows) -> Mask:
-    """Which rows have a known last vertex, (n,)."""
+    """Return which rows have a known last vertex, (n,)."""
     return are_finite(rows["last_scatterer_m"])
-
-
-# -------------------------------------------------------------------------------------------------
-# Power of range bins, each row spread over what its pixel covers (:mod:`.footprints`).
-#
-# The sums are those of the points that `footprints.spread` makes. Those are never all in memory:
-# rows of as many points across and up are treated together, as many as the processor's cache holds.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Points that are treated at a time: their arrays stay in the processor's cache.
@@ -205,33 +178,17 @@ _POINTS_AT_ONCE = 1 << 14
 def power_of_range_bins(
     rows: PathRows, steps: Steps, bin_m: float, bins: int, view: Indices, views: int
 ) -> Real:
-    """Compute the power of each range bin, view by view.
+    """Compute the power of each range bin [W], (views, bins + 1): the last bin holds all that is
+    beyond.
 
-    Points lie at most half a bin apart. One that reaches over a border is cut in two there.
-
-    Parameters
-    ----------
-    rows
-        Of tiles at one replicate each, the views, with lengths, (n,).
-    steps
-        Of these rows, from `footprints.steps_of`.
-    bin_m
-        Width of a range bin [m].
-    bins
-        Number of bins.
-    view, views
-        Number of each row's view, (n,), and of all.
-
-    Returns
-    -------
-    ndarray
-        By view and bin [W], (views, bins + 1): the last bin holds all that is beyond.
+    The rows are of tiles at one replicate each, the views, with the number of each row's view,
+    (n,). Points lie at most half a bin apart. One that reaches over a border is cut in two there.
     """
     total = np.zeros((views, bins + 1))
     along = points_along(steps, bin_m, math.inf, views=views)
     # columns of their own: in a table they lie far apart
     of_row = np.stack([rows["length_m"], rows["power_w"], widths_m(steps, along), view])
-    # A sum knows no axes: one group has rows of 2 by 3 points and of 3 by 2.
+    # A sum is the same for both axes: one group has rows of 2 by 3 points and of 3 by 2.
     swapped = along[:, 0] < along[:, 1]
     changing = _Courses(np.stack([steps.length_m, steps.power]), swapped)
     waiting: list[tuple[Real, ...]] = []
@@ -251,7 +208,7 @@ def power_of_range_bins(
 
 
 def _alike(along: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:
-    """Numbers of points along both axes, and rows that have them, some at a time."""
+    """Yield numbers of points along both axes, and rows that have them, some at a time."""
     key = along[:, 0] << 32 | along[:, 1]
     order = np.argsort(key, kind="stable")
     key = key[order]
@@ -264,8 +221,8 @@ def _alike(along: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:
 
 
 class _Courses:
-    """How values change within pixels with these steps, (values, n, 2, 2), see
-    `pixel_points.courses`. The first axis is up where a row is `swapped`, (n,), else across.
+    """Changes of values within pixels with these steps, (values, n, 2, 2), see
+    `footprints.courses`. The first axis is up where a row is `swapped`, (n,), else across.
     """
 
     def __init__(self, steps: Real, swapped: Mask) -> None:
@@ -278,8 +235,8 @@ class _Courses:
             self._axes.append(np.stack(factors).reshape(len(factors), values, rows))
 
     def at_places(self, count: tuple[int, int], rows: Indices) -> Real:
-        """Changes at so many points along both axes in pixels of rows, (values, second axis, first
-        axis, rows).
+        """Return changes at so many points along both axes in pixels of rows, (values, second axis,
+        first axis, rows).
         """
         changes = []
         for number, factors in zip(count, self._axes, strict=True):
@@ -294,8 +251,8 @@ class _Courses:
 
 
 def _add(total: Real, points: list[tuple[Real, ...]], bin_m: float) -> None:
-    """Add powers of points at total lengths, even over widths, to the range bins of views: these
-    four of each group of points.
+    """Add groups of points (total length, power, width, view) to the range bins of views; the power
+    of a point is even over its width.
     """
     at_m, power_w, width_m, view = (
         np.concatenate([own.ravel() for own in each]) for each in zip(*points, strict=True)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rays that are known to hit a triangle mesh near a point: where exactly, in float64.
 
-Renders give hit points to float32. The ray and the mesh are known better, and the point tells which
-triangles may have been hit. Triangles lie in grids of cells, one grid for each power of two of
+Renders give hit points to float32. The ray and the mesh are known better, and the point selects the
+triangles that may have been hit. Triangles lie in grids of cells, one grid for each power of two of
 their extent, so that no triangle is in more than eight cells and no cell has many. Neighbouring
 pixels mostly see the same triangle: one ray of many looks for its triangle in the cells, and the
 others, more and more of them, try those of the rays next to them first.
@@ -23,11 +23,6 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, crosses, dots, largest, norms, take_rows, turned
 
-# -------------------------------------------------------------------------------------------------
-# Triangles by the cells of a grid that their boxes touch.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Factors that spread cells over buckets (Teschner et al. 2003), and one for parts.
 _SPREAD, _SPREAD_PARTS = (73856093, 19349663, 83492791), 2654435761
 
@@ -35,7 +30,7 @@ _SPREAD, _SPREAD_PARTS = (73856093, 19349663, 83492791), 2654435761
 class CellLevel:
     """Triangles of about one extent, by the cells that their boxes touch.
 
-    Cells share buckets by chance: who takes candidates from them compares boxes.
+    Cells share buckets by chance: callers compare boxes of the candidates.
     """
 
     def __init__(
@@ -58,12 +53,12 @@ class CellLevel:
         self._triangles = owner[sorted_places(bucket, 1 << bits)]
 
     def _bucket(self, cells: NDArray[np.int64], part: Indices) -> NDArray[np.int64]:
-        """Number of the bucket of each cell, from (3, n), of a part."""
+        """Return the number of the bucket of each cell, from (3, n), of a part."""
         x, y, z = (one * factor for one, factor in zip(cells, _SPREAD, strict=True))
         return np.asarray((x ^ y ^ z ^ (part * _SPREAD_PARTS)) & self._mask)
 
     def candidates(self, points: Real, part: Indices) -> tuple[Indices, Indices]:
-        """Pairs of points and of triangles in the buckets of their cells, ordered by point."""
+        """Return pairs of points and of triangles in the buckets of their cells, by point."""
         bucket = self._bucket(np.floor(points.T / self.cell).astype(np.int64), part)
         starts = self._starts.take(bucket)
         count = self._starts.take(bucket + 1) - starts
@@ -91,29 +86,21 @@ _EVERY = 64, 8, 1
 _WORTHWHILE = 0.3
 #: Least reach as a fraction of the mesh's extent: boxes are kept in float32.
 _LEAST_REACH = 1e-6
-#: What a unit of distance from the plane counts, against one outside the triangle.
+#: Cost of a unit of distance from the plane, against one outside the triangle.
 _PLANE_COUNTS = 1e-3
-#: What the way along the ray counts, and the part of a point's error that tells planes apart.
+#: Cost of the way along the ray, and the part of a point's error that distinguishes planes.
 _WAY_COUNTS, _SURE = 1e-6, 0.25
 #: Rounding of a place in a triangle, as a fraction of its sides.
 _ROUNDING = 1e-9
-#: How far to both sides is looked for what a ray meets past a limb, in cells.
+#: Places along a ray at which triangles past a limb are searched, in cells.
 _STEPS = np.linspace(-2.0, 2.0, 17)
 
 
 class TriangleMesh:
     """A mesh that finds where rays hit it, from a point near each hit; in any one unit of length.
 
-    Triangles without area are left out.
-
-    Parameters
-    ----------
-    vertices
-        Shape (v, 3).
-    triangles
-        Vertex indices, shape (m, 3).
-    parts
-        Number of each triangle's part, from 0, shape (m,); None: all are of one.
+    Vertices are (v, 3), triangles (m, 3); triangles without area are left out. Part numbers (m,)
+    count from 0 (None: one part).
     """
 
     def __init__(
@@ -154,31 +141,15 @@ class TriangleMesh:
     ) -> tuple[Real, Real]:
         """Return where rays hit the mesh near known points.
 
-        It is fastest where rays that follow one another hit the same triangle.
+        The ray parameter t of each hit, origin + t * direction, (n,), is NaN where no triangle was
+        found; next to it is the normal of the triangle, of any length, (n, 3). It is fastest where
+        rays that follow one another hit the same triangle.
 
-        Parameters
-        ----------
-        origins
-            Where the rays start, shape (n, 3) or (3,).
-        directions
-            Of any length, shape (n, 3).
-        near
-            Points near the hits, shape (n, 3).
-        reach
-            Largest error of `near`, (n,) or one for all. A ray that passes an edge within it counts
-            as a hit.
-        parts
-            Part that each ray meets, (n,); None: the first.
-        spaces
-            Ways from the space of origins, directions and points into the mesh's own, in which
-            `reach` is; None: they are the same.
-
-        Returns
-        -------
-        way
-            Ray parameter t of the hit, origin + t * direction, (n,); NaN if no triangle was found.
-        normal
-            Normal of the triangle that was hit, of any length, (n, 3); arbitrary if `way` is NaN.
+        Origins are (n, 3) or (3,), directions of any length (n, 3). `near` are points near the
+        hits, (n, 3), and `reach` the largest error of them, (n,) or one for all: a ray that passes
+        an edge within it counts as a hit. `parts` are the parts that rays meet (None: the first).
+        `spaces` lead from the space of origins, directions and points into the mesh's own, in which
+        `reach` is (None: they are the same).
         """
         way, normals = np.full(len(near), np.nan), np.full((3, len(near)), np.nan)
         if not len(self):
@@ -222,9 +193,8 @@ class TriangleMesh:
             self._levels.append(CellLevel(2.0 ** int(size), *boxes, self._part[here], here))
 
     def _find(self, rays: _Rays, best: _Best, follow: bool) -> bool:
-        """Find what all rays hit; with `follow`, most try their neighbours' triangles first.
-
-        Returns whether neighbours are worth a try.
+        """Find what all rays hit; with `follow`, most try their neighbours' triangles first. Return
+        whether neighbours are worth a try.
         """
         every = np.arange(len(rays.ahead))
         first, *further = _EVERY
@@ -244,7 +214,7 @@ class TriangleMesh:
         return worthwhile
 
     def _missed(self, rays: _Rays, best: _Best, chosen: Indices, triangles: Indices) -> Indices:
-        """Try one triangle for each chosen ray; returns those that do not surely hit it."""
+        """Try one triangle for each chosen ray; return the rays that do not surely hit it."""
         outside, off_plane, way = self._intersect(rays, chosen, triangles)
         with np.errstate(invalid="ignore"):
             hit = (outside == 0) & (off_plane <= _SURE * rays.reach.take(chosen))
@@ -270,7 +240,7 @@ class TriangleMesh:
             outside, off_plane, way = self._intersect(rays, points, triangles)
             # A ray that meets a triangle beats one that passes by it. Of triangles that it meets,
             # in two sheets of a wall, it is the one in whose plane the point lies; where the point
-            # does not tell, the first one.
+            # does not decide, the first one.
             most = rays.reach.take(points)
             cost = outside + _PLANE_COUNTS * np.maximum(off_plane, _SURE * most)
             cost += _WAY_COUNTS * most * np.arctan(way / most)
@@ -296,7 +266,9 @@ class TriangleMesh:
                 best.offer(points, cost, way, triangles, ~met)
 
     def _candidates(self, level: CellLevel, near: Real, part: Indices) -> tuple[Indices, Indices]:
-        """Pairs of points and of triangles of their parts that may be near, ordered by point."""
+        """Return pairs of points and of triangles of their parts that may be near, ordered by
+        point.
+        """
         points, triangles = level.candidates(near, part)
         if self._count == 1:
             return points, triangles
@@ -306,7 +278,8 @@ class TriangleMesh:
     def _intersect(
         self, rays: _Rays, chosen: Indices, triangles: Indices
     ) -> tuple[Real, Real, Real]:
-        """How far rays pass by triangles, how far points are off their planes, the way to these.
+        """Return how far rays pass by triangles, how far points are off their planes, the way to
+        these.
 
         One triangle for each chosen ray. NaN or infinite where a ray is parallel to the plane.
         """
@@ -328,22 +301,16 @@ class TriangleMesh:
 
 @dataclass(frozen=True)
 class Spaces:
-    """Ways into the spaces of meshes: by turn @ (x - place).
+    """Ways into the spaces of meshes: turn @ (x - place)."""
 
-    Attributes
-    ----------
-    turn, place
-        Of each space, shapes (k, 3, 3) and (k, 3).
-    each
-        Number of the space that each ray is to come into, (n,).
-    """
-
+    #: Of each space, shapes (k, 3, 3) and (k, 3).
     turn: Real
     place: Real
+    #: Number of the space that each ray is to come into, (n,).
     each: Indices
 
     def of(self, some: slice) -> tuple[Real, Real]:
-        """Turn and place of some rays; of one each, (3, 3, n) and (n, 3), where they differ."""
+        """Return turn and place of some rays, one per ray if they differ, (3, 3, n) and (n, 3)."""
         each = self.each[some]
         if each.size and np.all(each == each[0]):  # much faster
             return self.turn[each[0]], self.place[each[0]]
@@ -393,23 +360,22 @@ class _Rays:
 
 
 class _Best:
-    """What costs least of all that rays were offered.
-
-    `way` is how far along the ray it is, and `passed` where the ray passes by it or none was found.
-    """
+    """The candidate of least cost of each ray."""
 
     def __init__(self, count: int) -> None:
         self._cost = np.full(count, np.inf)
+        #: Distance along the ray.
         self.way = np.full(count, np.nan)
         self.triangle = np.zeros(count, dtype=np.intp)
+        #: Whether the ray passes by the triangle, or none was found.
         self.passed = np.ones(count, dtype=bool)
 
     def take(self, rays: Indices, way: Real, triangles: Indices) -> None:
-        """Take what these rays hit, whatever they were offered."""
+        """Set the hits of these rays, whatever they were offered."""
         self.way[rays], self.triangle[rays], self.passed[rays] = way, triangles, False
 
     def offer(self, rays: Indices, cost: Real, way: Real, triangles: Indices, passed: Mask) -> None:
-        """Take the best of these, ordered by ray."""
+        """Keep the best of these candidates, ordered by ray."""
         if not rays.size:
             return
         begins = np.flatnonzero(np.diff(rays, prepend=-1))

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the radar is: waveforms, bursts, range tapers, codes, antennas, link budget.
+"""The radar: waveforms, bursts, channels, windows, antennas, link budget and weather.
 
-In: numbers in SI, or radar and link-budget files. Out: frozen, checked records and the spectra of
-their pulses. Gains are linear, angles in radians.
+In: numbers in SI, or radar and link-budget files. Out: frozen records that were checked when they
+were made, and the spectra of their pulses. Gains are linear, angles in radians.
+
+`config` has the radar and the protocol of its waveforms, `waveforms` their kinds, `radar_files`
+reads and writes them. `pulse_replicas` makes the spectrum of a pulse, its matched filter and
+windows. `antennas` makes gain patterns, `link_budget` powers, losses, noise and weather, `coverage`
+the diagram of a radar over a smooth ground.
 """
 
 from ...contract import AntennaRecord, LinkBudget

@@ -3,7 +3,8 @@
 
 Each kind is a dataclass that declares its parameters: beamwidths are full widths at half power,
 ``peak_gain_dbi`` is the gain at the pattern's peak (the difference to the directivity is the
-antenna's losses; None: no losses). See docs/settings.md for all of them.
+antenna's losses; None: no losses). docs/settings.md lists them all. Gains are linear over
+isotropic, of directions (..., 3) in the antenna's axes.
 """
 
 from __future__ import annotations
@@ -36,18 +37,13 @@ from ...physics.checks import real_array
 from ...physics.radar_equation import to_db
 from ...typed_json import from_json
 
-#: A gain may exceed the directivity of the modelled beam by this: data sheets round, and real beams
-#: have other shapes [dB].
-_GAIN_SLACK_DB = 1.0
-
 
 class PeakedAntenna(Antenna, Protocol):
-    """An antenna that knows the gain at its peak."""
+    """An antenna with a known gain at its peak."""
 
     @property
     def peak_gain(self) -> float:
         """Largest gain, linear; that in the steered direction for an array."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -59,61 +55,31 @@ class _Scaled:
 
     @property
     def peak_gain(self) -> float:
-        """Gain at the pattern's peak."""
         return self.factor * self.antenna.peak_gain
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain over isotropic, linear, (...) for directions (..., 3)."""
         return self.factor * self.antenna.gain(directions)
 
 
 @dataclass(frozen=True)
 class ConstantGain:
-    """The same gain in all directions: what the radar equation with one number for G means.
+    """The same gain in all directions: the G of the radar equation."""
 
-    Attributes
-    ----------
-    gain_dbi
-        Gain over isotropic [dBi].
-    """
-
+    #: Gain over isotropic [dBi].
     gain_dbi: float = 0.0
 
     @property
     def peak_gain(self) -> float:
-        """The gain, linear."""
         return float(10 ** (self.gain_dbi / 10))
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Power gain over isotropic, linear, (...) for directions (..., 3)."""
         return np.full(np.shape(directions)[:-1], self.peak_gain)
 
 
 def make_antenna(
     record: AntennaRecord, wavelength_m: float, whose: str = "Transmitter's"
 ) -> PeakedAntenna:
-    """Return the antenna that a record describes.
-
-    Parameters
-    ----------
-    record
-        Kind and parameters.
-    wavelength_m
-        Of the carrier [m]; apertures and arrays depend on it.
-    whose
-        For messages.
-
-    Returns
-    -------
-    PeakedAntenna
-        Antenna with its gain and peak gain, linear.
-
-    Raises
-    ------
-    ConfigError
-        Unknown kind or parameter, one that is missing or out of range, a gain more than 1 dB above
-        the directivity, a table that cannot be read.
-    """
+    """Return the antenna that a record describes, at a wavelength [m]; `whose` is for messages."""
     kind = PATTERNS.get(record.kind)
     where = f"{whose} antenna"
     if kind is None:
@@ -135,24 +101,8 @@ def make_antenna(
 
 
 def self_contained(record: AntennaRecord, folder: Path | None = None) -> AntennaRecord:
-    """Return a record with the contents of the file that it names, if it names one.
-
-    Parameters
-    ----------
-    record
-        Antenna.
-    folder
-        What a relative name is relative to; None: the working folder.
-
-    Returns
-    -------
-    AntennaRecord
-        Table of angles [deg] and gains [dB]; `record` itself where it names no file.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read.
+    """Return a record with the contents of the table that it names, if it names one, relative to a
+    folder (None: the working folder).
     """
     name = record.parameters.get("file")
     if record.kind != "table" or not name:
@@ -169,7 +119,6 @@ class Pattern(Protocol):
 
     def antenna(self, wavelength_m: float) -> PeakedAntenna:
         """Return the antenna at a wavelength [m]."""
-        ...
 
 
 @documented
@@ -180,7 +129,6 @@ class IsotropicPattern:
     gain_dbi: float = setting("Gain", "Set the gain in every direction", 0.0, unit="dBi", digits=2)
 
     def antenna(self, _: float) -> PeakedAntenna:
-        """Return the antenna."""
         return ConstantGain(self.gain_dbi)
 
 
@@ -217,7 +165,6 @@ class CosinePattern:
     peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
 
     def antenna(self, _: float) -> PeakedAntenna:
-        """Return the antenna."""
         if (self.beamwidth_deg is None) == (self.exponent is None):
             raise ConfigError("Expected one of beamwidth_deg and exponent; set one of them.")
         if self.beamwidth_deg is not None:
@@ -237,7 +184,6 @@ class GaussianPattern:
     peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
 
     def antenna(self, _: float) -> PeakedAntenna:
-        """Return the antenna."""
         widths_deg = (self.azimuth_beamwidth_deg, self.elevation_beamwidth_deg)
         antenna = Gaussian(*(float(np.radians(width)) for width in widths_deg))
         return _with_gain(antenna, self.peak_gain_dbi)
@@ -257,7 +203,6 @@ class AperturePattern:
     peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
 
     def antenna(self, wavelength_m: float) -> PeakedAntenna:
-        """Return the antenna."""
         return _with_gain(Aperture(self.width_m, self.height_m, wavelength_m), self.peak_gain_dbi)
 
 
@@ -315,7 +260,6 @@ class ArrayPattern:
     peak_gain_dbi: float | None = setting(**_PEAK_GAIN)
 
     def antenna(self, wavelength_m: float) -> PeakedAntenna:
-        """Return the antenna."""
         spacing_m = {}
         for axis in ("column", "row"):
             metres, waves = f"{axis}_spacing_m", f"{axis}_spacing_wavelengths"
@@ -359,7 +303,6 @@ class TablePattern:
     gain_db: Any = None
 
     def antenna(self, _: float) -> PeakedAntenna:
-        """Return the antenna."""
         if self.file:
             return read_pattern(self.file)
         arrays = [self.azimuth_deg, self.elevation_deg, self.gain_db]
@@ -369,24 +312,21 @@ class TablePattern:
                 "elevation_deg, gain_db, or cut, angle_deg, gain_db."
             )
         azimuth, elevation, gain_db = (real_array("Table", array) for array in arrays)
-        return _reopened(azimuth, elevation, gain_db)
-
-
-def _reopened(azimuth: Real, elevation: Real, gain_db: Real) -> TableAntenna:
-    """A table from its own arrays, which may have been closed over +-180 degrees before."""
-    inside = (azimuth >= -180 - 1e-9) & (azimuth <= 180 + 1e-9)
-    if gain_db.shape == (azimuth.size, elevation.size):
-        azimuth, gain_db = azimuth[inside], gain_db[inside]
-    return TableAntenna(azimuth, elevation, gain_db)
+        # its own arrays may have been closed over +-180 degrees before
+        inside = (azimuth >= -180 - 1e-9) & (azimuth <= 180 + 1e-9)
+        if gain_db.shape == (azimuth.size, elevation.size):
+            azimuth, gain_db = azimuth[inside], gain_db[inside]
+        return TableAntenna(azimuth, elevation, gain_db)
 
 
 def _with_gain(antenna: PeakedAntenna, wanted_dbi: float | None) -> PeakedAntenna:
-    """With the given peak gain, if there is one."""
+    """Return the antenna with the given peak gain, if there is one."""
     directivity_dbi = float(to_db(antenna.peak_gain))
     if wanted_dbi is None:
         return antenna
     excess_db = wanted_dbi - directivity_dbi
-    if excess_db > _GAIN_SLACK_DB:
+    # 1 dB of slack: data sheets round, and real beams have other shapes
+    if excess_db > 1.0:
         raise ConfigError(
             f"It has a gain of {wanted_dbi:g} dBi, but a beam of this shape has a "
             f"directivity of {directivity_dbi:.2f} dBi: no antenna gains more than "
@@ -395,6 +335,7 @@ def _with_gain(antenna: PeakedAntenna, wanted_dbi: float | None) -> PeakedAntenn
     return antenna if excess_db == 0 else _Scaled(antenna, float(10 ** (excess_db / 10)))
 
 
+#: Kinds of antennas by name.
 PATTERNS: dict[str, Any] = {
     "isotropic": IsotropicPattern,
     "cosine": CosinePattern,
@@ -403,26 +344,11 @@ PATTERNS: dict[str, Any] = {
     "array": ArrayPattern,
     "table": TablePattern,
 }
-"""Kinds of antennas."""
-
-
-# -------------------------------------------------------------------------------------------------
-# Peak, principal cuts and half-power widths of an antenna pattern.
-# -------------------------------------------------------------------------------------------------
 
 
 def peak_direction(antenna: Antenna) -> Real:
-    """Find the direction of the largest gain: a coarse search over the sphere, then finer ones.
-
-    Parameters
-    ----------
-    antenna
-        Pattern.
-
-    Returns
-    -------
-    ndarray
-        Unit vector in the antenna's frame, (3,); among equal gains the nearest to boresight.
+    """Find the direction of the largest gain, (3,): a coarse search over the sphere, then finer
+    ones.
     """
     centre, reach = (0.0, 0.0), np.pi
     for _ in range(12):
@@ -430,7 +356,7 @@ def peak_direction(antenna: Antenna) -> Real:
         elevation = np.clip(centre[1] + np.linspace(-reach, reach, 81) / 2, -np.pi / 2, np.pi / 2)
         grid = np.meshgrid(azimuth, elevation, indexing="ij")
         gain = antenna.gain(direction_from_angles(*grid))
-        # Among equals the one nearest to boresight: an isotropic antenna has no peak.
+        # Among equals the nearest to boresight: an isotropic antenna has no peak.
         near = gain * (1 - 1e-9 * (grid[0] ** 2 + grid[1] ** 2))
         best = np.unravel_index(np.argmax(near), gain.shape)
         centre, reach = (float(grid[0][best]), float(grid[1][best])), reach / 3
@@ -438,23 +364,11 @@ def peak_direction(antenna: Antenna) -> Real:
 
 
 def cut_dbi(antenna: Antenna, angle_rad: Real, plane: str, through: Real | None = None) -> Real:
-    """Return the gain in a plane: "azimuth" (one elevation) or "elevation" (one azimuth).
+    """Return the gain in a plane: "azimuth" (one elevation) or "elevation" (one azimuth), (n,)
+    [dBi].
 
-    Parameters
-    ----------
-    antenna
-        Pattern.
-    angle_rad
-        Azimuths or elevations, (n,), -pi to pi; elevations beyond 90 degrees continue behind.
-    plane
-        Which angle varies.
-    through
-        Direction that gives the other angle, (3,); None: boresight.
-
-    Returns
-    -------
-    ndarray
-        (n,) [dBi]; minus infinity where the gain is 0.
+    The angles (n,) run from -pi to pi; elevations beyond 90 degrees continue behind. The direction
+    `through` gives the other angle (None: boresight).
     """
     azimuth, elevation = angles_from_direction([0.0, 0.0, -1.0] if through is None else through)
     if plane == "azimuth":
@@ -468,19 +382,8 @@ def cut_dbi(antenna: Antenna, angle_rad: Real, plane: str, through: Real | None 
 
 
 def half_power_width_rad(antenna: Antenna, plane: str) -> float:
-    """Return the full width at half power of the cut through the peak.
-
-    Parameters
-    ----------
-    antenna
-        Pattern.
-    plane
-        "azimuth" or "elevation".
-
-    Returns
-    -------
-    float
-        Width [rad]; 2 pi where the gain never falls to half.
+    """Return the full width at half power of the cut through the peak; 2 pi where the gain never
+    falls to half.
     """
     angle = np.linspace(-math.pi, math.pi, 72001)
     gain = cut_dbi(antenna, angle, plane, peak_direction(antenna))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radar's numbers and what follows from them. SI, float64; standard library only.
+"""The numbers of a radar and what follows from them: waveform, burst, channels. SI, float64.
 
-Sign convention, here and in every product: range rate is positive when the range grows
-(receding), and Doppler is ``f_D = -2 (dr/dt) / lambda``: a receding target is at negative Doppler.
-Eq. 12 of the paper carries the opposite sign, its Fig. 9 the one used here.
+Sign convention, here and in every product: range rate is positive when the range grows (receding),
+and Doppler is ``f_D = -2 (dr/dt) / lambda``, so a receding target is at negative Doppler. Eq. 12 of
+the paper carries the opposite sign, its Fig. 9 the one used here.
 """
 
 from __future__ import annotations
@@ -20,11 +20,6 @@ from ...contract import AntennaRecord
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-
-# -------------------------------------------------------------------------------------------------
-# What all waveforms share: their numbers and the checks of them.
-# -------------------------------------------------------------------------------------------------
-
 
 #: More samples of one pulse, chirp or code than this is a unit error.
 MAX_WAVEFORM_SAMPLES = 1 << 22
@@ -58,7 +53,6 @@ SAMPLING_RATE: dict[str, Any] = {
 
 
 def check_carrier(carrier_hz: float, bandwidth_hz: float) -> None:
-    """Raise a ConfigError unless the carrier is above half the bandwidth."""
     if carrier_hz <= bandwidth_hz / 2:
         raise ConfigError(
             f"Carrier {carrier_hz:g} Hz is not above half the bandwidth "
@@ -67,69 +61,57 @@ def check_carrier(carrier_hz: float, bandwidth_hz: float) -> None:
 
 
 class AnyWaveform(Protocol):
-    """What all waveforms have in common, see :mod:`.radar.pulses`,
-    :mod:`.radar.continuous_wave`.
+    """Numbers that all waveforms have.
 
     Two families differ in what the receiver samples. "pulse": the echo against fast time, at
     `sampling_rate_hz`; a matched filter makes the range profile. "line": the scene's response at
-    evenly spaced frequencies (de-chirped FMCW, stepped frequency, the spectrum of a periodic
-    code); a Fourier transform makes the profile, which repeats with `unambiguous_range_m`.
+    evenly spaced frequencies (de-chirped FMCW, stepped frequency, the spectrum of a periodic code);
+    a Fourier transform makes the profile, which repeats with `unambiguous_range_m`.
     """
 
     @property
     def kind(self) -> str:
         """Name of the kind in files, such as "lfm"."""
-        ...
 
     @property
     def family(self) -> Literal["pulse", "line"]:
-        """See the class."""
-        ...
+        """Family, see the class."""
 
     @property
     def carrier_hz(self) -> float:
         """Middle of the band [Hz]."""
-        ...
 
     @property
     def bandwidth_hz(self) -> float:
         """Band that the waveform uses [Hz]."""
-        ...
 
     @property
     def sampling_rate_hz(self) -> float:
-        """Samples a second of the raw record [Hz]."""
-        ...
+        """Samples per second of the raw record [Hz]."""
 
     @property
     def sample_count(self) -> int:
         """Samples of one pulse, or of one row that the receiver samples."""
-        ...
 
     @property
     def duration_s(self) -> float:
         """Time that one pulse, chirp, ramp or train of codes takes, pauses included [s]."""
-        ...
 
     @property
     def wavelength_m(self) -> float:
         """c / f0 [m]."""
-        ...
 
     @property
     def range_resolution_m(self) -> float:
         """c / 2B [m]."""
-        ...
 
     @property
     def sample_spacing_m(self) -> float:
         """One-way range between two independent samples of the profile [m]."""
-        ...
 
     @property
     def unambiguous_range_m(self) -> float:
         """Range with which the profile repeats or ends [m]; infinite for single pulses."""
-        ...
 
 
 class WaveformNumbers:
@@ -137,7 +119,6 @@ class WaveformNumbers:
 
     @property
     def wavelength_m(self: AnyWaveform) -> float:
-        """Carrier wavelength c / f0 [m]."""
         return SPEED_OF_LIGHT_MPS / self.carrier_hz
 
     @property
@@ -162,15 +143,7 @@ class PulseNumbers(WaveformNumbers):
         return math.inf
 
 
-# -------------------------------------------------------------------------------------------------
-# Channels of a radar: pairs of a transmitting and a receiving antenna element, and their times.
-# -------------------------------------------------------------------------------------------------
-
-
 Vector = tuple[float, float, float]
-
-#: Largest departure of an orientation from a rotation.
-_ROTATION_SLACK = 1e-6
 
 
 @dataclass(frozen=True)
@@ -207,8 +180,7 @@ class Element:
             )
         turn = np.asarray(self.orientation, dtype=np.float64)
         if turn.shape != (3, 3) or not (
-            np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=_ROTATION_SLACK)
-            and np.linalg.det(turn) > 0
+            np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-6) and np.linalg.det(turn) > 0
         ):
             raise ConfigError(
                 f"Orientation of an antenna element is {self.orientation!r}; expected a rotation "
@@ -357,11 +329,21 @@ class Radar:
         if not self.channels:
             raise ConfigError("The radar has no channels; expected at least one.")
         for number, channel in enumerate(self.channels):
-            self._check_channel(number, channel)
+            stop_s = channel.start_offset_s + self.waveform.duration_s
+            if stop_s > interval_s * (1 + _SLACK):
+                raise ConfigError(
+                    f"The pulse of channel {number} ends {stop_s:g} s after the start of the pulse "
+                    f"interval of {interval_s:g} s. Start it earlier or lower the PRF."
+                )
+            if channel.active is not None and len(channel.active) != self.burst.pulses:
+                raise ConfigError(
+                    f"Channel {number} says of {len(channel.active)} pulses whether it is active; "
+                    f"expected one value for each of the {self.burst.pulses} pulses."
+                )
         self.check_size(self.waveform.sample_count)
 
     def check_size(self, samples: int) -> None:
-        """Raise a ConfigError where a burst of so many samples for each pulse is too large."""
+        """Raise a ConfigError where a burst of so many samples per pulse is too large."""
         # PMCW samples each code of a pulse
         rows = self.burst.pulses * len(self.channels) * getattr(self.waveform, "code_repeats", 1)
         if rows * samples > MAX_SAMPLES:
@@ -369,22 +351,6 @@ class Radar:
                 f"A burst of {self.burst.pulses} pulses takes {rows} rows of {samples} samples, "
                 f"{rows * samples:.3g} in all; expected at most {MAX_SAMPLES} (4 GiB). Choose "
                 "fewer pulses, a lower sampling rate or shorter range limits."
-            )
-
-    def _check_channel(self, number: int, channel: Channel) -> None:
-        interval_s, stop_s = (
-            1 / self.burst.prf_hz,
-            channel.start_offset_s + self.waveform.duration_s,
-        )
-        if stop_s > interval_s * (1 + _SLACK):
-            raise ConfigError(
-                f"The pulse of channel {number} ends {stop_s:g} s after the start of the pulse "
-                f"interval of {interval_s:g} s. Start it earlier or lower the PRF."
-            )
-        if channel.active is not None and len(channel.active) != self.burst.pulses:
-            raise ConfigError(
-                f"Channel {number} says of {len(channel.active)} pulses whether it is active; "
-                f"expected one value for each of the {self.burst.pulses} pulses."
             )
 
     def with_pulses(self, pulses: int) -> Radar:

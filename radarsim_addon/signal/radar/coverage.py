@@ -3,6 +3,7 @@
 
 A target has the direct path and the path via the ground, on the way there and on the way back. The
 ground reflects by its material; the Earth is round, with the refraction of the standard atmosphere.
+Close to the horizon rays do not describe the field.
 """
 
 from __future__ import annotations
@@ -32,81 +33,50 @@ _RESOLVED_RAD = math.pi / 2
 
 @dataclass(frozen=True)
 class Mount:
-    """An antenna over the ground.
-
-    Attributes
-    ----------
-    antenna
-        Its gains.
-    height_m
-        Height over the ground [m].
-    pose
-        Matrix to the world, (4, 4) [m]; the antenna looks along its -z, its y is up.
-    """
+    """An antenna over the ground."""
 
     antenna: PeakedAntenna
+    #: Over the ground [m].
     height_m: float
+    #: Matrix to the world, (4, 4) [m]; the antenna looks along its -z, its y is up.
     pose: Real
 
 
 @dataclass(frozen=True)
 class CoverageSetup:
-    """A radar over a ground.
-
-    Attributes
-    ----------
-    transmitter, receiver
-        Antennas.
-    ground
-        Reflection of the ground at the carrier.
-    wavelength_m
-        Wavelength [m].
-    polarisation
-        "horizontal", "vertical" or "average".
-    radius_m
-        Radius of the Earth with its refraction [m]; ``math.inf``: flat.
-    """
+    """A radar over a ground."""
 
     transmitter: Mount
     receiver: Mount
+    #: Reflection of the ground at the carrier.
     ground: MirrorMaterial
     wavelength_m: float
+    #: "horizontal", "vertical" or "average".
     polarisation: str
+    #: Radius of the Earth with its refraction [m]; ``math.inf``: flat.
     radius_m: float = STANDARD_EARTH_RADIUS_M
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """A coverage diagram: h heights and r ranges.
+    """A coverage diagram: h heights and r ranges."""
 
-    Attributes
-    ----------
-    range_m, height_m
-        Ranges along the ground (r,) and heights over it (h,) [m].
-    factor
-        Pattern-propagation factor F^4, (h, r): power of the echo over that of the same target in
-        free space at the peaks of both antennas. NaN below the horizon.
-    ground_gain
-        Power of the echo over that without the ground, (h, r). NaN below the horizon.
-    zone
-        0: rays describe the field; 1: close to the horizon, where they do not; 2: below it, (h, r).
-    setup
-        What it is of.
-    findings
-        What to know before you trust it.
-    """
-
+    #: Ranges along the ground (r,) and heights over it (h,) [m].
     range_m: Real
     height_m: Real
+    #: Pattern-propagation factor F^4, (h, r): power of the echo over that of the same target in
+    #: free space at the peaks of both antennas. NaN below the horizon.
     factor: Real
+    #: Power of the echo over that without the ground, (h, r). NaN below the horizon.
     ground_gain: Real
+    #: 0: rays describe the field; 1: close to the horizon, where they do not; 2: below it, (h, r).
     zone: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
     setup: CoverageSetup
     findings: tuple[Finding, ...]
 
     @property
     def title(self) -> str:
-        """What the diagram is of, in one line."""
+        """One line for a figure."""
         setup = self.setup
         earth = "flat Earth" if math.isinf(setup.radius_m) else "4/3 Earth"
         return (
@@ -116,27 +86,8 @@ class Coverage:
 
 
 def compute_coverage(setup: CoverageSetup, height_m: ArrayLike, range_m: ArrayLike) -> Coverage:
-    """Compute a coverage diagram.
-
-    Parameters
-    ----------
-    setup
-        Radar and ground.
-    height_m
-        Heights of the target over the ground, 0 or more, rising, (h,) [m].
-    range_m
-        Ranges along the ground, above 0, rising, (r,) [m].
-
-    Returns
-    -------
-    Coverage
-        With its findings.
-
-    Raises
-    ------
-    ConfigError
-        An antenna at or below the ground, antennas far apart, heights or ranges that are too many,
-        not rising or out of bounds.
+    """Compute a coverage diagram over heights above the ground (h,) and ranges along it (r,), both
+    rising [m].
     """
     heights, ranges = _axis("Target heights", height_m, 0.0), _axis("Ranges", range_m, None)
     if heights.size * ranges.size > _MOST_POINTS:
@@ -163,45 +114,19 @@ def compute_coverage(setup: CoverageSetup, height_m: ArrayLike, range_m: ArrayLi
 
 @dataclass(frozen=True)
 class CoverageCurve:
-    """A coverage diagram at one range, and the textbook's flat two-ray model next to it.
-
-    Attributes
-    ----------
-    range_m
-        Range along the ground [m].
-    factor, ground_gain, zone
-        As in `Coverage`, (h,).
-    two_ray
-        What `two_ray_gain` returns, (h,).
-    """
+    """A coverage diagram at one range, and the textbook's flat two-ray model next to it."""
 
     range_m: float
+    #: As in `Coverage`, (h,).
     factor: Real
     ground_gain: Real
     zone: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]
+    #: From `two_ray_gain`, (h,).
     two_ray: Real
 
 
 def coverage_curve(found: Coverage, range_m: float | None = None) -> CoverageCurve:
-    """Compute the curve over the heights of a diagram.
-
-    Parameters
-    ----------
-    found
-        Diagram.
-    range_m
-        Range along the ground [m]; None: the last one of the diagram.
-
-    Returns
-    -------
-    CoverageCurve
-        At the heights of the diagram.
-
-    Raises
-    ------
-    ConfigError
-        The range is not above 0, or too short for the distance of the antennas.
-    """
+    """Compute the curve over the heights of a diagram at a range [m]; None: its last range."""
     at_m = float(found.range_m[-1]) if range_m is None else range_m
     one = compute_coverage(found.setup, found.height_m, at_m)
     two_ray = two_ray_gain(found.setup, found.height_m, at_m)
@@ -209,26 +134,13 @@ def coverage_curve(found: Coverage, range_m: float | None = None) -> CoverageCur
 
 
 def two_ray_gain(setup: CoverageSetup, height_m: ArrayLike, range_m: float) -> Real:
-    """Return the textbook's power of an echo over a flat ground, over that without the ground.
+    """Return the textbook's power of an echo over a flat ground, over that without the ground,
+    (h,).
 
-    Parameters
-    ----------
-    setup
-        Radar and ground; its antennas' patterns and the Earth's radius have no effect.
-    height_m
-        Heights of the target, (h,) [m].
-    range_m
-        Range along the ground [m].
-
-    Returns
-    -------
-    ndarray
-        ``|1 + Gamma* exp(-jk d)|^4`` with the path difference d = 2 h_r h / R, (h,).
-
-    Notes
-    -----
-    For a perfect conductor and horizontal polarisation it is 16 sin^4(2 pi h_r h / (lambda R)),
-    with lobes at odd multiples of h = lambda R / (4 h_r), and nulls at even ones.
+    It is ``|1 + Gamma* exp(-jk d)|^4`` with the path difference d = 2 h_r h / R. For a perfect
+    conductor and horizontal polarisation that is 16 sin^4(2 pi h_r h / (lambda R)), with lobes at
+    odd multiples of h = lambda R / (4 h_r), and nulls at even ones. The antennas' patterns and the
+    Earth's radius have no effect.
     """
     height = np.asarray(height_m, dtype=np.float64)
     mounts = (setup.transmitter.height_m, setup.receiver.height_m)
@@ -269,7 +181,7 @@ def _check_mounts(setup: CoverageSetup, nearest_m: float) -> None:
 
 
 def _reflection(setup: CoverageSetup, grazing_rad: Real) -> Complex:
-    """Coefficient of the ground for echoes that carry exp(+j w t), as `grazing_rad`."""
+    """Return the coefficient of the ground for echoes that carry exp(+j w t), as `grazing_rad`."""
     flat = np.maximum(grazing_rad, 0.0).ravel()
     incoming = np.stack([np.cos(flat), np.zeros(flat.size), -np.sin(flat)], axis=1)
     up = np.array([0.0, 0.0, 1.0])
@@ -279,7 +191,9 @@ def _reflection(setup: CoverageSetup, grazing_rad: Real) -> Complex:
 
 
 def _fields(setup: CoverageSetup, mount: Mount, path: GroundPath) -> tuple[Real, Complex]:
-    """Fields of both paths at the target, over that of free space at the peak of the antenna."""
+    """Return the fields of both paths at the target, over that of free space at the peak of the
+    antenna.
+    """
     direct, ground = (
         np.sqrt(_gain(mount, elevation) / mount.antenna.peak_gain)
         for elevation in (path.direct_elevation_rad, path.ground_elevation_rad)
@@ -290,7 +204,7 @@ def _fields(setup: CoverageSetup, mount: Mount, path: GroundPath) -> tuple[Real,
 
 
 def _gain(mount: Mount, elevation_rad: Real) -> Real:
-    """Gain towards elevations in the vertical plane that the antenna looks along."""
+    """Return the gain towards elevations in the vertical plane that the antenna looks along."""
     ahead = -mount.pose[:2, 2]
     length = float(np.hypot(*ahead))
     if length < 1e-6:
@@ -307,7 +221,6 @@ def _gain(mount: Mount, elevation_rad: Real) -> Real:
 def _findings(
     setup: CoverageSetup, path: GroundPath, zone: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
 ) -> tuple[Finding, ...]:
-    """What the ray model leaves out, and lobes that the steps do not resolve."""
     found = []
     if (zone > 0).any():
         numbers = {"hidden": (zone == 2).mean(), "grazing": (zone == 1).mean()}

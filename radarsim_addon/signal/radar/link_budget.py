@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The radar's link budget: transmit power, antennas, losses, noise.
+"""The link budget (transmit power, antennas, losses, noise) and the weather along the paths.
 
-Without a system a path brings the power that an emitter of the lamp's EIRP in all directions gives
-to an isotropic receiver. With one, each path's power is that times
+Without a link budget a path brings the power that a transmitter of the Point light's EIRP in all
+directions gives to an isotropic receiver. With one, the power of each path is that times
 
-    P_t G_t(direction at the emitter) G_r(direction at the receiver) / (L EIRP of the lamp),
+    P_t G_t(direction at the transmitter) G_r(direction at the receiver) / (L EIRP of the light),
 
-so that no new render is needed: the lamp's watts are the light level of the renders and cancel.
+so that no new render is needed: the light's watts are the light level of the renders and cancel.
 """
 
 from __future__ import annotations
@@ -35,21 +35,12 @@ from .antennas import PeakedAntenna, make_antenna, self_contained
 
 #: A file with two antenna tables of a degree's step has about 2 MB.
 _MAX_BYTES = 64 * 1024 * 1024
-_RECORD_ONLY = ("schema", "schema_version")
 
 
 @dataclass(frozen=True)
 class RadarSystem:
-    """A link budget that was checked, its antennas ready for use.
-
-    Attributes
-    ----------
-    record
-        The numbers.
-    transmitter, receiver
-        Antennas; each looks along the -z of the lamp or camera, y up.
-    wavelength_m
-        At which the antennas are [m].
+    """A checked link budget with its antennas at a wavelength [m]; each antenna looks along the -z
+    of the light or camera, y up.
     """
 
     record: LinkBudget
@@ -65,7 +56,9 @@ class RadarSystem:
         return float(from_db(total_db))
 
     def noise_power_w(self, bandwidth_hz: float) -> float:
-        """Thermal noise in a bandwidth at the receiver's input, k (T_a + (F-1) T_0) B [W]."""
+        """Return the thermal noise in a bandwidth at the receiver's input, k (T_a + (F-1) T_0) B
+        [W].
+        """
         record = self.record
         return float(
             noise_power_w(bandwidth_hz, record.noise_figure_db, record.antenna_temperature_k)
@@ -73,25 +66,7 @@ class RadarSystem:
 
 
 def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
-    """Check a link budget and make its antennas.
-
-    Parameters
-    ----------
-    record
-        Powers, losses, noise and antennas.
-    wavelength_m
-        Of the carrier [m].
-
-    Returns
-    -------
-    RadarSystem
-        The link budget with its two antennas.
-
-    Raises
-    ------
-    ConfigError
-        A number out of range, an antenna that cannot be made, an unknown amplitude model.
-    """
+    """Check a link budget and make its antennas for a wavelength [m]."""
     check_settings(record)
     return RadarSystem(
         record,
@@ -102,24 +77,8 @@ def make_system(record: LinkBudget, wavelength_m: float) -> RadarSystem:
 
 
 def read_system(path: str | Path) -> LinkBudget:
-    """Read a link budget from JSON.
-
-    Parameters
-    ----------
-    path
-        JSON file with fields of `LinkBudget`; those left out take its defaults. Its antennas may
-        name tables by ``"file"``, relative to the JSON file. From a ``run.json`` the link budget
-        of the run is taken.
-
-    Returns
-    -------
-    LinkBudget
-        With the contents of antenna tables.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or holds an unknown field or a value of a wrong kind.
+    """Read a link budget from JSON, with the contents of antenna tables that it names by "file",
+    relative to the JSON file. From a ``run.json``, that of the run.
     """
     path = Path(path)
     data: Any = read_json(path, _MAX_BYTES, "Give a JSON file with a link budget.", ConfigError)
@@ -130,18 +89,13 @@ def read_system(path: str | Path) -> LinkBudget:
                 f"{path} is a run without a link budget; expected one with a link budget."
             )
     if isinstance(data, dict):
-        data = {name: value for name, value in data.items() if name not in _RECORD_ONLY}
+        data = {k: value for k, value in data.items() if k not in ("schema", "schema_version")}
     record = from_json(LinkBudget, data, str(path))
     return dataclasses.replace(
         record,
         transmitter=self_contained(record.transmitter, path.parent),
         receiver=self_contained(record.receiver, path.parent),
     )
-
-
-# -------------------------------------------------------------------------------------------------
-# The air between radar and scene: how much rain, fog and gases take of each path's power.
-# -------------------------------------------------------------------------------------------------
 
 
 @documented
@@ -209,27 +163,24 @@ class Weather:
         ConfigError
             The carrier is out of the band of a model that is in use.
         """
-        parts = []
-        if self.rain_mm_per_h:
-            rate = self.rain_mm_per_h
-            parts.append(rain_attenuation_db_per_km(carrier_hz, rate, self.rain_polarisation))
-        if self.fog_g_per_m3:
-            warmth = self.air_temperature_c
-            parts.append(fog_attenuation_db_per_km(carrier_hz, self.fog_g_per_m3, warmth))
+        parts, rain, fog = [], self.rain_mm_per_h, self.fog_g_per_m3
+        if rain:
+            parts.append(rain_attenuation_db_per_km(carrier_hz, rain, self.rain_polarisation))
+        if fog:
+            parts.append(fog_attenuation_db_per_km(carrier_hz, fog, self.air_temperature_c))
         if self.gases:
             air = self.air_pressure_hpa, self.air_temperature_c, self.vapour_g_per_m3
             parts.append(gas_attenuation_db_per_km(carrier_hz, *air))
         return float(sum(map(float, parts)))
 
     def findings(self, carrier_hz: float) -> list[Finding]:
-        """Return what to know of powers in this weather; nothing in clear air."""
+        """Return what to consider about powers in this weather; nothing in clear air."""
         taken = self.attenuation_db_per_km(carrier_hz)
         found = [finding("weather-attenuates", attenuation_db_per_km=taken)] if taken > 0 else []
         if self.rain_mm_per_h > 0:
             eta = rain_reflectivity_per_m(carrier_hz, self.rain_mm_per_h)
             level_db = float(10 * np.log10(eta))
-            rate = self.rain_mm_per_h
-            numbers = {"rain_mm_per_h": rate, "reflectivity_db": level_db}
+            numbers = {"rain_mm_per_h": self.rain_mm_per_h, "reflectivity_db": level_db}
             found.append(
                 finding("rain-echo", **numbers)
                 if self.rain_echo

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The transmitted pulse, its spectrum, and the matched filter.
+"""Transmitted pulses, their spectra, matched filters, and windows.
 
-For the family "pulse": linear chirp, phase code, samples from a file. The chirp is a sampled one,
-as a digital generator plays it: w(t) = exp(j pi K t^2) at t_n = (n - (N-1)/2)/fs, |t_n| <= T_p/2
-(Eq. 10-11, time counted from the middle of the pulse, so that the instantaneous frequency runs over
--B/2 ... B/2). Between samples every pulse is the band-limited interpolation of these, which makes
-W(f) sum a_i exp(-j 2 pi (f0+f) tau_i) exact for every delay.
+The chirp is a sampled one, as a digital generator plays it: w(t) = exp(j pi K t^2) at t_n = (n -
+(N-1)/2)/fs, |t_n| <= T_p/2 (Eq. 10-11, time counted from the middle of the pulse, so that the
+instantaneous frequency runs over -B/2 ... B/2). Between samples every pulse is the band-limited
+interpolation of these, which makes W(f) sum a_i exp(-j 2 pi (f0+f) tau_i) exact for every delay.
+
+Windows are closed forms of a continuous position. Their names: "none", "hann", "hamming" or
+"hamming:0.75", "blackman", "kaiser:2.5" (beta), "taylor:4:-35" (nbar, sidelobe level in dB).
 """
 
 from __future__ import annotations
@@ -19,24 +21,16 @@ from ...errors import ConfigError
 from .config import AnyWaveform
 from .waveforms import ArbitraryPulse, PhaseCodedPulse, PmcwWaveform, Waveform
 
-# -------------------------------------------------------------------------------------------------
-# Window functions as closed forms of a continuous position, for spectra and for pulse trains.
-#
-# Named by text: "none", "hann", "hamming" or "hamming:0.75", "blackman", "kaiser:2.5" (beta),
-# "taylor:4:-35" (nbar, sidelobe level in dB).
-# -------------------------------------------------------------------------------------------------
-
-
 WINDOW_NAMES = ("none", "hann", "hamming", "blackman", "kaiser:beta", "taylor:nbar:sll_db")
 
 
 def window_at(spec: str, position: Real) -> Real:
-    """Value of a window at positions within its extent.
+    """Return a window at positions within its extent.
 
     Parameters
     ----------
     spec
-        Name and parameters, see the module.
+        Name and parameters, such as "hann" or "taylor:4:-35", see the module.
     position
         From -1/2 to 1/2, any shape. Outside, the window is 0.
 
@@ -117,12 +111,6 @@ def _taylor(angle: Real, nbar: int, sidelobe_db: float) -> Real:
     return value
 
 
-def _replica_times_s(waveform: AnyWaveform) -> Real:
-    """Sample times t_n of the pulse, from its middle, (n,) [s]."""
-    count = waveform.sample_count
-    return np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
-
-
 def replica(waveform: AnyWaveform) -> Complex:
     """Return the samples w(t_n): exp(j pi K t_n^2) of a chirp, the chips of a code, or a file's.
 
@@ -139,7 +127,7 @@ def replica(waveform: AnyWaveform) -> Complex:
     Raises
     ------
     ConfigError
-        As :func:`_replica_times_s`.
+        The waveform has no pulse.
     """
     if isinstance(waveform, PhaseCodedPulse | ArbitraryPulse | PmcwWaveform):
         return waveform.replica_samples()
@@ -148,27 +136,14 @@ def replica(waveform: AnyWaveform) -> Complex:
             f"A waveform of kind {waveform.kind!r} has no pulse to correlate with; its range "
             "profile is a Fourier transform of its samples."
         )
-    samples: Complex = np.exp(
-        1j * np.pi * waveform.fm_rate_hz_per_s * _replica_times_s(waveform) ** 2
-    )
+    count = waveform.sample_count
+    times_s = np.asarray((np.arange(count) - (count - 1) / 2) / waveform.sampling_rate_hz)
+    samples: Complex = np.exp(1j * np.pi * waveform.fm_rate_hz_per_s * times_s**2)
     return samples
 
 
 def frequencies_hz(waveform: AnyWaveform, size: int) -> Real:
-    """Return the baseband frequencies of a transform of the samples.
-
-    Parameters
-    ----------
-    waveform
-        Waveform whose sampling rate counts.
-    size
-        Samples of the transform.
-
-    Returns
-    -------
-    ndarray
-        (size,), in numpy's FFT order [Hz].
-    """
+    """Return the baseband frequencies of a transform of `size` samples, in FFT order [Hz]."""
     return np.fft.fftfreq(size, 1 / waveform.sampling_rate_hz)
 
 
@@ -190,7 +165,7 @@ def replica_spectrum(waveform: AnyWaveform, size: int) -> Complex:
     Raises
     ------
     ConfigError
-        As :func:`_replica_times_s`.
+        The waveform has no pulse.
     ValueError
         The pulse has more samples than the transform.
     """
@@ -204,7 +179,7 @@ def replica_spectrum(waveform: AnyWaveform, size: int) -> Complex:
 
 
 def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Complex:
-    """conj(W(f)) times a window over the band, with unit response to a unit path.
+    """Return conj(W(f)) times a window over the band, with unit response to a unit path.
 
     Parameters
     ----------
@@ -213,9 +188,8 @@ def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Co
     size
         Length of the transform.
     window
-        Window over |f| <= B/2, see :mod:`.radar.windows`; frequencies outside the band are cut. A
-        phase code has its sidelobes from the code, and none is laid over it, see
-        :func:`band_window`.
+        Window over |f| <= B/2, see :func:`window_at`; frequencies outside the band are
+        cut. A phase code has its sidelobes from the code, and no window.
 
     Returns
     -------
@@ -227,8 +201,8 @@ def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Co
         plain = np.conj(spectrum) / np.mean(np.abs(spectrum) ** 2)
         return np.asarray(plain, dtype=np.complex128)
     position = frequencies_hz(waveform, size) / waveform.bandwidth_hz
-    # A bin that the band's edge cuts counts with its share inside; else the width of the response
-    # would hang on where the bins of a transform happen to lie.
+    # A bin at the band's edge counts with its fraction inside; otherwise the width of the response
+    # would depend on where the bins lie.
     bin_width = waveform.sampling_rate_hz / size / waveform.bandwidth_hz
     share = np.clip((0.5 - np.abs(position)) / bin_width + 0.5, 0.0, 1.0)
     weight = window_at(window, np.clip(position, -0.5, 0.5)) * share
@@ -237,18 +211,5 @@ def matched_filter(waveform: AnyWaveform, size: int, window: str = "none") -> Co
 
 
 def band_window(waveform: AnyWaveform, window: str) -> str:
-    """Return the window over the band of a waveform.
-
-    Parameters
-    ----------
-    waveform
-        Any waveform.
-    window
-        Wanted window, see :mod:`.radar.windows`.
-
-    Returns
-    -------
-    str
-        "none" for phase codes, else `window`.
-    """
+    """Return `window`, or "none" for phase codes: their sidelobes are those of the code."""
     return "none" if isinstance(waveform, PhaseCodedPulse | PmcwWaveform) else window

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Waveforms and radars as plain dictionaries and files: run.json, radar.json, tables of samples."""
+"""Waveforms and radars as plain dictionaries and files: run.json, radar.json, tables of samples.
+
+Numbers that contradict one another are refused where a waveform or radar is made. Numbers that can
+be built but suit no such scene, mostly by an error of a unit, are findings: low frequencies, narrow
+bands and slow pulses may be meant.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +78,7 @@ def waveform_from_dict(data: dict[str, Any], folder: Path | None = None) -> Any:
     ----------
     data
         Kind and fields by name, SI. "arbitrary" takes "samples" as {"real": [...],
-        "imag": [...]}, or "file", see :func:`load_samples`.
+        "imag": [...]}, or "file", the name of a .npy or .csv file of samples.
     folder
         What the name of such a file is relative to.
 
@@ -123,7 +128,7 @@ def _given_samples(given: dict[str, Any], folder: Path | None) -> Complex:
 
 
 def load_samples(path: str | Path) -> Complex:
-    """Complex samples from a file, (n,).
+    """Read complex samples from a file, (n,).
 
     ``.npy``: a row of complex numbers, never pickled objects. ``.csv``: real and imaginary part in
     two columns; lines that begin with # are comments, one line of headings may lead.
@@ -182,24 +187,8 @@ def _csv_samples(path: Path) -> Complex:
 
 
 def burst_from_dict(data: dict[str, Any], waveform: AnyWaveform | None = None) -> Burst:
-    """Return a burst from its fields.
-
-    Parameters
-    ----------
-    data
-        "pulses" and "prf_hz" [Hz].
-    waveform
-        Gives the PRF where `data` does not: pulses follow one another without a pause.
-
-    Returns
-    -------
-    Burst
-        Pulses and PRF.
-
-    Raises
-    ------
-    ConfigError
-        Other fields, or numbers that do not fit.
+    """Return a burst from "pulses" and "prf_hz" [Hz]. Without a PRF, pulses of `waveform` follow
+    one another without a pause.
     """
     if isinstance(data, dict) and data.get("prf_hz") is None and waveform is not None:
         data = {**data, "prf_hz": 1 / waveform.duration_s}
@@ -249,37 +238,10 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
         raise ConfigError(f"{path}: {error}") from error
 
 
-# -------------------------------------------------------------------------------------------------
-# Radars that can be built but are of no use for what they look at: mostly a slip of a unit.
-#
-# Nothing here is refused: low frequencies, narrow bands and slow pulses may be meant. Numbers that
-# contradict one another are refused where they are made (:mod:`.radar.config`). Standard library
-# only.
-# -------------------------------------------------------------------------------------------------
-
-
-#: A sweep that fills less than this fraction of the band 1/T that the pulse's duration alone takes.
-_LEAST_TIME_BANDWIDTH = 0.9
-#: A burst up to this is plausible, however short the animation is [s].
-_USUAL_BURST_S = 10.0
-#: What bounds the unambiguous range, by kind of waveform.
-_RANGE_LIMITS = {"stepped": "frequency step", "pmcw": "code length", "fmcw": "sampling rate"}
-
-
 def range_limit(waveform: AnyWaveform) -> str:
-    """Return which setting bounds the unambiguous range, such as "PRF".
-
-    Parameters
-    ----------
-    waveform
-        Any waveform.
-
-    Returns
-    -------
-    str
-        Name of the setting, for messages.
-    """
-    return _RANGE_LIMITS.get(waveform.kind, "PRF")
+    """Return the setting that bounds the unambiguous range, such as "PRF", for messages."""
+    limits = {"stepped": "frequency step", "pmcw": "code length", "fmcw": "sampling rate"}
+    return limits.get(waveform.kind, "PRF")
 
 
 def find_suspicious_parameters(
@@ -287,19 +249,8 @@ def find_suspicious_parameters(
 ) -> list[Finding]:
     """Find parameters that make a radar useless for its scene.
 
-    Parameters
-    ----------
-    radar
-        Waveform and burst.
-    reach_m
-        Farthest range that is of interest, of the scene or the range limits [m], if known.
-    animation_s
-        Duration of the scene's animation [s], if known.
-
-    Returns
-    -------
-    list of Finding
-        Empty where all parameters suit the scene.
+    `reach_m` is the farthest range of interest [m], `animation_s` the duration of the animation
+    [s], where known.
     """
     waveform, found = radar.waveform, []
     if reach_m is not None and 0 < reach_m < waveform.range_resolution_m:
@@ -311,10 +262,8 @@ def find_suspicious_parameters(
                 farthest_m=reach_m,
             )
         )
-    elif (
-        isinstance(waveform, Waveform)
-        and waveform.bandwidth_hz * waveform.chirp_duration_s < _LEAST_TIME_BANDWIDTH
-    ):
+    # the pulse's duration T alone takes a band of 1 / T
+    elif isinstance(waveform, Waveform) and waveform.bandwidth_hz * waveform.chirp_duration_s < 0.9:
         found.append(
             finding(
                 "low-time-bandwidth-product",
@@ -334,7 +283,8 @@ def find_suspicious_parameters(
             )
         )
     burst_s = radar.burst.pulses / radar.burst.prf_hz
-    if animation_s is not None and burst_s > max(animation_s, _USUAL_BURST_S):
+    # up to 10 s are plausible, however short the animation is
+    if animation_s is not None and burst_s > max(animation_s, 10.0):
         found.append(
             finding(
                 "burst-exceeds-animation",

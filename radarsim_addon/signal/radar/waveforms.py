@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Waveforms whose receiver samples frequencies: FMCW with de-chirp, stepped frequency, PMCW.
+"""Waveforms of both families, frozen, in SI and checked on construction; each is an `AnyWaveform`.
 
-Frozen, in SI, checked on construction; they satisfy :class:`.radar.config.AnyWaveform`.
+Pulses: phase-coded, given samples, linear FM. Lines, where the receiver samples frequencies: FMCW
+with de-chirp, stepped frequency, PMCW. The receiver of a line waveform observes the frequency f0 +
+(k - (N-1)/2) df at the time t0 + k dt of each pulse.
 """
 
 from __future__ import annotations
@@ -29,11 +31,6 @@ from .config import (
     check_carrier,
 )
 
-# -------------------------------------------------------------------------------------------------
-# Binary phase codes: Barker codes and maximum-length sequences, as tuples of +1 and -1.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Barker codes by length (Skolnik, Radar Handbook, ch. 8); sidelobes of the aperiodic
 #: autocorrelation are at most 1 in magnitude.
 BARKER = {
@@ -53,11 +50,9 @@ _PRIMITIVE = {
     11: (2,), 12: (6, 4, 1), 13: (4, 3, 1), 14: (10, 6, 1), 15: (1,), 16: (12, 3, 1),
 }  # fmt: skip
 
-_DEGREES = (min(_PRIMITIVE), max(_PRIMITIVE))
-
 
 def barker(length: int) -> tuple[int, ...]:
-    """The Barker code of a length, (length,)."""
+    """Return the Barker code of a length, (length,)."""
     if length not in BARKER:
         raise ConfigError(
             f"Barker code of length {length!r}; there are codes of {', '.join(map(str, BARKER))}."
@@ -66,15 +61,15 @@ def barker(length: int) -> tuple[int, ...]:
 
 
 def m_sequence(degree: int) -> tuple[int, ...]:
-    """A maximum-length sequence, (2**degree - 1,).
+    """Return a maximum-length sequence, (2**degree - 1,).
 
     Its periodic autocorrelation is N at lag 0 and -1 at every other (Golomb, Shift Register
     Sequences).
     """
     if not isinstance(degree, int) or degree not in _PRIMITIVE:
         raise ConfigError(
-            f"Degree of the m-sequence is {degree!r}; expected a whole number from {_DEGREES[0]} "
-            f"to {_DEGREES[1]} (a code of 2^degree - 1 chips)."
+            f"Degree of the m-sequence is {degree!r}; expected a whole number from "
+            f"{min(_PRIMITIVE)} to {max(_PRIMITIVE)} (a code of 2^degree - 1 chips)."
         )
     # s[n + degree] = s[n] + sum s[n + e] mod 2
     state = [1] * degree
@@ -84,11 +79,6 @@ def m_sequence(degree: int) -> tuple[int, ...]:
         bits.append(state[0])
         state = [*state[1:], sum(state[tap] for tap in taps) % 2]
     return tuple(1 - 2 * bit for bit in bits)
-
-
-# -------------------------------------------------------------------------------------------------
-# What the waveforms that are made of chips share: pulses after a code, PMCW.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Setting of the waveforms that are made of chips.
@@ -102,7 +92,7 @@ CHIP: dict[str, Any] = {
 
 
 class ChipNumbers:
-    """What follows from the duration of a chip [s] and the samples taken of it."""
+    """What follows from the duration of a chip [s] and its samples."""
 
     chip_duration_s: float
     samples_per_chip: int
@@ -114,20 +104,12 @@ class ChipNumbers:
 
     @property
     def sampling_rate_hz(self) -> float:
-        """Complex samples a second [Hz]."""
         return self.samples_per_chip / self.chip_duration_s
 
     def sampled(self, code: Sequence[int]) -> Complex:
-        """Samples of a code of +1 and -1, (chips x samples_per_chip,)."""
+        """Return the samples of a code of +1 and -1, (chips x samples_per_chip,)."""
         samples = np.repeat(np.asarray(code), self.samples_per_chip)
         return np.asarray(samples, dtype=np.complex128)
-
-
-# -------------------------------------------------------------------------------------------------
-# Pulses other than the linear chirp: phase-coded, and any samples from a file.
-#
-# Frozen, in SI, checked on construction; they satisfy :class:`.radar.config.AnyWaveform`.
-# -------------------------------------------------------------------------------------------------
 
 
 @documented
@@ -174,7 +156,7 @@ class PhaseCodedPulse(ChipNumbers, PulseNumbers):
 @documented
 @dataclass(frozen=True)
 class ArbitraryPulse(PulseNumbers):
-    """A pulse of given complex samples, read from a file by :mod:`.radar.radar_files`.
+    """A pulse of given complex samples, such as `load_samples` reads from a file.
 
     Parameters
     ----------
@@ -307,7 +289,6 @@ class LineNumbers(WaveformNumbers):
 
     @property
     def sample_count(self: LineWaveform) -> int:
-        """One sample for each frequency."""
         return self.grid_count
 
     @property
@@ -317,58 +298,48 @@ class LineNumbers(WaveformNumbers):
 
     @property
     def range_period_m(self: LineWaveform) -> float:
-        """Range after which the profile repeats, c / 2 df [m]."""
         return SPEED_OF_LIGHT_MPS / (2 * self.grid_step_hz)
 
     @property
     def grid_middle(self: LineWaveform) -> float:
-        """Index of the carrier in the grid: (N-1)/2."""
         return (self.grid_count - 1) / 2
 
     @property
     def grid_middle_s(self: LineWaveform) -> float:
-        """Time of the middle of the band in each pulse [s]."""
         return self.grid_start_s + self.grid_middle * self.grid_interval_s
 
 
 @runtime_checkable
 class LineWaveform(AnyWaveform, Protocol):
-    """Protocol of the family "line", see :class:`LineNumbers`."""
+    """A waveform of the family "line", see :class:`LineNumbers`."""
 
     @property
     def grid_count(self) -> int:
         """Number N of frequencies."""
-        ...
 
     @property
     def grid_step_hz(self) -> float:
-        """Their distance df [Hz]."""
-        ...
+        """Distance df of two frequencies [Hz]."""
 
     @property
     def grid_start_s(self) -> float:
-        """Time of the first one in each pulse [s]."""
-        ...
+        """Time of the first frequency in each pulse [s]."""
 
     @property
     def grid_interval_s(self) -> float:
-        """Time between two [s]; 0: all at once."""
-        ...
+        """Time between two frequencies [s]; 0: all at once."""
 
     @property
     def grid_middle(self) -> float:
-        """Index of the carrier in the grid, where it falls between two a half."""
-        ...
+        """Index of the carrier in the grid, (N-1)/2; a half between two frequencies."""
 
     @property
     def grid_middle_s(self) -> float:
         """Time of the middle of the band in each pulse [s]."""
-        ...
 
     @property
     def range_period_m(self) -> float:
         """Range after which the profile repeats, c / 2 df [m]."""
-        ...
 
 
 @documented
@@ -450,7 +421,7 @@ class FmcwWaveform(LineNumbers):
 
     @property
     def grid_step_hz(self) -> float:
-        """What the ramp climbs between samples, K / fs [Hz]."""
+        """Climb of the ramp between two samples, K / fs [Hz]."""
         return self.bandwidth_hz / self.adc_samples
 
     @property
@@ -500,7 +471,7 @@ class SteppedWaveform(LineNumbers):
 
     @property
     def sampling_rate_hz(self) -> float:
-        """One sample a step [Hz]."""
+        """One sample per step [Hz]."""
         return 1 / self.step_time_s
 
     @property
@@ -611,7 +582,7 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
 
     @property
     def grid_middle(self) -> float:
-        """N // 2, as a discrete Fourier transform has its frequencies."""
+        """N // 2, where a discrete Fourier transform has frequency 0."""
         return self.grid_count // 2
 
     def replica_samples(self) -> Complex:
@@ -619,6 +590,6 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
         return self.sampled(m_sequence(self.code_degree))
 
 
-# told by its class: to look for each name of the protocol takes a hundred times as long
+# isinstance by class: looking up each name of the protocol takes a hundred times as long
 for _kind in (FmcwWaveform, SteppedWaveform, PmcwWaveform):
     LineWaveform.register(_kind)

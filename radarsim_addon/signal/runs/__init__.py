@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run folder and its EXR files, opened and checked.
+"""A run's folder and its EXR files, opened and checked before a number of them is used.
 
-In: a folder. Out: `Run` and `RadarFrame` records, and float32 images of radiance.
+`run` opens a folder: the plan, what is missing of it, and each render checked against its sidecar
+and the plan. `exr` reads float32 images of radiance [W/m^2/sr] with one of two libraries, after it
+has checked header and chunks of the file itself.
 """
 
 from .exr import CHUNK_LINES, ZIP, ExrHeader, exr_backend, read_exr, read_header, write_exr

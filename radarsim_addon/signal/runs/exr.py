@@ -3,7 +3,12 @@
 
 Outside Blender the PyPI package ``OpenEXR`` is used, inside a Blender program the ``OpenImageIO``
 that Blender ships: PyPI's OpenEXR crashes some Blender builds on import, so it is never imported
-there. :mod:`.runs.exr_header` checks files first, because both libraries accept damaged ones.
+there.
+
+Both libraries are lenient in different ways: a truncated file yields a warning on stderr and no
+pixels, missing channels yield zeros, and a header of 2^31 x 2^31 is believed. A radar frame must be
+complete, so header and chunk table are read first, with the standard library alone. Format:
+"OpenEXR File Layout", openexr.com (single-part scan-line files, version 2).
 """
 
 from __future__ import annotations
@@ -27,24 +32,12 @@ from ...atomic_files import cannot_write, replaced
 from ...contract import CHANNELS, MAX_PIXELS
 from ...errors import FrameFileError, MissingDependencyError
 
-# -------------------------------------------------------------------------------------------------
-# Header and chunk table of an OpenEXR file, checked before a library allocates a single pixel.
-#
-# EXR libraries are lenient in different ways: a truncated file yields a warning on stderr and no
-# pixels, missing channels yield zeros, and a header of 2^31 x 2^31 is believed. A radar frame must
-# be complete, so this module reads header and chunk table with the standard library alone.
-# Format: "OpenEXR File Layout", openexr.com (single-part scan-line files, version 2).
-# -------------------------------------------------------------------------------------------------
-
-
 #: Compression of every file that radarsim writes.
 ZIP = 3
 #: A header is a few hundred bytes; a file that claims more is not a radar frame.
 _MAX_HEADER_BYTES = 1 << 20
 
-_MAGIC = b"\x76\x2f\x31\x01"
 _TILED, _DEEP, _MULTIPART = 0x200, 0x800, 0x1000
-_PIXEL_TYPES = {0: "uint", 1: "half", 2: "float"}
 #: Scan lines in one chunk by the number of the compression.
 CHUNK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 
@@ -53,79 +46,21 @@ _RENDER_AGAIN = "Remove it and render the run again: radarsim render measures wh
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """Size, channels and chunks of an EXR file.
-
-    Attributes
-    ----------
-    width_px, height_px
-        Size of the image.
-    channels
-        Pixel type ("float", "half" or "uint") of each channel by name.
-    compression
-        Number of the compression.
-    chunks
-        First byte and length of the compressed pixels of each chunk, by its first row from 0.
-    """
+    """Size, channels and chunks of an EXR file."""
 
     width_px: int
     height_px: int
+    #: Pixel type ("float", "half" or "uint") of each channel by name.
     channels: dict[str, str]
     compression: int
+    #: First byte and length of the compressed pixels of each chunk, by its first row from 0.
     chunks: dict[int, tuple[int, int]]
-
-
-def _damaged(path: Path, what: str) -> FrameFileError:
-    return FrameFileError(f"{path} is damaged or truncated: {what}. {_RENDER_AGAIN}")
-
-
-def _text(stream: BinaryIO, path: Path) -> str:
-    """Read a null-terminated name (at most 255 bytes in version 2)."""
-    name = b""
-    while (byte := stream.read(1)) != b"\0":
-        name += byte
-        if not byte or len(name) > 255:
-            raise _damaged(path, "the header ends inside a name")
-    return name.decode("utf-8", errors="replace")
-
-
-def _channels(data: bytes, path: Path) -> dict[str, str]:
-    """Parse a channel list: name, type, 4 bytes of linear flag and padding, x and y sampling."""
-    found: dict[str, str] = {}
-    at = 0
-    while at < len(data) and data[at] != 0:
-        end = data.find(b"\0", at)
-        if end < 0 or end + 17 > len(data):
-            raise _damaged(path, "the list of channels is cut off")
-        kind, _, x_step, y_step = struct.unpack_from("<iiii", data, end + 1)
-        name = data[at:end].decode("utf-8", errors="replace")
-        if (x_step, y_step) != (1, 1):
-            raise FrameFileError(
-                f"{path}: channel {name} is subsampled ({x_step} x {y_step}); expected every "
-                "pixel. Write it without chroma subsampling."
-            )
-        found[name] = _PIXEL_TYPES.get(kind, f"type {kind}")
-        at = end + 17
-    return found
 
 
 def read_header(path: Path) -> ExrHeader:
     """Read the header and check that every chunk of pixels is inside the file.
 
-    Parameters
-    ----------
-    path
-        File to read.
-
-    Returns
-    -------
-    ExrHeader
-        Size, channels and chunks.
-
-    Raises
-    ------
-    FrameFileError
-        The file is missing, not a single-part scan-line EXR, larger than `MAX_PIXELS`, or
-        incomplete.
+    The file must be a single-part scan-line EXR of at most `MAX_PIXELS`.
     """
     try:
         with open(path, "rb") as stream:
@@ -142,7 +77,8 @@ def read_header(path: Path) -> ExrHeader:
 def _read_header(stream: BinaryIO, path: Path) -> ExrHeader:
     size = os.fstat(stream.fileno()).st_size
     start = stream.read(8)
-    if start[:4] != _MAGIC[: len(start[:4])] or (size and not start):
+    magic = b"\x76\x2f\x31\x01"
+    if start[:4] != magic[: len(start[:4])] or (size and not start):
         raise FrameFileError(f"{path} is not an OpenEXR file (it starts with {start[:4]!r}).")
     if len(start) < 8:
         raise _damaged(path, f"it holds {size} bytes")
@@ -194,8 +130,38 @@ def _read_header(stream: BinaryIO, path: Path) -> ExrHeader:
     return ExrHeader(width, height, channels, compression[0], chunks)
 
 
+def _text(stream: BinaryIO, path: Path) -> str:
+    """Read a null-terminated name (at most 255 bytes in version 2)."""
+    name = b""
+    while (byte := stream.read(1)) != b"\0":
+        name += byte
+        if not byte or len(name) > 255:
+            raise _damaged(path, "the header ends inside a name")
+    return name.decode("utf-8", errors="replace")
+
+
+def _channels(data: bytes, path: Path) -> dict[str, str]:
+    """Parse a channel list: name, type, 4 bytes of linear flag and padding, x and y sampling."""
+    found: dict[str, str] = {}
+    at = 0
+    while at < len(data) and data[at] != 0:
+        end = data.find(b"\0", at)
+        if end < 0 or end + 17 > len(data):
+            raise _damaged(path, "the list of channels is cut off")
+        kind, _, x_step, y_step = struct.unpack_from("<iiii", data, end + 1)
+        name = data[at:end].decode("utf-8", errors="replace")
+        if (x_step, y_step) != (1, 1):
+            raise FrameFileError(
+                f"{path}: channel {name} is subsampled ({x_step} x {y_step}); expected every "
+                "pixel. Write it without chroma subsampling."
+            )
+        found[name] = {0: "uint", 1: "half", 2: "float"}.get(kind, f"type {kind}")
+        at = end + 17
+    return found
+
+
 def _chunks(stream: BinaryIO, path: Path, size: int, count: int) -> dict[int, tuple[int, int]]:
-    """First byte and length of the pixels of each chunk, by its row in the data window."""
+    """Return first byte and length of the pixels of each chunk, by its row in the data window."""
     table = stream.read(8 * count)
     if len(table) < 8 * count:
         raise _damaged(path, "the file ends inside the table of chunks")
@@ -212,25 +178,18 @@ def _chunks(stream: BinaryIO, path: Path, size: int, count: int) -> dict[int, tu
     return found
 
 
+def _damaged(path: Path, what: str) -> FrameFileError:
+    return FrameFileError(f"{path} is damaged or truncated: {what}. {_RENDER_AGAIN}")
+
+
 def inside_blender_program() -> bool:
-    """Whether this Python is embedded in Blender, not a bpy wheel in a plain Python."""
+    """Return whether this Python is embedded in Blender, not a bpy wheel in a plain Python."""
     app = getattr(sys.modules.get("bpy"), "app", None)
     return bool(getattr(app, "binary_path", ""))
 
 
 def exr_backend() -> tuple[str, ModuleType]:
-    """Return the library that reads EXR files in this Python.
-
-    Returns
-    -------
-    name, module
-        "OpenEXR" or "OpenImageIO", and the module.
-
-    Raises
-    ------
-    MissingDependencyError
-        Neither is installed; the message has what to install.
-    """
+    """Return name ("OpenEXR" or "OpenImageIO") and module of the library for EXR files here."""
     names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
     for name in names:
         if importlib.util.find_spec(name) is not None:
@@ -299,20 +258,16 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
                 f"{path}: channel {name} was read as {image.shape} {image.dtype}; "
                 f"expected {shape} float32."
             )
-        _require_finite(path, name, image)
+        bad = ~np.isfinite(image)
+        count = int(np.count_nonzero(bad))
+        if count:
+            row, col = (int(i) for i in np.argwhere(bad)[0])
+            raise FrameFileError(
+                f"{path}: channel {name} holds {count} value(s) that are NaN or Inf, the first "
+                f"({image[row, col]}) at row {row}, column {col}. A material in the scene emits or "
+                "divides by zero: fix it and render this frame again."
+            )
     return images
-
-
-def _require_finite(path: Path, name: str, image: Single) -> None:
-    bad = ~np.isfinite(image)
-    count = int(np.count_nonzero(bad))
-    if count:
-        row, col = (int(i) for i in np.argwhere(bad)[0])
-        raise FrameFileError(
-            f"{path}: channel {name} holds {count} value(s) that are NaN or Inf, the first "
-            f"({image[row, col]}) at row {row}, column {col}. A material in the scene emits or "
-            "divides by zero: fix it and render this frame again."
-        )
 
 
 def _read_openexr(module: Any, path: Path, channels: Sequence[str]) -> dict[str, Single]:

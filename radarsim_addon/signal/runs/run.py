@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from ... import contract
 from ...arrays import Single
 from ...contract import (
     CHANNELS,
@@ -27,6 +26,7 @@ from ...contract import (
     PATHS_TABLE,
     RUN_FILE,
     GroundTruthRecord,
+    PathsRecord,
     RenderRecord,
     RunRecord,
     burst_dir,
@@ -38,11 +38,6 @@ from ...findings import Finding, frames_text
 from ...typed_json import check_run, file_sha256, from_json, read_record, refusal_to_open
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
-
-#: Slack between numbers of the plan and of a sidecar: Blender's float32 rounds them.
-_RELATIVE_SLACK = 1e-5
-#: Fields of the plan in which processes of one run may differ.
-_OWN_FIELDS: dict[str, Any] = {"findings": [], "fingerprint": "", "blend_file": "", "extra": {}}
 
 
 @dataclass(frozen=True)
@@ -136,10 +131,16 @@ class RadarFrame:
 
     def missing(self) -> list[MissingRender]:
         """Return renders without EXR or sidecar. Checks names and sizes only."""
-        if self.sampling_mode == "paths":
-            renders = map(self.of_burst, range(self.visibility_updates))
-            return [gap for render in renders for gap in render._missing_table()]
         found = []
+        if self.sampling_mode == "paths":
+            for render in map(self.of_burst, range(self.visibility_updates)):
+                for name in (PATHS_FILE, PATHS_TABLE):
+                    file = render.path / name
+                    if not file.is_file() or file.stat().st_size == 0:
+                        reason = f"{name} is missing or empty"
+                        found.append(MissingRender(self.number, 0, 0, reason))
+                        break
+            return found
         for snapshot_index in range(self.snapshots):
             for ring in range(self.rings):
                 stem = self.path / render_stem(ring, snapshot_index)
@@ -150,13 +151,6 @@ class RadarFrame:
                         found.append(MissingRender(self.number, ring, snapshot_index, reason))
                         break
         return found
-
-    def _missing_table(self) -> list[MissingRender]:
-        for name in (PATHS_FILE, PATHS_TABLE):
-            file = self.path / name
-            if not file.is_file() or file.stat().st_size == 0:
-                return [MissingRender(self.number, 0, 0, f"{name} is missing or empty")]
-        return []
 
     def scene(self) -> GroundTruthRecord | None:
         """Return the ground truth of the objects, or None if the run holds no such record."""
@@ -228,7 +222,8 @@ class RadarFrame:
                 )
         for name in ("metres_per_unit", "range_encoding_length_m"):
             value = getattr(record, name)
-            if not math.isclose(value, getattr(plan, name), rel_tol=_RELATIVE_SLACK) or value <= 0:
+            # slack: Blender's float32 rounds them
+            if not math.isclose(value, getattr(plan, name), rel_tol=1e-5) or value <= 0:
                 raise SchemaError(
                     f"{sidecar}: {name} is {value!r}, the run's plan has {getattr(plan, name)!r}. "
                     "The file belongs to another run: remove it and render this run again."
@@ -345,8 +340,8 @@ def open_run(path: str | Path) -> Run:
         raise FrameFileError(
             f"{path} {refusal}. Give the folder of a run: the one that holds {RUN_FILE}.{remedy}"
         )
-    record = read_record(path / RUN_FILE, RunRecord)
     where = path / RUN_FILE
+    record = read_record(where, RunRecord)
     if not record.frames or len(record.frames) != len(record.frame_times_s):
         raise FrameFileError(
             f"{where} lists {len(record.frames)} frames and {len(record.frame_times_s)} times; "
@@ -367,58 +362,31 @@ def open_run(path: str | Path) -> Run:
             f"{where}: {record.width_px} x {record.height_px} pixels; expected at most "
             f"{MAX_PIXELS}. Render the run again."
         )
-    return Run(path, record, _radar(record, where))
-
-
-def shared_plan(record: RunRecord) -> dict[str, Any]:
-    """Return what all processes and all parts of a run agree on, as a file gives it back.
-
-    Parameters
-    ----------
-    record
-        Plan of a run.
-
-    Returns
-    -------
-    dict
-        Plain JSON with float numbers, to be compared.
-    """
-    plain = dataclasses.asdict(dataclasses.replace(record, **_OWN_FIELDS))
-    found: dict[str, Any] = json.loads(json.dumps(plain), parse_int=float)
-    return found
-
-
-def _radar(record: RunRecord, where: Path) -> Radar:
     try:
-        waveform = waveform_from_dict(dict(record.waveform), where.parent)
-        return Radar(waveform, burst_from_dict(dict(record.burst)))
+        waveform = waveform_from_dict(dict(record.waveform), path)
+        return Run(path, record, Radar(waveform, burst_from_dict(dict(record.burst))))
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
 
 
-# -------------------------------------------------------------------------------------------------
-# Findings that a render left in the records of its frames.
-# -------------------------------------------------------------------------------------------------
+def shared_plan(record: RunRecord) -> dict[str, Any]:
+    """Return the part of a plan on which all processes of a run agree: plain JSON with float
+    numbers, to be compared.
+    """
+    # processes of one run may differ in these fields
+    shared = dataclasses.replace(record, findings=[], fingerprint="", blend_file="", extra={})
+    plain = json.dumps(dataclasses.asdict(shared))
+    found: dict[str, Any] = json.loads(plain, parse_int=float)
+    return found
 
 
 def frame_findings(folder: Path, frames: Iterable[int]) -> list[Finding]:
-    """Return the findings of these frames as far as they are done, by whatever session.
-
-    Parameters
-    ----------
-    folder
-        Of the run.
-    frames
-        Their numbers.
-
-    Returns
-    -------
-    list of Finding
-        None of rings, whose renders have no findings of their own.
+    """Return the findings that renders left in the records of these frames, as far as the frames
+    are done. Rings have none of their own.
     """
     found: list[Finding] = []
     for frame in frames:
-        path = folder / contract.frame_dir(frame) / contract.PATHS_FILE
+        path = folder / frame_dir(frame) / PATHS_FILE
         if path.is_file():
-            found += read_record(path, contract.PathsRecord).findings
+            found += read_record(path, PathsRecord).findings
     return found
