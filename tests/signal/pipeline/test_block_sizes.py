@@ -119,7 +119,7 @@ def test_results_do_not_depend_on_sizes_of_blocks(
     folder: Path, usual: Any, monkeypatch: pytest.MonkeyPatch, module: str, name: str, value: int
 ) -> None:
     there = importlib.import_module(f"radarsim_addon.signal.{module}")
-    kind = "ramps" if module == "maps.range_compression" else "pulses"
+    kind = "ramps" if name == "_PADDED" else "pulses"
     assert value < getattr(there, name) or name == "_LEAST_BLOCKS"
     monkeypatch.setattr(there, name, value)
     for key, found in results(folder, RADARS[kind]).items():
