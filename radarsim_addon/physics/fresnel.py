@@ -1,8 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fresnel reflection of a plane wave at a smooth boundary.
+"""Fresnel reflection of a plane wave at a smooth boundary, and at a plane-parallel slab in vacuum.
 
-Time convention exp(-j w t): a passive medium has Im(n) >= 0 (engineering texts with exp(+j w t)
-write n - jk; take the complex conjugate of their index).
+With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the wave vector
+inside over k0 (`normal_wave`). The coefficients of a face follow from n^2, c and q (`faces`), those
+of a slab of the thickness d from two faces and the complex phase of one passage, delta = k0 q d.
+Of a slab there are three descriptions, all power per incident power (`slab_power`):
+
+- ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4): a
+  monochromatic wave on a perfect sheet.
+- ``incoherent``: all internal reflections, added in power. The mean over frequency of a lossless
+  or weakly lossy slab that is many wavelengths thick.
+- ``single-pass``: the straight path alone. It is the result of a range gate if the internal
+  echoes fall into other range cells, and of straight-through ray tracing.
+
+The last two describe separate passages. An absorbing sheet thinner than its penetration depth, or
+a wave that tunnels through beyond total reflection, has none: the first term of the series can
+exceed the power that enters. It is capped so that energy is conserved; use 'coherent' for such
+sheets.
+
+In all functions index is the complex index n + jk, Im >= 0, and cos_incidence the cosine of the
+angle of incidence outside, 0 to 1.
 """
 
 from __future__ import annotations
@@ -22,12 +39,9 @@ class FacePower(NamedTuple):
 
     Attributes
     ----------
-    r
-        Amplitude reflection coefficient.
-    tt
-        Product of the amplitudes that enter and leave, 1 - r^2.
-    entering
-        Fraction of the power that enters, 1 - |r|^2.
+    r : amplitude reflection coefficient
+    tt : product of the amplitudes that enter and leave, 1 - r^2
+    entering : fraction of the power that enters, 1 - |r|^2
     """
 
     r: Complex
@@ -36,19 +50,15 @@ class FacePower(NamedTuple):
 
 
 def normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:
-    """Return n^2, cos(theta) and q, the normal component of the wave vector inside over k0.
+    """Return n^2, cos(theta) and q.
 
     Parameters
     ----------
-    index
-        Complex index n + jk of the medium, Im >= 0. Broadcasts with `cos_incidence`.
-    cos_incidence
-        Cosine of the angle of incidence, 0 to 1.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
-    eps, cosine, q
-        q = sqrt(n^2 - sin^2(theta)), the branch with Im(q) >= 0.
+    eps, cosine, q : q on the branch with Im(q) >= 0
     """
     eps = np.asarray(index, dtype=np.complex128) ** 2
     cosine = np.asarray(cos_incidence, dtype=np.float64)
@@ -59,20 +69,16 @@ def normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Re
 def faces(eps: Complex, cosine: Real, q: Complex) -> tuple[FacePower, FacePower]:
     """Return reflection and transmission of both polarisations.
 
+    Born and Wolf, Principles of Optics, 1.5.2 (20), in a form without subtraction of near-equal
+    numbers: c - q = (1 - n^2)/(c + q), n^2 c - q = (n^2 - 1)((n^2 + 1) c^2 - 1)/(n^2 c + q).
+
     Parameters
     ----------
-    eps, cosine, q
-        As `normal_wave` returns them.
+    eps, cosine, q : as `normal_wave` returns them
 
     Returns
     -------
-    s, p
-        Perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s.
-
-    Notes
-    -----
-    Born and Wolf, Principles of Optics, 1.5.2 (20), in a form without subtraction of near-equal
-    numbers: c - q = (1 - n^2)/(c + q), n^2 c - q = (n^2 - 1)((n^2 + 1) c^2 - 1)/(n^2 c + q).
+    s, p : perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s
     """
     sum_s, sum_p = cosine + q, eps * cosine + q
     # q = c = 0 is vacuum at exactly grazing incidence: nothing reflects.
@@ -92,13 +98,11 @@ def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `normal_wave`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
-    r_s, r_p
-        See `faces`.
+    r_s, r_p : see `faces`
     """
     s, p = faces(*normal_wave(index, cos_incidence))
     return s.r, p.r
@@ -111,13 +115,11 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `normal_wave`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
     t_s, t_p
-        Fractions for both polarisations, of the broadcast shape.
     """
     s, p = faces(*normal_wave(index, cos_incidence))
     return s.entering, p.entering
@@ -128,39 +130,17 @@ def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `normal_wave`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
     ndarray
-        Fraction of the incident power, of the broadcast shape.
     """
     r_s, r_p = reflection_coefficients(index, cos_incidence)
     return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)
 
 
-# -------------------------------------------------------------------------------------------------
-# A plane-parallel slab in vacuum: transmission, reflection and delay in closed form.
-#
-# exp(-j w t). With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the
-# wave vector inside over k0, and delta = k0 q d the complex phase of one passage.
-#
-# Three descriptions, all power per incident power:
-#
-# - ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4): a
-#   monochromatic wave on a perfect sheet.
-# - ``incoherent``: all internal reflections, added in power. The mean over frequency of a lossless
-#   or weakly lossy slab that is many wavelengths thick.
-# - ``single-pass``: the straight path alone. It is the result of a range gate if the internal
-#   echoes fall into other range cells, and of straight-through ray tracing.
-#
-# The last two describe separate passages. An absorbing sheet thinner than its penetration depth, or
-# a wave that tunnels through beyond total reflection, has none: the first term of the series can
-# exceed the power that enters. It is capped so that energy is conserved; use 'coherent' for such
-# sheets.
-# -------------------------------------------------------------------------------------------------
-
+# -- slabs -----------------------------------------------------------------------------------------
 
 Model = Literal["coherent", "incoherent", "single-pass"]
 MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
@@ -172,7 +152,6 @@ class SlabPower(NamedTuple):
     Attributes
     ----------
     transmitted_s, transmitted_p, reflected_s, reflected_p
-        Fractions by polarisation.
     """
 
     transmitted_s: Real
@@ -197,7 +176,7 @@ class SlabPower(NamedTuple):
 
     @property
     def absorbed_p(self) -> Real:
-        """1 - T - R; for 'single-pass' it includes the internal echoes."""
+        """As `absorbed_s`."""
         return 1 - self.transmitted_p - self.reflected_p
 
 
@@ -236,16 +215,16 @@ def amplitude_coefficients(
 ) -> tuple[Complex, Complex, Complex, Complex]:
     """Return the amplitude coefficients of the slab with interference.
 
+    The phase of t is that from front face to back face along the normal; a vacuum slab gives
+    exp(j k0 c d).
+
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, wavelength_m, cos_incidence : as for `slab_power`
 
     Returns
     -------
-    t_s, t_p, r_s, r_p
-        Complex. The phase of t is that from front face to back face along the normal; a vacuum slab
-        gives exp(j k0 c d).
+    t_s, t_p, r_s, r_p : complex
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     s, p = faces(eps, cosine, q)
@@ -265,23 +244,17 @@ def slab_power(
 
     Parameters
     ----------
-    index
-        Complex index n + jk, Im >= 0. All arguments broadcast.
-    thickness_m, wavelength_m
-        Thickness and vacuum wavelength [m], more than 0.
-    cos_incidence
-        Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
-    model : 'coherent', 'incoherent' or 'single-pass'; see the module's docstring
+    index, cos_incidence : index of refraction and cosine; at exactly 0 nothing enters
+    thickness_m, wavelength_m : thickness and vacuum wavelength [m], more than 0
+    model : see the module's docstring
 
     Returns
     -------
     SlabPower
-        Fractions of the incident power.
 
     Raises
     ------
-    ConfigError
-        NaN, thickness or wavelength not positive, amplifying index, unknown model.
+    ConfigError : NaN, thickness or wavelength not positive, amplifying index, unknown model
     """
     if model not in MODELS:
         raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
@@ -325,13 +298,11 @@ def straight_through_power(
 
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, wavelength_m, cos_incidence : as for `slab_power`
 
     Returns
     -------
     ndarray
-        Fraction of the incident power.
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     s, p = faces(eps, cosine, q)
@@ -347,13 +318,11 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
 
     Parameters
     ----------
-    index, thickness_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, cos_incidence : as for `slab_power`
 
     Returns
     -------
-    ndarray
-        Length [m].
+    ndarray : length [m]
     """
     thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
     eps, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
@@ -371,13 +340,11 @@ def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `slab_power`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
-    ndarray
-        Angle [rad].
+    ndarray : angle [rad]
     """
     _, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
     sine = np.sqrt((1 - cosine) * (1 + cosine))

@@ -37,12 +37,9 @@ class Reflected(NamedTuple):
 
     Attributes
     ----------
-    power
-        Fraction of the power in the polarisation of the run.
-    phase_rad
-        Phase of the field in this polarisation.
-    turned
-        Fraction of the power in the other polarisation.
+    power : fraction of the power in the polarisation of the run
+    phase_rad : phase of the field in this polarisation
+    turned : fraction of the power in the other polarisation
     apart
         With both polarisations, the power times sin^2 of half the difference of their phases; 0 for
         one polarisation.
@@ -60,14 +57,11 @@ class MirrorMaterial:
 
     Attributes
     ----------
-    index
-        Complex index n + jk.
-    share
-        Part of the reflected power that is mirrored, 0 to 1.
+    index : complex index n + jk
+    share : part of the reflected power that is mirrored, 0 to 1
     polarised
         Whether the material's nodes reflect the polarisation of the run; else the mean of both.
-    rms_height_m
-        Of a slightly rough surface [m]; 0: smooth.
+    rms_height_m : of a slightly rough surface [m]; 0: smooth
     sheet_wavelengths
         Thickness of a thin sheet with interference inside, in wavelengths in vacuum; 0: a
         half-space.
@@ -86,19 +80,14 @@ class MirrorMaterial:
 
         Parameters
         ----------
-        fields
-            Fields of waves that come in, (k, n, 3).
-        incoming
-            Unit vectors along which the waves travel to the mirror, (n, 3).
-        normal
-            Unit vector across the mirror, (3,), or one for each wave, (n, 3).
-        wavelength_m
-            Wavelength [m].
+        fields : fields of waves that come in, (k, n, 3)
+        incoming : unit vectors along which the waves travel to the mirror, (n, 3)
+        normal : unit vector across the mirror, (3,), or one for each wave, (n, 3)
+        wavelength_m : wavelength [m]
 
         Returns
         -------
-        ndarray
-            (k, n, 3), of waves along `reflected_ways`.
+        ndarray : (k, n, 3), of waves along `reflected_ways`
         """
         across = crosses(np.broadcast_to(normal, incoming.shape), incoming)
         straight = norms(across) < _PARALLEL
@@ -121,10 +110,8 @@ class MirrorMaterial:
 
         Parameters
         ----------
-        incoming, normal, wavelength_m
-            See `reflect`.
-        polarisation
-            See `sent_fields`.
+        incoming, normal, wavelength_m : see `reflect`
+        polarisation : see `sent_fields`
 
         Returns
         -------
@@ -156,13 +143,11 @@ def reflected_ways(incoming: Real, normal: Real) -> Real:
 
     Parameters
     ----------
-    incoming, normal
-        See `MirrorMaterial.reflect`.
+    incoming, normal : see `MirrorMaterial.reflect`
 
     Returns
     -------
-    ndarray
-        Unit vectors, (n, 3).
+    ndarray : unit vectors, (n, 3)
     """
     return np.asarray(incoming - 2 * dots(incoming, normal)[:, None] * normal)
 
@@ -172,16 +157,14 @@ def sent_fields(ways: Real, polarisation: str) -> Complex:
 
     Parameters
     ----------
-    ways
-        Unit vectors along which the waves travel, (n, 3).
+    ways : unit vectors along which the waves travel, (n, 3)
     polarisation
         "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
         up); "average": waves of both, horizontal ones first, (2, n, 3).
 
     Returns
     -------
-    ndarray
-        Complex, so that mirrors can change the phase.
+    ndarray : complex, so that mirrors can change the phase
     """
     level = _level(ways)
     upright = crosses(level, ways)
@@ -194,10 +177,8 @@ def co_polar(fields: Complex, ways: Real, polarisation: str) -> Reflected:
 
     Parameters
     ----------
-    fields
-        Of `sent_fields` after mirrors, (1 or 2, n, 3).
-    ways
-        Unit vectors along which the waves travel now, (n, 3).
+    fields : of `sent_fields` after mirrors, (1 or 2, n, 3)
+    ways : unit vectors along which the waves travel now, (n, 3)
     polarisation
         See `sent_fields`; "average": means of the powers of both, phase of the horizontal one.
 
@@ -217,15 +198,12 @@ def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
 
     Parameters
     ----------
-    normal
-        Unit vector across the plane, (3,).
-    offset_m
-        Distance of the plane from the origin along the normal [m].
+    normal : unit vector across the plane, (3,)
+    offset_m : distance of the plane from the origin along the normal [m]
 
     Returns
     -------
-    A, b
-        Shapes (3, 3) and (3,) [m].
+    A, b : shapes (3, 3) and (3,) [m]
     """
     unit = np.asarray(normal, dtype=np.float64)
     return np.eye(3) - 2 * np.outer(unit, unit), 2 * offset_m * unit
@@ -236,17 +214,13 @@ def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: 
 
     Parameters
     ----------
-    rms_height_m
-        RMS height [m].
-    sine
-        Sines of grazing angles.
-    wavelength_m
-        Wavelength [m].
+    rms_height_m : RMS height [m]
+    sine : sines of grazing angles
+    wavelength_m : wavelength [m]
 
     Returns
     -------
-    ndarray
-        1 for a smooth plane, less for a rough one.
+    ndarray : 1 for a smooth plane, less for a rough one
 
     References
     ----------
@@ -287,10 +261,8 @@ def reflected_widths(curvature: Real, cosine: Real, before_m: Real, after_m: Rea
     curvature
         Curvature tensor of the surface, (n, 2, 2) [1/m], positive where it is convex. The first
         axis is that of the plane of incidence, the second lies across that plane.
-    cosine
-        Cosine of the angle of incidence, (n,).
-    before_m, after_m
-        Way from the point to the mirror, and from the mirror on, (n,) [m].
+    cosine : cosine of the angle of incidence, (n,)
+    before_m, after_m : way from the point to the mirror, and from the mirror on, (n,) [m]
 
     Returns
     -------

@@ -19,18 +19,11 @@ def to_db(ratio: ArrayLike) -> Real:
 
     Parameters
     ----------
-    ratio
-        Ratio, 0 or more.
+    ratio : ratio, 0 or more
 
     Returns
     -------
-    ndarray
-        Decibels; -inf for zero.
-
-    Raises
-    ------
-    ConfigError
-        For a negative ratio or NaN.
+    ndarray : decibels; -inf for zero
     """
     value = real_array("Power ratio", ratio, "", minimum=0.0)
     with np.errstate(divide="ignore"):
@@ -46,8 +39,7 @@ def from_db(level_db: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray
-        Ratio, in the same shape.
+    ndarray : ratio, in the same shape
     """
     value = np.asarray(level_db, dtype=np.float64)
     return np.asarray(10 ** (value / 10), dtype=np.float64)
@@ -58,15 +50,12 @@ def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
 
     Parameters
     ----------
-    wavelength_m
-        lambda [m].
-    gain
-        G, linear.
+    wavelength_m : lambda [m]
+    gain : g, linear
 
     Returns
     -------
-    ndarray
-        Area [m^2].
+    ndarray : area [m^2]
     """
     wavelength = np.asarray(wavelength_m, dtype=np.float64)
     return np.asarray(gain, dtype=np.float64) * wavelength**2 / (4 * np.pi)
@@ -81,17 +70,13 @@ def received_power_w(
 
     Parameters
     ----------
-    radiance
-        L [W/(m^2 sr)].
-    solid_angle_sr
-        dOmega [sr].
-    wavelength_m, gain
-        As for `effective_area_m2`.
+    radiance : L [W/(m^2 sr)]
+    solid_angle_sr : dOmega [sr]
+    wavelength_m, gain : as for `effective_area_m2`
 
     Returns
     -------
-    ndarray
-        Power [W].
+    ndarray : power [W]
     """
     return (
         np.asarray(radiance, dtype=np.float64)
@@ -111,21 +96,15 @@ def monostatic_power_w(
 
     Parameters
     ----------
-    eirp_w
-        EIRP [W].
-    rcs_m2
-        sigma [m^2].
-    range_m
-        R [m].
-    wavelength_m
-        lambda [m].
-    gain
-        G_r, linear.
+    eirp_w : EIRP [W]
+    rcs_m2 : sigma [m^2]
+    range_m : R [m]
+    wavelength_m : lambda [m]
+    gain : g_r, linear
 
     Returns
     -------
-    ndarray
-        Received power [W].
+    ndarray : received power [W]
     """
     numerator = (
         np.asarray(eirp_w, dtype=np.float64)
@@ -149,28 +128,16 @@ def bistatic_power_w(
 
     Parameters
     ----------
-    eirp_w
-        EIRP towards the target [W].
-    rcs_m2
-        sigma [m^2].
-    transmitter_range_m, receiver_range_m
-        R_t and R_r [m].
-    wavelength_m
-        lambda [m].
-    gain
-        G_r towards the target, linear.
-    loss_db
-        All losses together, L in dB.
+    eirp_w : EIRP towards the target [W]
+    rcs_m2 : sigma [m^2]
+    transmitter_range_m, receiver_range_m : r_t and R_r [m]
+    wavelength_m : lambda [m]
+    gain : g_r towards the target, linear
+    loss_db : all losses together, L in dB
 
     Returns
     -------
-    ndarray
-        Received power [W].
-
-    Raises
-    ------
-    ConfigError
-        NaN, a range or wavelength that is not positive, a negative power, gain or cross section.
+    ndarray : received power [W]
     """
     eirp = real_array("EIRP", eirp_w, "W", minimum=0.0)
     rcs = real_array("Radar cross section", rcs_m2, "m^2", minimum=0.0)
@@ -194,15 +161,12 @@ def rcs_from_power_m2(
 
     Parameters
     ----------
-    power_w
-        Received power [W].
-    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain
-        As for `bistatic_power_w`.
+    power_w : received power [W]
+    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain : as for `bistatic_power_w`
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     power = real_array("Received power", power_w, "W", minimum=0.0)
     eirp = real_array("EIRP", eirp_w, "W", above=0.0)
@@ -215,17 +179,13 @@ def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: A
 
     Parameters
     ----------
-    albedo
-        rho.
-    area_m2
-        A [m^2].
-    cos_incidence
-        cos(theta).
+    albedo : rho
+    area_m2 : A [m^2]
+    cos_incidence : cos(theta)
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     area = np.asarray(area_m2, dtype=np.float64)
@@ -241,19 +201,14 @@ def lambert_radiance(
 
     Parameters
     ----------
-    albedo
-        rho.
-    eirp_w
-        EIRP [W].
-    range_m
-        R [m].
-    cos_incidence
-        cos(theta).
+    albedo : rho
+    eirp_w : EIRP [W]
+    range_m : R [m]
+    cos_incidence : cos(theta)
 
     Returns
     -------
-    ndarray
-        Radiance [W/(m^2 sr)].
+    ndarray : radiance [W/(m^2 sr)]
     """
     irradiance = (
         np.asarray(eirp_w, dtype=np.float64)
@@ -282,20 +237,12 @@ def noise_power_w(
     bandwidth_hz
         B [Hz]. For complex samples it is the sampling rate: the result is the power of each
         sample's noise, real and imaginary together.
-    noise_figure_db
-        F in dB, 0 or more.
-    antenna_temperature_k
-        T_a [K].
+    noise_figure_db : F in dB, 0 or more
+    antenna_temperature_k : t_a [K]
 
     Returns
     -------
-    ndarray
-        Power of the broadcast shape [W].
-
-    Raises
-    ------
-    ConfigError
-        NaN, bandwidth not positive, noise figure below 0 dB, negative temperature.
+    ndarray : power of the broadcast shape [W]
     """
     bandwidth = real_array("Noise bandwidth", bandwidth_hz, "Hz", above=0.0)
     factor = from_db(real_array("Noise figure", noise_figure_db, "dB", minimum=0.0))
@@ -311,17 +258,13 @@ def complex_noise(
 
     Parameters
     ----------
-    rng
-        Source of random numbers.
-    shape
-        Shape of the result.
-    power_w
-        Mean |x|^2 [W].
+    rng : source of random numbers
+    shape : shape of the result
+    power_w : mean |x|^2 [W]
 
     Returns
     -------
-    ndarray
-        Complex noise.
+    ndarray : complex noise
     """
     scale = np.sqrt(float(real_array("Noise power", power_w, "W", minimum=0.0)) / 2)
     noise = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
@@ -334,12 +277,10 @@ class SnrPrediction:
 
     Attributes
     ----------
-    single_sample_db
-        One complex sample of the echo, before any processing [dB].
+    single_sample_db : one complex sample of the echo, before any processing [dB]
     single_pulse_db
         Peak of the compressed pulse: signal energy over noise density, P T / (k T_s) [dB].
-    burst_db
-        Peak of the range-Doppler map, all pulses added coherently, tapers included [dB].
+    burst_db : peak of the range-Doppler map, all pulses added coherently, tapers included [dB]
     """
 
     single_sample_db: float
@@ -366,24 +307,19 @@ def predict_snr(
     ----------
     received_power_w
         Power of the echo during the pulse [W], from the radar equation with its losses.
-    pulse_length_s, sampling_rate_hz
-        Pulse width [s] and complex sampling rate [Hz].
-    pulses
-        Pulses added coherently.
-    noise_figure_db, antenna_temperature_k
-        As in `noise_power_w`.
+    pulse_length_s, sampling_rate_hz : pulse width [s] and complex sampling rate [Hz]
+    pulses : pulses added coherently
+    noise_figure_db, antenna_temperature_k : as in `noise_power_w`
     window_loss_db
         SNR loss of the range and Doppler tapers together, 0 or more: see `window_loss_db()`.
 
     Returns
     -------
-    SnrPrediction
-        In dB.
+    SnrPrediction : in dB
 
     Raises
     ------
-    ConfigError
-        As in `noise_power_w`; pulses below 1; a negative loss.
+    ConfigError : as in `noise_power_w`; pulses below 1; a negative loss
     """
     if not (isinstance(pulses, int) and pulses >= 1):
         raise ConfigError(f"Number of pulses is {pulses!r}; expected an integer from 1 up.")
@@ -409,18 +345,15 @@ def window_loss_db(window: ArrayLike) -> float:
 
     Parameters
     ----------
-    window
-        Weights, (N,).
+    window : weights, (N,)
 
     Returns
     -------
-    float
-        Loss [dB], 0 or more.
+    float : loss [dB], 0 or more
 
     Raises
     ------
-    ConfigError
-        The weights are no list, or their sum is zero.
+    ConfigError : the weights are no list, or their sum is zero
     """
     weights = real_array("Window", window)
     if weights.ndim != 1 or weights.size == 0 or weights.sum() == 0:

@@ -28,15 +28,12 @@ def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    area_m2
-        A [m^2].
-    wavelength_m
-        lambda [m].
+    area_m2 : A [m^2]
+    wavelength_m : lambda [m]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     area = real_array("Area", area_m2, "m^2", minimum=0.0)
     return np.asarray(4 * np.pi * area**2 / _length("Wavelength", wavelength_m) ** 2)
@@ -59,17 +56,13 @@ def specular_face(
 
     Parameters
     ----------
-    first_m, second_m
-        Lengths of the face along both principal directions [m].
-    wavelength_m
-        lambda [m].
-    first_per_m, second_per_m
-        Principal curvatures, each plus 1/R at a finite range R [1/m].
+    first_m, second_m : lengths of the face along both principal directions [m]
+    wavelength_m : lambda [m]
+    first_per_m, second_per_m : principal curvatures, each plus 1/R at a finite range R [1/m]
 
     Returns
     -------
-    ndarray
-        Cross section of a perfect conductor [m^2].
+    ndarray : cross section of a perfect conductor [m^2]
     """
     wavelength = _length("Wavelength", wavelength_m)
     area = np.ones(())
@@ -85,13 +78,11 @@ def sphere_optical(radius_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    radius_m
-        a [m].
+    radius_m : a [m]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     return np.asarray(np.pi * _length("Radius", radius_m) ** 2, dtype=np.float64)
 
@@ -101,13 +92,11 @@ def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real
 
     Parameters
     ----------
-    radius_m, wavelength_m
-        Radius and wavelength [m].
+    radius_m, wavelength_m : radius and wavelength [m]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     radius = _length("Radius", radius_m)
     x = 2 * np.pi * radius / _length("Wavelength", wavelength_m)
@@ -129,15 +118,12 @@ def plate(
 
     Parameters
     ----------
-    width_m, height_m, wavelength_m
-        W, height and lambda [m].
-    tilt_rad
-        Angle from the normal, in the plane of `width_m` [rad].
+    width_m, height_m, wavelength_m : w, height and lambda [m]
+    tilt_rad : angle from the normal, in the plane of `width_m` [rad]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     width, wavelength = _length("Width", width_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
@@ -151,15 +137,12 @@ def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0
 
     Parameters
     ----------
-    radius_m, wavelength_m
-        a and lambda [m].
-    tilt_rad
-        Angle from the normal [rad].
+    radius_m, wavelength_m : a and lambda [m]
+    tilt_rad : angle from the normal [rad]
 
     Returns
     -------
-    ndarray
-        Cross section by physical optics [m^2].
+    ndarray : cross section by physical optics [m^2]
     """
     radius, wavelength = _length("Radius", radius_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
@@ -183,13 +166,11 @@ def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: A
 
     Parameters
     ----------
-    radius_m, length_m, wavelength_m
-        a, L and lambda [m].
+    radius_m, length_m, wavelength_m : a, L and lambda [m]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     radius, length = _length("Radius", radius_m), _length("Length", length_m)
     return np.asarray(2 * np.pi * radius * length**2 / _length("Wavelength", wavelength_m))
@@ -207,17 +188,13 @@ def dihedral(
 
     Parameters
     ----------
-    width_m, height_m
-        W of both plates, and H of the edge [m].
-    wavelength_m
-        lambda [m].
-    angle_rad
-        Angle from the normal of one plate; pi/4 on axis [rad].
+    width_m, height_m : W of both plates, and H of the edge [m]
+    wavelength_m : lambda [m]
+    angle_rad : angle from the normal of one plate; pi/4 on axis [rad]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     angle = real_array("Angle", angle_rad, "rad", 0.0, np.pi / 2)
     lit = np.minimum(np.sin(angle), np.cos(angle))
@@ -241,15 +218,12 @@ def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Re
 
     Parameters
     ----------
-    edge_m
-        a [m].
-    directions
-        Vectors towards the radar along the three edges, components >= 0, (..., 3).
+    edge_m : a [m]
+    directions : vectors towards the radar along the three edges, components >= 0, (..., 3)
 
     Returns
     -------
-    ndarray
-        Area [m^2], see `area_rcs_m2`.
+    ndarray : area [m^2], see `area_rcs_m2`
     """
     low, middle, high = _sorted_cosines(directions)
     total = low + middle + high
@@ -266,13 +240,11 @@ def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
 
     Parameters
     ----------
-    edge_m, directions
-        As for `trihedral_triangular_area_m2`.
+    edge_m, directions : as for `trihedral_triangular_area_m2`
 
     Returns
     -------
-    ndarray
-        Area [m^2], see `area_rcs_m2`.
+    ndarray : area [m^2], see `area_rcs_m2`
     """
     low, middle, high = _sorted_cosines(directions)
     area = np.where(middle <= high / 2, 4 * low * middle / high, low * (4 - high / middle))
@@ -286,15 +258,12 @@ def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
 
     Parameters
     ----------
-    radius_m
-        a [m].
-    albedo
-        rho, 0 to 1.
+    radius_m : a [m]
+    albedo : rho, 0 to 1
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
     return np.asarray(8 / 3 * rho * sphere_optical(radius_m), dtype=np.float64)
@@ -305,15 +274,12 @@ def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
 
     Parameters
     ----------
-    sigma0
-        Backscatter coefficient [m^2/m^2].
-    area_m2
-        A of the surface itself, not of its projection [m^2].
+    sigma0 : backscatter coefficient [m^2/m^2]
+    area_m2 : A of the surface itself, not of its projection [m^2]
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : cross section [m^2]
     """
     return np.asarray(
         real_array("sigma_0", sigma0, "", minimum=0.0)
@@ -326,15 +292,12 @@ def lambert_sigma0(albedo: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    albedo
-        rho, 0 to 1.
-    cos_incidence
-        Cosine of the angle of incidence, 0 to 1.
+    albedo : rho, 0 to 1
+    cos_incidence : cosine of the angle of incidence, 0 to 1
 
     Returns
     -------
-    ndarray
-        sigma_0 [m^2/m^2].
+    ndarray : sigma_0 [m^2/m^2]
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
     return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2, dtype=np.float64)

@@ -40,13 +40,11 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m
-        h and l [m].
+    rms_height_m, correlation_length_m : h and l [m]
 
     Returns
     -------
-    ndarray
-        Rms slope.
+    ndarray : rms slope
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
@@ -58,8 +56,7 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope
-        Rms slope m.
+    slope : rms slope m
 
     Returns
     -------
@@ -67,8 +64,7 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Raises
     ------
-    ConfigError
-        For slopes above 1/sqrt(2), beyond a roughness of 1.
+    ConfigError : for slopes above 1/sqrt(2), beyond a roughness of 1
     """
     roughness = np.sqrt(np.sqrt(2) * real_array("Rms slope", slope, "", minimum=0.0))
     if np.any(roughness > 1 + 1e-9):
@@ -84,13 +80,11 @@ def slope_from_roughness(roughness: ArrayLike) -> Real:
 
     Parameters
     ----------
-    roughness
-        r, 0 to 1.
+    roughness : r, 0 to 1
 
     Returns
     -------
-    ndarray
-        Rms slope.
+    ndarray : rms slope
     """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
     return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
@@ -106,15 +100,12 @@ def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope
-        RMS slope m.
-    wavelength_m
-        lambda [m].
+    slope : RMS slope m
+    wavelength_m : lambda [m]
 
     Returns
     -------
-    ndarray
-        RMS height [m].
+    ndarray : RMS height [m]
     """
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     return np.asarray(real_array("Rms slope", slope, "", minimum=0.0) * wavelength / np.sqrt(2))
@@ -129,15 +120,12 @@ def coherent_fraction(
 
     Parameters
     ----------
-    rms_height_m, wavelength_m
-        h and wavelength [m].
-    cos_incidence
-        Cosine of the angle of incidence.
+    rms_height_m, wavelength_m : h and wavelength [m]
+    cos_incidence : cosine of the angle of incidence
 
     Returns
     -------
-    ndarray
-        Fraction, 0 to 1.
+    ndarray : fraction, 0 to 1
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -160,15 +148,12 @@ def kirchhoff_limits(
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m, wavelength_m
-        h, l and lambda [m].
-    cos_incidence
-        Cosine of the angle of incidence.
+    rms_height_m, correlation_length_m, wavelength_m : h, l and lambda [m]
+    cos_incidence : cosine of the angle of incidence
 
     Returns
     -------
-    tuple of Finding
-        Without subjects; empty if the model is valid.
+    tuple of Finding : without subjects; empty if the model is valid
     """
     height = float(real_array("Rms height", rms_height_m, "m", minimum=0.0))
     length = float(real_array("Correlation length", correlation_length_m, "m", above=0.0))
@@ -206,18 +191,14 @@ def sigma0(
 
     Parameters
     ----------
-    index
-        Complex index n + jk.
-    slope
-        Rms slope m, more than 0.
-    cos_incidence
-        Cosine of the incidence angle; at 0 the coefficient is 0.
+    index : complex index n + jk
+    slope : rms slope m, more than 0
+    cos_incidence : cosine of the incidence angle; at 0 the coefficient is 0
     masking : 'none', 'smith' or 'cycles'; see `masking_lambda`
 
     Returns
     -------
-    ndarray
-        sigma_0 [m^2/m^2].
+    ndarray : sigma_0 [m^2/m^2]
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
@@ -246,17 +227,14 @@ def facet_brightness(
 
     Parameters
     ----------
-    slope
-        Rms slope m, more than 0.
+    slope : rms slope m, more than 0
     cos_in, cos_out
         Cosines of the angles from the normal to transmitter and receiver; 0 behind either.
-    cos_facet
-        Cosine of the angle from the normal to the facet half way.
+    cos_facet : cosine of the angle from the normal to the facet half way
 
     Returns
     -------
-    ndarray
-        Brightness [m^2/m^2].
+    ndarray : brightness [m^2/m^2]
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     ahead = (np.asarray(cos_in) > 0) & (np.asarray(cos_out) > 0)
@@ -277,10 +255,8 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Parameters
     ----------
-    alpha
-        Width of the Beckmann distribution.
-    cosine
-        Cosine of the angle from the normal.
+    alpha : width of the Beckmann distribution
+    cosine : cosine of the angle from the normal
     masking
         'smith': exact, (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan) (Smith 1967).
         'cycles': the rational approximation of Walter et al. 2007 eq. 27 that renderers use, with
@@ -288,8 +264,7 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Returns
     -------
-    ndarray
-        Lambda, 0 or more.
+    ndarray : lambda, 0 or more
     """
     width = np.asarray(alpha, dtype=np.float64)
     c = np.asarray(cosine, dtype=np.float64)
@@ -322,25 +297,19 @@ def albedo(
 
     Parameters
     ----------
-    slope
-        Rms slope m, more than 0.
-    cos_incidence
-        Cosine of the incidence angle, more than 0.
-    index
-        Complex index; None is a perfect conductor, F = 1.
+    slope : rms slope m, more than 0
+    cos_incidence : cosine of the incidence angle, more than 0
+    index : complex index; None is a perfect conductor, F = 1
     masking : 'smith' (exact) or 'cycles' (rational approximation)
-    steps
-        Cells per direction.
+    steps : cells per direction
 
     Returns
     -------
-    float
-        Fraction, 0 to 1.
+    float : fraction, 0 to 1
 
     Raises
     ------
-    ConfigError
-        Slope or cosine out of bounds, amplifying index, or no masking.
+    ConfigError : slope or cosine out of bounds, amplifying index, or no masking
     """
     alpha = float(np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0))
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))
@@ -397,23 +366,15 @@ def transmission_factors(
 
     Parameters
     ----------
-    index
-        Complex index n + jk.
-    slope
-        Rms slope m, 0 for a smooth surface.
-    facet_fresnel
-        Each facet reflects by Fresnel's equations; False: as at normal incidence.
+    index : complex index n + jk
+    slope : rms slope m, 0 for a smooth surface
+    facet_fresnel : each facet reflects by Fresnel's equations; False: as at normal incidence
 
     Returns
     -------
     flat, grazing
         Factor for cosines from `RAMP_BELOW` up, and at grazing incidence (cosine 0); linear in the
         cosine between.
-
-    Raises
-    ------
-    ConfigError
-        Negative slope, amplifying index.
     """
     if slope == 0:
         return 1.0, 1.0
@@ -450,19 +411,15 @@ def facet_scattering(
 
     Parameters
     ----------
-    index
-        n + jk.
-    alpha
-        sqrt(2) times the RMS slope, above 0.
+    index : n + jk
+    alpha : sqrt(2) times the RMS slope, above 0
     normal, to_one, to_other
         Unit vectors: of the surface, and from it towards both ends, on its side, (n, 3).
-    exact
-        Fresnel's equations at each facet; False: at normal incidence on it.
+    exact : Fresnel's equations at each facet; False: at normal incidence on it
 
     Returns
     -------
-    ndarray
-        (n,); 0 where an end is below the surface.
+    ndarray : (n,); 0 where an end is below the surface
     """
     half = to_one + to_other
     half = half / np.maximum(norms(half), 1e-300)[:, None]
@@ -504,18 +461,15 @@ def lobe_exponent(value: Any) -> int:
 
     Parameters
     ----------
-    value
-        Number.
+    value : number
 
     Returns
     -------
-    int
-        1 to `MOST_EXPONENT`.
+    int : 1 to `MOST_EXPONENT`
 
     Raises
     ------
-    ConfigError
-        It is no such number.
+    ConfigError : it is no such number
     """
     is_number = isinstance(value, int | float | np.integer | np.floating)
     if (
@@ -536,15 +490,12 @@ def lobe_integral(exponent: int, cosine: Real) -> Real:
 
     Parameters
     ----------
-    exponent
-        See `lobe_exponent`.
-    cosine
-        Cosines of angles of incidence.
+    exponent : see `lobe_exponent`
+    cosine : cosines of angles of incidence
 
     Returns
     -------
-    ndarray
-        Solid angles [sr].
+    ndarray : solid angles [sr]
     """
     cosine = np.asarray(cosine, dtype=np.float64)
     sine2 = (1 - cosine) * (1 + cosine)
@@ -578,15 +529,13 @@ def directive_lobe(exponent: int, normal: Real, to_source: Real, to_observer: Re
 
     Parameters
     ----------
-    exponent
-        See `lobe_exponent`.
+    exponent : see `lobe_exponent`
     normal, to_source, to_observer
         Unit vectors: of the surface, and from it towards both, on its side, (n, 3).
 
     Returns
     -------
-    ndarray
-        (n,). Its integral over the observer's directions, times their cosines, is 1.
+    ndarray : (n,). Its integral over the observer's directions, times their cosines, is 1
     """
     cosine = dots(normal, to_source)
     mirrored = 2 * cosine * dots(normal, to_observer) - dots(to_source, to_observer)

@@ -27,16 +27,12 @@ class GroundPath(NamedTuple):
 
     Attributes
     ----------
-    direct_m
-        Length of the direct path [m].
-    leg_m
-        Lengths from the antenna to the point of reflection, and on from there, (2, ...) [m].
-    grazing_rad
-        Grazing angle at the point of reflection [rad]; below 0: the Earth is in the way.
+    direct_m : length of the direct path [m]
+    leg_m : lengths from the antenna to the point of reflection, and on from there, (2, ...) [m]
+    grazing_rad : grazing angle at the point of reflection [rad]; below 0: the Earth is in the way
     direct_elevation_rad, ground_elevation_rad
         Elevations of the target and of the point of reflection, seen from the antenna [rad].
-    divergence
-        Factor of the Earth's curvature on the amplitude that is reflected, at most 1.
+    divergence : factor of the Earth's curvature on the amplitude that is reflected, at most 1
     """
 
     direct_m: Real
@@ -69,19 +65,14 @@ def ground_path(
 
     Parameters
     ----------
-    antenna_m
-        Height of the antenna, above 0 [m].
-    target_m
-        Heights of targets, 0 or more [m].
-    distance_m
-        Distances along the ground, above 0 [m]; broadcast with `target_m`.
-    radius_m
-        Radius of the Earth with its refraction [m]; ``math.inf``: flat.
+    antenna_m : height of the antenna, above 0 [m]
+    target_m : heights of targets, 0 or more [m]
+    distance_m : distances along the ground, above 0 [m]; broadcast with `target_m`
+    radius_m : radius of the Earth with its refraction [m]; ``math.inf``: flat
 
     Returns
     -------
-    GroundPath
-        Of the broadcast shape.
+    GroundPath : of the broadcast shape
 
     Notes
     -----
@@ -123,13 +114,11 @@ def horizon_m(antenna_m: float, target_m: ArrayLike, radius_m: float) -> Real:
 
     Parameters
     ----------
-    antenna_m, target_m, radius_m
-        As for `ground_path`.
+    antenna_m, target_m, radius_m : as for `ground_path`
 
     Returns
     -------
-    ndarray
-        Distances [m]; infinite over a flat Earth.
+    ndarray : distances [m]; infinite over a flat Earth
     """
     height = np.asarray(target_m, dtype=np.float64)
     if math.isinf(radius_m):
@@ -147,10 +136,8 @@ def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
 
     Parameters
     ----------
-    wavelength_m
-        Wavelength [m].
-    radius_m
-        As for `ground_path`.
+    wavelength_m : wavelength [m]
+    radius_m : as for `ground_path`
 
     Returns
     -------

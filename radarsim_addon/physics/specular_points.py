@@ -41,15 +41,12 @@ class SmoothPatches:
 
     Attributes
     ----------
-    corners_m
-        Places of corners, (k, 3, 3) [m].
-    normals
-        Unit normals at corners, (k, 3, 3).
+    corners_m : places of corners, (k, 3, 3) [m]
+    normals : unit normals at corners, (k, 3, 3)
     shape
         Shape operators at corners, (k, 3, 3, 3) [1/m]: they turn a step on the surface into the
         change of the normal. Positive where the surface is convex.
-    slope_m
-        How far corner j is below the tangent plane of corner i, (k, i, j) [m].
+    slope_m : how far corner j is below the tangent plane of corner i, (k, i, j) [m]
     """
 
     corners_m: Real
@@ -63,10 +60,8 @@ class SmoothPatches:
 
         Parameters
         ----------
-        corners_m, normals
-            As the attributes.
-        vertices
-            Numbers of the corners' vertices in the mesh, (k, 3).
+        corners_m, normals : as the attributes
+        vertices : numbers of the corners' vertices in the mesh, (k, 3)
 
         Returns
         -------
@@ -200,12 +195,9 @@ class SpecularPoints:
 
     Attributes
     ----------
-    place, patch
-        Numbers, (n,), sorted by place.
-    weights
-        Barycentric weights, (n, 3).
-    points_m, normals
-        Points of reflection [m] and unit normals there, (n, 3).
+    place, patch : numbers, (n,), sorted by place
+    weights : barycentric weights, (n, 3)
+    points_m, normals : points of reflection [m] and unit normals there, (n, 3)
     """
 
     place: Indices
@@ -230,10 +222,8 @@ class SpecularSearch:
 
     Parameters
     ----------
-    patches
-        Surface, on its reflecting side.
-    antenna_m
-        Place of the antenna, (3,) [m].
+    patches : surface, on its reflecting side
+    antenna_m : place of the antenna, (3,) [m]
     """
 
     def __init__(self, patches: SmoothPatches, antenna_m: Real) -> None:
@@ -437,10 +427,8 @@ def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tup
 
     Parameters
     ----------
-    centre_m, radius_m
-        Of the spheres, (n, 3) and (n,) [m].
-    one_m, other_m
-        Places, (3,) or (n, 3) [m].
+    centre_m, radius_m : of the spheres, (n, 3) and (n,) [m]
+    one_m, other_m : places, (3,) or (n, 3) [m]
 
     Returns
     -------

@@ -146,20 +146,17 @@ def rain_coefficients(frequency_hz: ArrayLike, polarisation: Polarisation) -> tu
 
     Parameters
     ----------
-    frequency_hz
-        1 GHz to 1 THz.
+    frequency_hz : 1 GHz to 1 THz
     polarisation
         "horizontal", "vertical", or "average": circular, or linear at 45 degrees (eq. 4 and 5).
 
     Returns
     -------
-    tuple of ndarray
-        k [dB/km at 1 mm/h] and alpha, in the shape of `frequency_hz`.
+    tuple of ndarray : k [dB/km at 1 mm/h] and alpha, in the shape of `frequency_hz`
 
     Raises
     ------
-    ConfigError
-        A frequency out of the band, an unknown polarisation.
+    ConfigError : A frequency out of the band, an unknown polarisation
     """
     log_ghz = np.log10(_in_band("Rain", frequency_hz, _RAIN_BAND_HZ) / 1e9)
     if polarisation == "average":
@@ -200,22 +197,13 @@ def rain_attenuation_db_per_km(
 
     Parameters
     ----------
-    frequency_hz
-        1 GHz to 1 THz.
-    rain_mm_per_h
-        Rain rate R, 0 or more [mm/h].
-    polarisation
-        See `rain_coefficients`.
+    frequency_hz : 1 GHz to 1 THz
+    rain_mm_per_h : rain rate R, 0 or more [mm/h]
+    polarisation : see `rain_coefficients`
 
     Returns
     -------
-    ndarray
-        Of the broadcast shape [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range, an unknown polarisation.
+    ndarray : of the broadcast shape [dB/km]
     """
     rate = real_array("Rain rate", rain_mm_per_h, "mm/h", minimum=0.0)
     k, alpha = rain_coefficients(frequency_hz, polarisation)
@@ -229,22 +217,14 @@ def fog_attenuation_db_per_km(
 
     Parameters
     ----------
-    frequency_hz
-        Up to 200 GHz.
+    frequency_hz : up to 200 GHz
     liquid_water_g_per_m3
         Liquid water, 0 or more: about 0.05 in medium fog (300 m of sight), 0.5 in thick fog (50 m).
-    temperature_c
-        Of the droplets, -20 to 50 degC.
+    temperature_c : of the droplets, -20 to 50 degC
 
     Returns
     -------
-    ndarray
-        Of the broadcast shape [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
+    ndarray : of the broadcast shape [dB/km]
     """
     f_hz = _in_band("Fog", frequency_hz, _FOG_BAND_HZ)
     water = real_array("Liquid water", liquid_water_g_per_m3, "g/m^3", minimum=0.0)
@@ -264,24 +244,14 @@ def gas_attenuation_db_per_km(
 
     Parameters
     ----------
-    frequency_hz
-        1 GHz to 1 THz.
-    pressure_hpa
-        Pressure of the dry air [hPa].
-    temperature_c
-        Of the air, -100 to 60 degC.
-    vapour_g_per_m3
-        Density of water vapour, 0 or more [g/m^3].
+    frequency_hz : 1 GHz to 1 THz
+    pressure_hpa : pressure of the dry air [hPa]
+    temperature_c : of the air, -100 to 60 degC
+    vapour_g_per_m3 : density of water vapour, 0 or more [g/m^3]
 
     Returns
     -------
-    ndarray
-        Of the broadcast shape [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
+    ndarray : of the broadcast shape [dB/km]
     """
     f_ghz = _in_band("Gases", frequency_hz, _GAS_BAND_HZ) / 1e9
     dry = real_array("Pressure", pressure_hpa, "hPa", minimum=0.0)
@@ -365,20 +335,16 @@ def sphere_backscatter_m2(radius_m: ArrayLike, wavelength_m: ArrayLike, index: A
 
     Parameters
     ----------
-    radius_m, wavelength_m
-        [m], broadcast.
-    index
-        n + jk relative to the medium around, k >= 0.
+    radius_m, wavelength_m : [m], broadcast
+    index : n + jk relative to the medium around, k >= 0
 
     Returns
     -------
-    ndarray
-        Of the broadcast shape [m^2].
+    ndarray : of the broadcast shape [m^2]
 
     Raises
     ------
-    ConfigError
-        A number out of range; a sphere of more than 16 000 wavelengths around, inside it.
+    ConfigError : A number out of range; a sphere of more than 16 000 wavelengths around, inside it
     """
     radius = real_array("Radius", radius_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -434,22 +400,13 @@ def rain_reflectivity_per_m(
 
     Parameters
     ----------
-    frequency_hz
-        Above 0 [Hz].
-    rain_mm_per_h
-        Rain rate R, 0 or more [mm/h].
-    temperature_c
-        Of the drops [degC].
+    frequency_hz : above 0 [Hz]
+    rain_mm_per_h : rain rate R, 0 or more [mm/h]
+    temperature_c : of the drops [degC]
 
     Returns
     -------
-    float
-        eta = sum of sigma_b(D) N(D) dD [1/m].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
+    float : eta = sum of sigma_b(D) N(D) dD [1/m]
     """
     weight = _drop_densities(rain_mm_per_h)
     return float(np.sum(weight * _drop_sections_m2(frequency_hz, temperature_c)))
@@ -470,13 +427,7 @@ def rain_fall_speeds(
 
     Returns
     -------
-    tuple of float
-        Mean and standard deviation [m/s]; downwards is positive.
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
+    tuple of float : mean and standard deviation [m/s]; downwards is positive
     """
     real_array("Rain rate", rain_mm_per_h, "mm/h", above=0.0)
     weight = _drop_densities(rain_mm_per_h) * _drop_sections_m2(frequency_hz, temperature_c)
