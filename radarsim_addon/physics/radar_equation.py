@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Powers: from radiance to received watts, and the radar equation. All arguments broadcast."""
+"""Powers: from radiance to received watts, the radar equation, receiver noise and SNR.
+
+The path tracer gives radiance L; a pixel of the solid angle dOmega delivers P = L A_e dOmega
+(`received_power_w`). The same power follows from a cross section by the radar equation
+(`bistatic_power_w`), and with the noise k T B F the SNR of a burst (`predict_snr`). In all
+functions gain is that of the receiving antenna, G_r, linear. Sources: Skolnik, Introduction to
+Radar
+Systems; Balanis, Antenna Theory.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +27,7 @@ def to_db(ratio: ArrayLike) -> Real:
 
     Parameters
     ----------
-    ratio : ratio, 0 or more
+    ratio : 0 or more
 
     Returns
     -------
@@ -35,11 +43,11 @@ def from_db(level_db: ArrayLike) -> Real:
 
     Parameters
     ----------
-    level_db : Decibels
+    level_db : decibels
 
     Returns
     -------
-    ndarray : ratio, in the same shape
+    ndarray
     """
     value = np.asarray(level_db, dtype=np.float64)
     return np.asarray(10 ** (value / 10), dtype=np.float64)
@@ -50,12 +58,11 @@ def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
 
     Parameters
     ----------
-    wavelength_m : lambda [m]
-    gain : g, linear
+    wavelength_m, gain : lambda [m] and G
 
     Returns
     -------
-    ndarray : area [m^2]
+    ndarray : [m^2]
     """
     wavelength = np.asarray(wavelength_m, dtype=np.float64)
     return np.asarray(gain, dtype=np.float64) * wavelength**2 / (4 * np.pi)
@@ -70,13 +77,12 @@ def received_power_w(
 
     Parameters
     ----------
-    radiance : L [W/(m^2 sr)]
-    solid_angle_sr : dOmega [sr]
+    radiance, solid_angle_sr : L [W/(m^2 sr)] and dOmega [sr]
     wavelength_m, gain : as for `effective_area_m2`
 
     Returns
     -------
-    ndarray : power [W]
+    ndarray : [W]
     """
     return (
         np.asarray(radiance, dtype=np.float64)
@@ -96,11 +102,9 @@ def monostatic_power_w(
 
     Parameters
     ----------
-    eirp_w : EIRP [W]
-    rcs_m2 : sigma [m^2]
-    range_m : R [m]
-    wavelength_m : lambda [m]
-    gain : g_r, linear
+    eirp_w, rcs_m2 : EIRP [W] and sigma [m^2]
+    range_m, wavelength_m : R and lambda [m]
+    gain : G_r
 
     Returns
     -------
@@ -128,11 +132,9 @@ def bistatic_power_w(
 
     Parameters
     ----------
-    eirp_w : EIRP towards the target [W]
-    rcs_m2 : sigma [m^2]
-    transmitter_range_m, receiver_range_m : r_t and R_r [m]
-    wavelength_m : lambda [m]
-    gain : g_r towards the target, linear
+    eirp_w, rcs_m2 : EIRP towards the target [W] and sigma [m^2]
+    transmitter_range_m, receiver_range_m, wavelength_m : R_t, R_r and lambda [m]
+    gain : G_r towards the target
     loss_db : all losses together, L in dB
 
     Returns
@@ -166,7 +168,7 @@ def rcs_from_power_m2(
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray : [m^2]
     """
     power = real_array("Received power", power_w, "W", minimum=0.0)
     eirp = real_array("EIRP", eirp_w, "W", above=0.0)
@@ -179,13 +181,11 @@ def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: A
 
     Parameters
     ----------
-    albedo : rho
-    area_m2 : A [m^2]
-    cos_incidence : cos(theta)
+    albedo, area_m2, cos_incidence : rho, A [m^2] and cos(theta)
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray : [m^2]
     """
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     area = np.asarray(area_m2, dtype=np.float64)
@@ -201,14 +201,11 @@ def lambert_radiance(
 
     Parameters
     ----------
-    albedo : rho
-    eirp_w : EIRP [W]
-    range_m : R [m]
-    cos_incidence : cos(theta)
+    albedo, eirp_w, range_m, cos_incidence : rho, EIRP [W], R [m] and cos(theta)
 
     Returns
     -------
-    ndarray : radiance [W/(m^2 sr)]
+    ndarray : [W/(m^2 sr)]
     """
     irradiance = (
         np.asarray(eirp_w, dtype=np.float64)
@@ -218,9 +215,7 @@ def lambert_radiance(
     return np.asarray(albedo, dtype=np.float64) / np.pi * irradiance
 
 
-# -------------------------------------------------------------------------------------------------
-# Receiver noise, and the signal-to-noise ratio that the radar equation predicts for a burst.
-# -------------------------------------------------------------------------------------------------
+# -- noise -----------------------------------------------------------------------------------------
 
 
 def noise_power_w(
@@ -238,11 +233,11 @@ def noise_power_w(
         B [Hz]. For complex samples it is the sampling rate: the result is the power of each
         sample's noise, real and imaginary together.
     noise_figure_db : F in dB, 0 or more
-    antenna_temperature_k : t_a [K]
+    antenna_temperature_k : T_a [K]
 
     Returns
     -------
-    ndarray : power of the broadcast shape [W]
+    ndarray : [W]
     """
     bandwidth = real_array("Noise bandwidth", bandwidth_hz, "Hz", above=0.0)
     factor = from_db(real_array("Noise figure", noise_figure_db, "dB", minimum=0.0))
@@ -258,13 +253,12 @@ def complex_noise(
 
     Parameters
     ----------
-    rng : source of random numbers
-    shape : shape of the result
+    rng, shape : source of random numbers, and shape of the result
     power_w : mean |x|^2 [W]
 
     Returns
     -------
-    ndarray : complex noise
+    ndarray
     """
     scale = np.sqrt(float(real_array("Noise power", power_w, "W", minimum=0.0)) / 2)
     noise = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
@@ -273,14 +267,13 @@ def complex_noise(
 
 @dataclass(frozen=True)
 class SnrPrediction:
-    """Signal-to-noise ratios of one target.
+    """Signal-to-noise ratios of one target [dB].
 
     Attributes
     ----------
-    single_sample_db : one complex sample of the echo, before any processing [dB]
-    single_pulse_db
-        Peak of the compressed pulse: signal energy over noise density, P T / (k T_s) [dB].
-    burst_db : peak of the range-Doppler map, all pulses added coherently, tapers included [dB]
+    single_sample_db : one complex sample of the echo, before any processing
+    single_pulse_db : peak of the compressed pulse: signal energy over noise density, P T / (k T_s)
+    burst_db : peak of the range-Doppler map, all pulses added coherently, tapers included
     """
 
     single_sample_db: float
@@ -315,11 +308,11 @@ def predict_snr(
 
     Returns
     -------
-    SnrPrediction : in dB
+    SnrPrediction
 
     Raises
     ------
-    ConfigError : as in `noise_power_w`; pulses below 1; a negative loss
+    ConfigError : pulses below 1; noise of zero
     """
     if not (isinstance(pulses, int) and pulses >= 1):
         raise ConfigError(f"Number of pulses is {pulses!r}; expected an integer from 1 up.")
@@ -349,7 +342,7 @@ def window_loss_db(window: ArrayLike) -> float:
 
     Returns
     -------
-    float : loss [dB], 0 or more
+    float : [dB], 0 or more
 
     Raises
     ------

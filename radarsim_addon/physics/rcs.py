@@ -4,10 +4,7 @@
 Optical limit or physical optics: good for bodies of several wavelengths. Physical optics of a
 sphere is wrong by up to 2.3 dB at ka 5 to 10 and 0.4 dB at ka 20 to 40; of plates by tens of dB
 near grazing incidence. Textbook peaks: Ruck, Radar Cross Section Handbook; Knott, Shaeffer, Tuley,
-Radar Cross Section, table 6-1.
-
-Lengths are in metres and angles in radians, of any shapes that broadcast; results have that shape.
-A value that is not finite or out of range raises a ConfigError that names it.
+Radar Cross Section, table 6-1. In the equations lambda is the wavelength and k = 2 pi/lambda.
 """
 
 from __future__ import annotations
@@ -28,12 +25,11 @@ def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    area_m2 : A [m^2]
-    wavelength_m : lambda [m]
+    area_m2, wavelength_m : A [m^2] and lambda [m]
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     area = real_array("Area", area_m2, "m^2", minimum=0.0)
     return np.asarray(4 * np.pi * area**2 / _length("Wavelength", wavelength_m) ** 2)
@@ -62,7 +58,7 @@ def specular_face(
 
     Returns
     -------
-    ndarray : cross section of a perfect conductor [m^2]
+    ndarray : of a perfect conductor
     """
     wavelength = _length("Wavelength", wavelength_m)
     area = np.ones(())
@@ -82,7 +78,7 @@ def sphere_optical(radius_m: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     return np.asarray(np.pi * _length("Radius", radius_m) ** 2, dtype=np.float64)
 
@@ -92,11 +88,11 @@ def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real
 
     Parameters
     ----------
-    radius_m, wavelength_m : radius and wavelength [m]
+    radius_m, wavelength_m : a and lambda [m]
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     radius = _length("Radius", radius_m)
     x = 2 * np.pi * radius / _length("Wavelength", wavelength_m)
@@ -118,12 +114,12 @@ def plate(
 
     Parameters
     ----------
-    width_m, height_m, wavelength_m : w, height and lambda [m]
+    width_m, height_m, wavelength_m : W, height and lambda [m]
     tilt_rad : angle from the normal, in the plane of `width_m` [rad]
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     width, wavelength = _length("Width", width_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
@@ -142,7 +138,7 @@ def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0
 
     Returns
     -------
-    ndarray : cross section by physical optics [m^2]
+    ndarray
     """
     radius, wavelength = _length("Radius", radius_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
@@ -170,7 +166,7 @@ def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: A
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     radius, length = _length("Radius", radius_m), _length("Length", length_m)
     return np.asarray(2 * np.pi * radius * length**2 / _length("Wavelength", wavelength_m))
@@ -188,13 +184,12 @@ def dihedral(
 
     Parameters
     ----------
-    width_m, height_m : W of both plates, and H of the edge [m]
-    wavelength_m : lambda [m]
+    width_m, height_m, wavelength_m : W of both plates, H of the edge, and lambda [m]
     angle_rad : angle from the normal of one plate; pi/4 on axis [rad]
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     angle = real_array("Angle", angle_rad, "rad", 0.0, np.pi / 2)
     lit = np.minimum(np.sin(angle), np.cos(angle))
@@ -203,7 +198,7 @@ def dihedral(
 
 
 def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
-    """Return the direction cosines to the three edges in rising order; the vector is normalised."""
+    """Return the cosines between vectors and the three edges in rising order."""
     vector = real_array("Direction", directions, "", minimum=0.0)
     norm = np.linalg.norm(vector, axis=-1, keepdims=True)
     low, middle, high = np.moveaxis(np.sort(vector / np.where(norm == 0, 1, norm), axis=-1), -1, 0)
@@ -213,8 +208,8 @@ def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
 def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
     """Return the effective area of the triple bounce in a triangular trihedral.
 
-    Siegel et al. 1955; Ruck 8.3. On axis a^2/sqrt(3), so the cross section is 4 pi a^4/(3
-    lambda^2).
+    Siegel et al. 1955; Ruck 8.3. On axis a^2/sqrt(3), so the cross section (`area_rcs_m2`) is
+    4 pi a^4/(3 lambda^2).
 
     Parameters
     ----------
@@ -223,7 +218,7 @@ def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Re
 
     Returns
     -------
-    ndarray : area [m^2], see `area_rcs_m2`
+    ndarray : [m^2]
     """
     low, middle, high = _sorted_cosines(directions)
     total = low + middle + high
@@ -244,7 +239,7 @@ def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray : area [m^2], see `area_rcs_m2`
+    ndarray : [m^2]
     """
     low, middle, high = _sorted_cosines(directions)
     area = np.where(middle <= high / 2, 4 * low * middle / high, low * (4 - high / middle))
@@ -258,12 +253,11 @@ def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
 
     Parameters
     ----------
-    radius_m : a [m]
-    albedo : rho, 0 to 1
+    radius_m, albedo : a [m] and rho, 0 to 1
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
     return np.asarray(8 / 3 * rho * sphere_optical(radius_m), dtype=np.float64)
@@ -279,7 +273,7 @@ def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray : cross section [m^2]
+    ndarray
     """
     return np.asarray(
         real_array("sigma_0", sigma0, "", minimum=0.0)
@@ -288,16 +282,15 @@ def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
 
 
 def lambert_sigma0(albedo: ArrayLike, cos_incidence: ArrayLike) -> Real:
-    """Return the backscatter coefficient of a Lambert surface, 4 rho cos^2.
+    """Return the backscatter coefficient of a Lambert surface, 4 rho cos^2 [m^2/m^2].
 
     Parameters
     ----------
-    albedo : rho, 0 to 1
-    cos_incidence : cosine of the angle of incidence, 0 to 1
+    albedo, cos_incidence : rho, and cosine of the angle of incidence, 0 to 1
 
     Returns
     -------
-    ndarray : sigma_0 [m^2/m^2]
+    ndarray
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
     return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2, dtype=np.float64)

@@ -1,9 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scattering of rough surfaces: the Kirchhoff model in the geometric-optics limit.
+"""Scattering of rough surfaces: the Kirchhoff model in the geometric-optics limit, and lobes.
 
-Surface heights are Gaussian with rms slope m (one component). Facets with a normal half way between
+Surface heights are Gaussian with RMS slope m (one component). Facets with a normal half way between
 radar and receiver reflect. The model equals a microfacet lobe with the Beckmann distribution,
-alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. All arguments broadcast.
+alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. There are conversions between heights,
+slopes and roughness, backscatter (`sigma0`) and bistatic scattering (`facet_scattering`), and the
+limits of the model (`kirchhoff_limits`).
+
+Energy: a microfacet lobe reflects the albedo A(theta), the mean of Fresnel's F over the facets
+(`albedo`); a ray that passes straight through a face gets 1 - F(theta) of the smooth one. A exceeds
+F by up to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, and the sum exceeds 1.
+`transmission_factors` reduce the transmission by the excess.
+
+`directive_lobe` is the lobe of effective roughness around the mirrored direction instead. Per
+steradian the scattered power goes with ((1 + cos psi) / 2)^exponent, psi the angle to the direction
+of the mirrored wave. Over all directions above the surface the lobe adds up to 1, whatever the
+angle of incidence (V. Degli-Esposti, F. Fuschini, E. M. Vitucci, G. Falciasecca, Measurement and
+modelling of scattering from buildings, IEEE Trans. Antennas Propag. 55 (2007) 143-153, eq. 9 to
+12).
+
+In all functions slope is the RMS slope m, index n + jk, and cos_incidence the cosine of the angle
+of incidence.
 """
 
 from __future__ import annotations
@@ -44,7 +61,7 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray : rms slope
+    ndarray
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
@@ -56,15 +73,15 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope : rms slope m
+    slope : up to 1/sqrt(2), a roughness of 1; Cycles clamps larger values
 
     Returns
     -------
-    ndarray : 0 to 1; Cycles clamps larger values
+    ndarray : 0 to 1
 
     Raises
     ------
-    ConfigError : for slopes above 1/sqrt(2), beyond a roughness of 1
+    ConfigError : slope beyond that
     """
     roughness = np.sqrt(np.sqrt(2) * real_array("Rms slope", slope, "", minimum=0.0))
     if np.any(roughness > 1 + 1e-9):
@@ -76,7 +93,7 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
 
 def slope_from_roughness(roughness: ArrayLike) -> Real:
-    """Return the rms slope of a Cycles roughness, r^2 / sqrt(2).
+    """Return the RMS slope of a Cycles roughness, r^2 / sqrt(2).
 
     Parameters
     ----------
@@ -84,14 +101,14 @@ def slope_from_roughness(roughness: ArrayLike) -> Real:
 
     Returns
     -------
-    ndarray : rms slope
+    ndarray
     """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
     return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
 
 
 def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
-    """Return m lambda / sqrt(2), the least RMS height that a slope can stand for.
+    """Return m lambda / sqrt(2), the least RMS height that a slope can stand for [m].
 
     It is that of a correlation length of one wavelength. The Kirchhoff model does not hold for
     much shorter ones (`kirchhoff_limits`: k l > 6), and longer ones have larger heights. Slopes
@@ -100,12 +117,11 @@ def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope : RMS slope m
-    wavelength_m : lambda [m]
+    slope, wavelength_m : m and lambda [m]
 
     Returns
     -------
-    ndarray : RMS height [m]
+    ndarray
     """
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     return np.asarray(real_array("Rms slope", slope, "", minimum=0.0) * wavelength / np.sqrt(2))
@@ -120,12 +136,11 @@ def coherent_fraction(
 
     Parameters
     ----------
-    rms_height_m, wavelength_m : h and wavelength [m]
-    cos_incidence : cosine of the angle of incidence
+    rms_height_m, wavelength_m, cos_incidence : h and lambda [m], and cosine of incidence
 
     Returns
     -------
-    ndarray : fraction, 0 to 1
+    ndarray
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -149,7 +164,7 @@ def kirchhoff_limits(
     Parameters
     ----------
     rms_height_m, correlation_length_m, wavelength_m : h, l and lambda [m]
-    cos_incidence : cosine of the angle of incidence
+    cos_incidence : cosine of incidence
 
     Returns
     -------
@@ -184,21 +199,20 @@ def sigma0(
     cos_incidence: ArrayLike,
     masking: Masking = "none",
 ) -> Real:
-    """Return the backscatter coefficient of a rough surface, both like polarisations.
+    """Return the backscatter coefficient of a rough surface, both like polarisations [m^2/m^2].
 
     |Gamma(0)|^2 exp(-tan^2/alpha^2) / (alpha^2 cos^4), alpha = sqrt(2) m (Ulaby, Moore, Fung II,
     eq. 12.55; Valenzuela 1978), Gamma(0) at normal incidence on the facet. Times G with masking.
 
     Parameters
     ----------
-    index : complex index n + jk
-    slope : rms slope m, more than 0
-    cos_incidence : cosine of the incidence angle; at 0 the coefficient is 0
-    masking : 'none', 'smith' or 'cycles'; see `masking_lambda`
+    index, slope : of the surface; the slope is more than 0
+    cos_incidence : at 0 the coefficient is 0
+    masking : see `masking_lambda`
 
     Returns
     -------
-    ndarray : sigma_0 [m^2/m^2]
+    ndarray
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
@@ -227,14 +241,14 @@ def facet_brightness(
 
     Parameters
     ----------
-    slope : rms slope m, more than 0
+    slope : more than 0
     cos_in, cos_out
         Cosines of the angles from the normal to transmitter and receiver; 0 behind either.
     cos_facet : cosine of the angle from the normal to the facet half way
 
     Returns
     -------
-    ndarray : brightness [m^2/m^2]
+    ndarray : [m^2/m^2]
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     ahead = (np.asarray(cos_in) > 0) & (np.asarray(cos_out) > 0)
@@ -264,7 +278,7 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Returns
     -------
-    ndarray : lambda, 0 or more
+    ndarray : 0 or more
     """
     width = np.asarray(alpha, dtype=np.float64)
     c = np.asarray(cosine, dtype=np.float64)
@@ -297,19 +311,18 @@ def albedo(
 
     Parameters
     ----------
-    slope : rms slope m, more than 0
-    cos_incidence : cosine of the incidence angle, more than 0
-    index : complex index; None is a perfect conductor, F = 1
-    masking : 'smith' (exact) or 'cycles' (rational approximation)
+    slope, cos_incidence : more than 0
+    index : None is a perfect conductor, F = 1
+    masking : 'smith' or 'cycles', see `masking_lambda`
     steps : cells per direction
 
     Returns
     -------
-    float : fraction, 0 to 1
+    float : 0 to 1
 
     Raises
     ------
-    ConfigError : slope or cosine out of bounds, amplifying index, or no masking
+    ConfigError : no masking
     """
     alpha = float(np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0))
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))
@@ -336,15 +349,7 @@ def albedo(
     return float(np.mean(np.where(used, value, 0.0)))
 
 
-# -------------------------------------------------------------------------------------------------
-# Bound on the transmission of a rough surface, so that it conserves energy.
-#
-# A microfacet lobe reflects the albedo A(theta), the mean of Fresnel's F over the facets; a ray
-# that passes straight through a face gets 1 - F(theta) of the smooth one. A exceeds F by up
-# to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, and the sum exceeds 1. The
-# factors of this module reduce the transmission by the excess.
-# -------------------------------------------------------------------------------------------------
-
+# -- transmission that conserves energy ------------------------------------------------------------
 
 RAMP_BELOW = 0.5
 """Cosine of incidence below which the factor runs linearly from the first to the second."""
@@ -366,8 +371,7 @@ def transmission_factors(
 
     Parameters
     ----------
-    index : complex index n + jk
-    slope : rms slope m, 0 for a smooth surface
+    index, slope : of the surface; slope 0: smooth
     facet_fresnel : each facet reflects by Fresnel's equations; False: as at normal incidence
 
     Returns
@@ -396,9 +400,7 @@ def transmission_factors(
     return flat, min(max(grazing, 0.0), 1.0)
 
 
-# -------------------------------------------------------------------------------------------------
-# Scattering of a rough surface from one direction into another: Kirchhoff's model, bistatic.
-# -------------------------------------------------------------------------------------------------
+# -- from one direction into another ---------------------------------------------------------------
 
 
 def facet_scattering(
@@ -407,12 +409,11 @@ def facet_scattering(
     """Return F D G / (4 cos cos): scattered radiance over incident irradiance, per steradian.
 
     Facets have Beckmann's distribution and Smith's masking in the approximation that Cycles uses
-    (Walter et al. 2007, eq. 20, 25 and 27). In backscatter 4 pi cos^2 times this is sigma0.
+    (Walter et al. 2007, eq. 20, 25 and 27). In backscatter 4 pi cos^2 times this is `sigma0`.
 
     Parameters
     ----------
-    index : n + jk
-    alpha : sqrt(2) times the RMS slope, above 0
+    index, alpha : of the surface; sqrt(2) m, above 0
     normal, to_one, to_other
         Unit vectors: of the surface, and from it towards both ends, on its side, (n, 3).
     exact : Fresnel's equations at each facet; False: at normal incidence on it
@@ -436,19 +437,7 @@ def facet_scattering(
     return np.asarray(np.where(above, found, 0.0), dtype=np.float64)
 
 
-# -------------------------------------------------------------------------------------------------
-# Scattering around the mirrored direction: the directive lobe of effective roughness.
-#
-# A surface scatters a fraction of the power that it reflects. Per steradian the scattered power
-# goes with ((1 + cos psi) / 2)^exponent, psi the angle to the direction of the mirrored wave. Over
-# all directions above the surface the lobe adds up to 1, whatever the angle of incidence.
-#
-# References
-# ----------
-# V. Degli-Esposti, F. Fuschini, E. M. Vitucci, G. Falciasecca, Measurement and modelling of
-# scattering from buildings, IEEE Trans. Antennas Propag. 55 (2007) 143-153, eq. 9 to 12.
-# -------------------------------------------------------------------------------------------------
-
+# -- directive lobes -------------------------------------------------------------------------------
 
 #: Largest exponent of a lobe: half of its power lies within 2.4 degrees there.
 MOST_EXPONENT = 1000
@@ -457,7 +446,7 @@ _COSINES = 4097
 
 
 def lobe_exponent(value: Any) -> int:
-    """Return an exponent as a whole number.
+    """Return an exponent as a whole number, 1 to `MOST_EXPONENT`.
 
     Parameters
     ----------
@@ -465,7 +454,7 @@ def lobe_exponent(value: Any) -> int:
 
     Returns
     -------
-    int : 1 to `MOST_EXPONENT`
+    int
 
     Raises
     ------
@@ -490,8 +479,7 @@ def lobe_integral(exponent: int, cosine: Real) -> Real:
 
     Parameters
     ----------
-    exponent : see `lobe_exponent`
-    cosine : cosines of angles of incidence
+    exponent, cosine : see `lobe_exponent`; cosines of angles of incidence
 
     Returns
     -------
@@ -535,7 +523,7 @@ def directive_lobe(exponent: int, normal: Real, to_source: Real, to_observer: Re
 
     Returns
     -------
-    ndarray : (n,). Its integral over the observer's directions, times their cosines, is 1
+    ndarray : (n,); its integral over the observer's directions, times their cosines, is 1
     """
     cosine = dots(normal, to_source)
     mirrored = 2 * cosine * dots(normal, to_observer) - dots(to_source, to_observer)

@@ -3,6 +3,11 @@
 
 Refraction of the standard atmosphere is that of straight rays over an Earth of 4/3 of its radius.
 Heights are above the ground, distances along it.
+
+At the point of reflection both grazing angles are equal. Their difference falls along the ground,
+so that Newton's method within a shrinking interval always finds the point. The divergence is that
+of a narrow tube of rays at a sphere, both of its main curvatures kept (D. E. Kerr, Propagation of
+Short Radio Waves, 1951, 5.2).
 """
 
 from __future__ import annotations
@@ -67,19 +72,12 @@ def ground_path(
     ----------
     antenna_m : height of the antenna, above 0 [m]
     target_m : heights of targets, 0 or more [m]
-    distance_m : distances along the ground, above 0 [m]; broadcast with `target_m`
+    distance_m : distances along the ground, above 0 [m]
     radius_m : radius of the Earth with its refraction [m]; ``math.inf``: flat
 
     Returns
     -------
-    GroundPath : of the broadcast shape
-
-    Notes
-    -----
-    At the point of reflection both grazing angles are equal. Their difference falls along the
-    ground, so that Newton's method within a shrinking interval always finds it. The divergence is
-    that of a narrow tube of rays at a sphere, both of its main curvatures kept (D. E. Kerr,
-    Propagation of Short Radio Waves, 1951, 5.2).
+    GroundPath
     """
     height, x = np.broadcast_arrays(
         np.asarray(target_m, dtype=np.float64), np.asarray(distance_m, dtype=np.float64)
@@ -134,16 +132,15 @@ def horizon_m(antenna_m: float, target_m: ArrayLike, radius_m: float) -> Real:
 def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
     """Return the grazing angle below which rays do not describe the field over a round Earth.
 
+    (lambda / (2 pi a))^(1/3): where the divergence of rays ends (Kerr, 2.2).
+
     Parameters
     ----------
-    wavelength_m : wavelength [m]
-    radius_m : as for `ground_path`
+    wavelength_m, radius_m : lambda and a [m]
 
     Returns
     -------
-    float
-        (lambda / (2 pi a))^(1/3) [rad]: where the divergence of rays ends (Kerr, 2.2); 0 over a
-        flat Earth.
+    float : [rad]; 0 over a flat Earth
     """
     return float((wavelength_m / (2 * math.pi * radius_m)) ** (1 / 3))
 
