@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All that the two halves share: channel names, file names, and the records in the JSON sidecars.
 
-The Blender half writes these records beside the EXR files, the companion module reads them;
+The Blender half writes these records next to the EXR files, the companion module reads them;
 neither imports the other, so a folder can be processed elsewhere, years later. Everything in a
 record is SI (metres, seconds, hertz, watts) in float64; one Blender unit is ``metres_per_unit``.
 Records of a frame are written with record_sha256, the digest of their other fields.
@@ -74,7 +74,7 @@ SCHEMA_VERSION = 2
 AMPLITUDE_CHANNEL = "B"
 """Radiance L of the echo, in W per (Blender unit)^2 per steradian."""
 RANGE_CHANNEL = "R"
-"""L * exp(-l/k), l the total length of the path from camera over the scatterers to the emitter."""
+"""L * exp(-l/k), l the length of the path from receiver over the scatterers to transmitter."""
 CHECK_CHANNEL = "G"
 """L * exp(-2 l/k). G*B/R^2 is 1 for one path in a pixel, larger where several were mixed."""
 CHANNELS = (RANGE_CHANNEL, CHECK_CHANNEL, AMPLITUDE_CHANNEL)
@@ -170,7 +170,7 @@ AMPLITUDE_MODEL: dict[str, Any] = {
 class AntennaRecord:
     """Antenna pattern: a kind and its parameters, see signal.radar.antennas.
 
-    The antenna looks along the -z of what carries it (the lamp, the camera), its y is up.
+    The antenna looks along the -z of what carries it (the light, the camera), its y is up.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def _loss(label: str, what: str, **more: Any) -> Any:
 class LinkBudget:
     """Power budget of the radar; see docs/system.md.
 
-    With it the emitter's EIRP is the light level of the renders alone: it cancels.
+    With it the transmitter's EIRP is the light level of the renders alone: it cancels.
 
     Parameters
     ----------

@@ -2,9 +2,9 @@
 """Fresnel reflection of a plane wave at a smooth boundary, and at a plane-parallel slab in vacuum.
 
 With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the wave vector
-inside over k0 (`normal_wave`). The coefficients of a face follow from n^2, c and q (`faces`), those
-of a slab of the thickness d from two faces and the complex phase of one passage, delta = k0 q d.
-Of a slab there are three descriptions, all power per incident power (`slab_power`):
+inside over k0. The coefficients of a face follow from n^2, c and q, those of a slab of thickness d
+from two faces and the complex phase of one passage, delta = k0 q d. Of a slab there are three
+descriptions, all power per incident power (`slab_power`):
 
 - ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4): a
   monochromatic wave on a perfect sheet.
@@ -34,51 +34,27 @@ from ..errors import ConfigError
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
 
 
-class FacePower(NamedTuple):
-    """One polarisation at a face that a wave meets from vacuum.
+class _FacePower(NamedTuple):
+    """One polarisation at a face that a wave meets from vacuum."""
 
-    Attributes
-    ----------
-    r : amplitude reflection coefficient
-    tt : product of the amplitudes that enter and leave, 1 - r^2
-    entering : fraction of the power that enters, 1 - |r|^2
-    """
-
-    r: Complex
-    tt: Complex
-    entering: Real
+    r: Complex  # amplitude reflection coefficient
+    tt: Complex  # product of the amplitudes that enter and leave, 1 - r^2
+    entering: Real  # fraction of the power that enters, 1 - |r|^2
 
 
-def normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:
-    """Return n^2, cos(theta) and q.
-
-    Parameters
-    ----------
-    index, cos_incidence : index of refraction and cosine of incidence
-
-    Returns
-    -------
-    eps, cosine, q : q on the branch with Im(q) >= 0
-    """
+def _normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:
+    """Return n^2, cos(theta) and q, on the branch with Im(q) >= 0."""
     eps = np.asarray(index, dtype=np.complex128) ** 2
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     # n^2 - sin^2 as (n^2 - 1) + cos^2 keeps its digits at grazing incidence and for n near 1.
     return eps, cosine, np.asarray(np.sqrt((eps - 1) + cosine**2), dtype=np.complex128)
 
 
-def faces(eps: Complex, cosine: Real, q: Complex) -> tuple[FacePower, FacePower]:
-    """Return reflection and transmission of both polarisations.
+def _faces(eps: Complex, cosine: Real, q: Complex) -> tuple[_FacePower, _FacePower]:
+    """Return the perpendicular (s, TE) and parallel (p, TM) wave; at normal incidence r_p = -r_s.
 
     Born and Wolf, Principles of Optics, 1.5.2 (20), in a form without subtraction of near-equal
     numbers: c - q = (1 - n^2)/(c + q), n^2 c - q = (n^2 - 1)((n^2 + 1) c^2 - 1)/(n^2 c + q).
-
-    Parameters
-    ----------
-    eps, cosine, q : as `normal_wave` returns them
-
-    Returns
-    -------
-    s, p : perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s
     """
     sum_s, sum_p = cosine + q, eps * cosine + q
     # q = c = 0 is vacuum at exactly grazing incidence: nothing reflects.
@@ -90,7 +66,7 @@ def faces(eps: Complex, cosine: Real, q: Complex) -> tuple[FacePower, FacePower]
     tt_p = np.where(none, 1, 4 * eps * cosine * q / sum_p**2)
     enter_s = np.where(none, 1, 4 * cosine * q.real / np.abs(sum_s) ** 2)
     enter_p = np.where(none, 1, 4 * cosine * (eps * np.conj(q)).real / np.abs(sum_p) ** 2)
-    return FacePower(r_s, tt_s, enter_s), FacePower(r_p, tt_p, enter_p)
+    return _FacePower(r_s, tt_s, enter_s), _FacePower(r_p, tt_p, enter_p)
 
 
 def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Complex]:
@@ -102,9 +78,9 @@ def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple
 
     Returns
     -------
-    r_s, r_p : see `faces`
+    r_s, r_p : perpendicular and parallel; at normal incidence r_p = -r_s
     """
-    s, p = faces(*normal_wave(index, cos_incidence))
+    s, p = _faces(*_normal_wave(index, cos_incidence))
     return s.r, p.r
 
 
@@ -121,7 +97,7 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
     -------
     t_s, t_p
     """
-    s, p = faces(*normal_wave(index, cos_incidence))
+    s, p = _faces(*_normal_wave(index, cos_incidence))
     return s.entering, p.entering
 
 
@@ -189,11 +165,11 @@ def _arguments(
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     cosine = direction_cosine(cos_incidence)
     require_one_shape(index=n, thickness_m=thickness, wavelength_m=wavelength, cos_incidence=cosine)
-    eps, cosine, q = normal_wave(n, cosine)
+    eps, cosine, q = _normal_wave(n, cosine)
     return eps, cosine, q, np.asarray(2 * np.pi / wavelength * thickness * q, dtype=np.complex128)
 
 
-def _coherent(face: FacePower, delta: Complex) -> tuple[Complex, Complex]:
+def _coherent(face: _FacePower, delta: Complex) -> tuple[Complex, Complex]:
     """Return the amplitude transmission and reflection of the slab."""
     passage = np.exp(1j * delta)
     # 1 - exp(2 j delta) by expm1: a sheet much thinner than the wave keeps its digits.
@@ -227,7 +203,7 @@ def amplitude_coefficients(
     t_s, t_p, r_s, r_p : complex
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    s, p = faces(eps, cosine, q)
+    s, p = _faces(eps, cosine, q)
     t_s, r_s = _coherent(s, delta)
     t_p, r_p = _coherent(p, delta)
     return t_s, t_p, r_s, r_p
@@ -260,7 +236,7 @@ def slab_power(
         raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     fractions = []
-    for face in faces(eps, cosine, q):
+    for face in _faces(eps, cosine, q):
         if model == "coherent":
             transmission, reflection = _coherent(face, delta)
             fractions.append((np.abs(transmission) ** 2, np.abs(reflection) ** 2))
@@ -305,7 +281,7 @@ def straight_through_power(
     ndarray
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    s, p = faces(eps, cosine, q)
+    s, p = _faces(eps, cosine, q)
     reflectance = (np.abs(s.r) ** 2 + np.abs(p.r) ** 2) / 2
     return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag), dtype=np.float64)
 
@@ -325,7 +301,7 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
     ndarray : length [m]
     """
     thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
-    eps, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
+    eps, cosine, q = _normal_wave(passive_index(index), direction_cosine(cos_incidence))
     # Lossless: q - c = (n^2 - 1)/(q + c) keeps its digits for n near 1. Lossy: Re q directly.
     total = q + cosine
     safe = np.where(total == 0, 1, total)
@@ -346,6 +322,6 @@ def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
     -------
     ndarray : angle [rad]
     """
-    _, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
+    _, cosine, q = _normal_wave(passive_index(index), direction_cosine(cos_incidence))
     sine = np.sqrt((1 - cosine) * (1 + cosine))
     return np.asarray(np.arctan2(sine, q.real), dtype=np.float64)

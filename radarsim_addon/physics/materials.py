@@ -50,21 +50,10 @@ TABLE_COLUMNS = (
 """Headers that a material's CSV file may have."""
 
 
-def conductor_permittivity(
+def _conductor_permittivity(
     frequency_hz: ArrayLike, conductivity_s_per_m: ArrayLike, relative_permittivity: ArrayLike = 1.0
 ) -> Complex:
-    """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Engineering Electromagnetics, 2-72).
-
-    Parameters
-    ----------
-    frequency_hz : f [Hz]
-    conductivity_s_per_m : sigma [S/m]
-    relative_permittivity : eps'
-
-    Returns
-    -------
-    ndarray
-    """
+    """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Eng. Electromagnetics, 2-72)."""
     f = np.asarray(frequency_hz, dtype=np.float64)
     loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
         2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M
@@ -101,7 +90,7 @@ def _debye(
     relaxation = debye_permittivity(
         frequency_hz, static_permittivity, infinite_permittivity, relaxation_frequency_hz
     )
-    return relaxation + conductor_permittivity(frequency_hz, conductivity_s_per_m, 0.0)
+    return relaxation + _conductor_permittivity(frequency_hz, conductivity_s_per_m, 0.0)
 
 
 _CONDUCTIVITY = "conductivity_s_per_m"
@@ -155,7 +144,7 @@ _GENERAL_MODELS = (
         "conductivity constant over frequency",
         # Drude relaxation of metals lies in the terahertz; a constant sigma fails there.
         ((0.0, 1e12),),
-        conductor_permittivity,
+        _conductor_permittivity,
         (
             Parameter(_CONDUCTIVITY, "S/m", "conductivity, copper 5.8e7", None, 0.0),
             Parameter("relative_permittivity", "", "real part of the permittivity", 1.0, 0.0),
@@ -164,23 +153,12 @@ _GENERAL_MODELS = (
 )
 
 
-def table_model(path: str | Path) -> MaterialModel:
-    """Return a medium measured by the user: a CSV file over frequency.
+def _table_model(path: str | Path) -> MaterialModel:
+    """Return a medium measured by the user: a CSV file over frequency, rows in any order.
 
-    Parameters
-    ----------
-    path
-        Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag or n, k; rows in any order.
-
-    Returns
-    -------
-    MaterialModel
-        Permittivity interpolated linearly over log f: exact at the rows, passive between them. The
-        band is that of the rows; one row holds at its own frequency only.
-
-    Raises
-    ------
-    ConfigError : the table cannot be used; the message has file, line and column
+    The permittivity is interpolated linearly over log f: exact at the rows, passive between them.
+    The
+    band is that of the rows; one row holds at its own frequency only.
     """
     table = read_csv(path, TABLE_COLUMNS)
     columns = table.columns
@@ -235,14 +213,8 @@ ITU_EDITION = "P.2040-3, 2023, Table 3"
 ITU_NEW_EDITION = "P.2040-4, 2025, Table 3, from secondary sources"
 
 
-class ItuRow(NamedTuple):
-    """Coefficients of a material in a band.
-
-    Attributes
-    ----------
-    low_ghz, high_ghz : band [GHz]
-    a, b, c, d : eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m
-    """
+class _ItuRow(NamedTuple):
+    """Coefficients in a band [GHz]: eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m."""
 
     low_ghz: float
     high_ghz: float
@@ -253,37 +225,37 @@ class ItuRow(NamedTuple):
 
 
 #: Bands of one material never overlap.
-ITU_ROWS: dict[str, tuple[ItuRow, ...]] = {
-    "concrete": (ItuRow(1, 100, 5.24, 0, 0.0462, 0.7822),),
-    "brick": (ItuRow(1, 40, 3.91, 0, 0.0238, 0.16),),
-    "plasterboard": (ItuRow(1, 100, 2.73, 0, 0.0085, 0.9395),),
-    "wood": (ItuRow(0.001, 100, 1.99, 0, 0.0047, 1.0718),),
+ITU_ROWS: dict[str, tuple[_ItuRow, ...]] = {
+    "concrete": (_ItuRow(1, 100, 5.24, 0, 0.0462, 0.7822),),
+    "brick": (_ItuRow(1, 40, 3.91, 0, 0.0238, 0.16),),
+    "plasterboard": (_ItuRow(1, 100, 2.73, 0, 0.0085, 0.9395),),
+    "wood": (_ItuRow(0.001, 100, 1.99, 0, 0.0047, 1.0718),),
     "glass": (
-        ItuRow(0.1, 100, 6.31, 0, 0.0036, 1.3394),
-        ItuRow(220, 450, 5.79, 0, 0.0004, 1.658),
+        _ItuRow(0.1, 100, 6.31, 0, 0.0036, 1.3394),
+        _ItuRow(220, 450, 5.79, 0, 0.0004, 1.658),
     ),
     "ceiling_board": (
-        ItuRow(1, 100, 1.48, 0, 0.0011, 1.0750),
-        ItuRow(220, 450, 1.52, 0, 0.0029, 1.029),
+        _ItuRow(1, 100, 1.48, 0, 0.0011, 1.0750),
+        _ItuRow(220, 450, 1.52, 0, 0.0029, 1.029),
     ),
-    "chipboard": (ItuRow(1, 100, 2.58, 0, 0.0217, 0.78),),
-    "plywood": (ItuRow(1, 40, 2.71, 0, 0.33, 0),),
-    "marble": (ItuRow(1, 60, 7.074, 0, 0.0055, 0.9262),),
-    "floorboard": (ItuRow(50, 100, 3.66, 0, 0.0044, 1.3515),),
-    "metal": (ItuRow(1, 100, 1, 0, 1e7, 0),),
-    "very_dry_ground": (ItuRow(1, 10, 3, 0, 0.00015, 2.52),),
-    "medium_dry_ground": (ItuRow(1, 10, 15, -0.1, 0.035, 1.63),),
-    "wet_ground": (ItuRow(1, 10, 30, -0.4, 0.15, 1.30),),
+    "chipboard": (_ItuRow(1, 100, 2.58, 0, 0.0217, 0.78),),
+    "plywood": (_ItuRow(1, 40, 2.71, 0, 0.33, 0),),
+    "marble": (_ItuRow(1, 60, 7.074, 0, 0.0055, 0.9262),),
+    "floorboard": (_ItuRow(50, 100, 3.66, 0, 0.0044, 1.3515),),
+    "metal": (_ItuRow(1, 100, 1, 0, 1e7, 0),),
+    "very_dry_ground": (_ItuRow(1, 10, 3, 0, 0.00015, 2.52),),
+    "medium_dry_ground": (_ItuRow(1, 10, 15, -0.1, 0.035, 1.63),),
+    "wet_ground": (_ItuRow(1, 10, 30, -0.4, 0.15, 1.30),),
 }
 
-ITU_NEW_ROWS: dict[str, tuple[ItuRow, ...]] = {
-    "vinyl_tile": (ItuRow(1, 40, 3.62, 0, 0.0051, 0.8422),),
-    "carpet_tile": (ItuRow(1, 40, 2.08, 0, 0.0009, 0.82),),
-    "asphalt_concrete": (ItuRow(1, 40, 4.83, 0, 0.0108, 1.3969),),
+ITU_NEW_ROWS: dict[str, tuple[_ItuRow, ...]] = {
+    "vinyl_tile": (_ItuRow(1, 40, 3.62, 0, 0.0051, 0.8422),),
+    "carpet_tile": (_ItuRow(1, 40, 2.08, 0, 0.0009, 0.82),),
+    "asphalt_concrete": (_ItuRow(1, 40, 4.83, 0, 0.0108, 1.3969),),
 }
 
 
-def _itu_permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
+def _itu_permittivity(frequency_hz: Real, rows: tuple[_ItuRow, ...]) -> Complex:
     """Return P.2040 eq. (57) to (59) by the row of the nearest band, as the frequencies."""
     f_ghz = frequency_hz / 1e9
     eps = np.empty(f_ghz.shape, dtype=np.complex128)
@@ -296,7 +268,7 @@ def _itu_permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
     return eps
 
 
-def _itu_model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
+def _itu_model(name: str, rows: tuple[_ItuRow, ...], edition: str) -> MaterialModel:
     remedy = (
         "Change the carrier, or use the model 'soil' (0.3 to 1.3 and 1.4 to 18 GHz), 'table' or "
         "'permittivity'."
@@ -439,7 +411,10 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
     Parameters
     ----------
     name : key of `models`, or 'table'
-    path : CSV file, for 'table' only
+    path
+        CSV file, for 'table' only. Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag
+        or
+        n, k.
 
     Returns
     -------
@@ -452,7 +427,7 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
     if name == TABLE:
         if path is None:
             raise ConfigError("Material 'table' has no path; give a CSV file over frequency.")
-        return table_model(path)
+        return _table_model(path)
     if path is not None:
         raise ConfigError(f"Material {name!r} takes no path; only 'table' reads a file.")
     found = models().get(name)

@@ -73,7 +73,7 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope : up to 1/sqrt(2), a roughness of 1; Cycles clamps larger values
+    slope : up to 1/sqrt(2), a roughness of 1
 
     Returns
     -------

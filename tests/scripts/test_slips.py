@@ -34,7 +34,9 @@ def test_names_are_taken_once_and_every_part_has_slips() -> None:
 
 
 def test_a_text_that_is_gone_is_named() -> None:
-    gone = slips.Slip("physics", "gone", "noise.py", "no such text", "", ("tests",), "Nothing.")
+    gone = slips.Slip(
+        "physics", "gone", "radar_equation.py", "no such text", "", ("tests",), "Nothing."
+    )
     with pytest.raises(slips.CannotRunError, match="'no such text' occurs 0 times"):
         slips.slipped_text(gone, ROOT)
 
@@ -46,7 +48,7 @@ def test_a_mistake_is_caught_and_a_harmless_change_is_missed(tmp_path: Path) -> 
     before = (tmp_path / "radarsim_addon/physics/radar_equation.py").read_bytes()
 
     def caught(new: str) -> bool:
-        slip = slips.Slip("physics", "one", "noise.py", old, new, test, "Noise is off.")
+        slip = slips.Slip("physics", "one", "radar_equation.py", old, new, test, "Noise is off.")
         return slips.is_caught(slip, tmp_path)
 
     assert caught("BOLTZMANN_J_PER_K * temperature / bandwidth * 2")
@@ -59,7 +61,9 @@ def test_a_mistake_is_caught_and_a_harmless_change_is_missed(tmp_path: Path) -> 
 def test_tests_that_fail_as_the_code_is_are_named(tmp_path: Path) -> None:
     (tmp_path / "radarsim_addon").mkdir()
     (tmp_path / "test_wrong.py").write_text("def test_wrong() -> None:\n    assert 1 == 2\n")
-    slip = slips.Slip("physics", "one", "noise.py", "a", "b", ("test_wrong.py",), "Noise is off.")
+    slip = slips.Slip(
+        "physics", "one", "radar_equation.py", "a", "b", ("test_wrong.py",), "Noise is off."
+    )
     with pytest.raises(slips.CannotRunError, match="tests fail without a slip"):
         slips.check_without_slips([slip], tmp_path)
 
