@@ -19,7 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy_format
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -28,6 +28,11 @@ Mask = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 Int32 = NDArray[np.int32]
 Indices = NDArray[np.intp]
+
+
+def reals(*values: ArrayLike) -> list[Real]:
+    """Return numbers and arrays as float64."""
+    return [np.asarray(value, dtype=np.float64) for value in values]
 
 
 # -- vectors ---------------------------------------------------------------------------------------

@@ -26,7 +26,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Real
+from ..arrays import Real, reals
 from ..errors import ConfigError, MissingDependencyError
 from .checks import CsvTable, read_csv, real_array
 
@@ -68,9 +68,7 @@ def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> R
     -------
     ndarray : directions, (..., 3)
     """
-    azimuth, elevation = np.broadcast_arrays(
-        np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
-    )
+    azimuth, elevation = np.broadcast_arrays(*reals(azimuth_rad, elevation_rad))
     flat = np.cos(elevation)
     return np.stack([flat * np.sin(azimuth), np.sin(elevation), -flat * np.cos(azimuth)], axis=-1)
 
@@ -112,7 +110,7 @@ def unit_directions(directions: ArrayLike) -> Real:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if np.any(length == 0):
         raise ConfigError("A direction has length zero; expected a vector from the antenna.")
-    return np.asarray(vectors / length, dtype=np.float64)
+    return np.asarray(vectors / length)
 
 
 def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Real:
@@ -247,7 +245,7 @@ class CosinePower:
         """Return the power gain, (...), in directions (..., 3)."""
         cosine = -unit_directions(directions)[..., 2]
         ahead = np.maximum(cosine, 0.0) ** self.exponent
-        return np.asarray(np.where(cosine > 0, self.peak_gain * ahead, 0.0), dtype=np.float64)
+        return np.asarray(np.where(cosine > 0, self.peak_gain * ahead, 0.0))
 
 
 @dataclass(frozen=True)
@@ -291,7 +289,7 @@ class Gaussian:
         exponent = (azimuth / self.azimuth_beamwidth_rad) ** 2 + (
             elevation / self.elevation_beamwidth_rad
         ) ** 2
-        return np.asarray(self.peak_gain * np.exp(-4 * np.log(2) * exponent), dtype=np.float64)
+        return np.asarray(self.peak_gain * np.exp(-4 * np.log(2) * exponent))
 
 
 @dataclass(frozen=True)
@@ -340,7 +338,7 @@ class Aperture:
         field = np.sinc(self.width_m / self.wavelength_m * x) * np.sinc(
             self.height_m / self.wavelength_m * y
         )
-        return np.asarray(np.where(z < 0, self.peak_gain * field**2, 0.0), dtype=np.float64)
+        return np.asarray(np.where(z < 0, self.peak_gain * field**2, 0.0))
 
 
 def _panels(size: float) -> tuple[Real, Real]:
@@ -545,7 +543,7 @@ class PlanarArray:
             ahead = -unit[..., 2]
             element = np.maximum(ahead, 0.0) ** self.element_exponent
             pattern = np.where(ahead > 0, pattern * element, 0.0)
-        return np.asarray(self._scale * pattern, dtype=np.float64)
+        return np.asarray(self._scale * pattern)
 
 
 def _polynomial(weights: Real, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -572,7 +570,7 @@ def _element_kernel(exponent: float | None) -> Callable[[Real], Real]:
         angle = (np.pi / 2 * (starts + (nodes + 1) / (2 * panels))).ravel()
         weight = np.tile(np.pi / 2 * weights / (2 * panels), panels) * np.cos(angle) ** (q + 1)
         waves = np.cos(2 * np.pi * separation[:, None] * np.sin(angle))
-        return np.asarray(2 * around * (waves @ weight), dtype=np.float64)
+        return np.asarray(2 * around * (waves @ weight))
 
     return kernel
 
@@ -653,11 +651,11 @@ class TableAntenna:
             + table[along_a + 1, along_e + 1] * weight_e
         )
         value = near * (1 - weight_a) + far * weight_a
-        return np.asarray(np.where(inside_a & inside_e, value, self.outside_db), dtype=np.float64)
+        return np.asarray(np.where(inside_a & inside_e, value, self.outside_db))
 
     def gain(self, directions: ArrayLike) -> Real:
         """Return the power gain, (...), in directions (..., 3)."""
-        return np.asarray(10 ** (self.gain_dbi(directions) / 10), dtype=np.float64)
+        return np.asarray(10 ** (self.gain_dbi(directions) / 10))
 
 
 def _centred(azimuth: Real, gain_db: Real) -> tuple[Real, Real]:

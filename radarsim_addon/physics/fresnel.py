@@ -113,7 +113,7 @@ def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
     ndarray
     """
     r_s, r_p = reflection_coefficients(index, cos_incidence)
-    return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)
+    return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2)
 
 
 # -- slabs -----------------------------------------------------------------------------------------
@@ -283,7 +283,7 @@ def straight_through_power(
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     s, p = _faces(eps, cosine, q)
     reflectance = (np.abs(s.r) ** 2 + np.abs(p.r) ** 2) / 2
-    return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag), dtype=np.float64)
+    return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag))
 
 
 def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: ArrayLike = 1.0) -> Real:
@@ -306,7 +306,7 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
     total = q + cosine
     safe = np.where(total == 0, 1, total)
     difference = np.where(total == 0, 0, (eps - 1) / safe)
-    return np.asarray(thickness * difference.real, dtype=np.float64)
+    return np.asarray(thickness * difference.real)
 
 
 def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
@@ -324,4 +324,4 @@ def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
     """
     _, cosine, q = _normal_wave(passive_index(index), direction_cosine(cos_incidence))
     sine = np.sqrt((1 - cosine) * (1 + cosine))
-    return np.asarray(np.arctan2(sine, q.real), dtype=np.float64)
+    return np.asarray(np.arctan2(sine, q.real))

@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Real
+from ..arrays import Complex, Real, reals
 from ..errors import ConfigError
 from .checks import read_csv
 from .constants import VACUUM_PERMITTIVITY_F_PER_M
@@ -54,11 +54,8 @@ def _conductor_permittivity(
     frequency_hz: ArrayLike, conductivity_s_per_m: ArrayLike, relative_permittivity: ArrayLike = 1.0
 ) -> Complex:
     """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Eng. Electromagnetics, 2-72)."""
-    f = np.asarray(frequency_hz, dtype=np.float64)
-    loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
-        2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M
-    )
-    real = np.asarray(relative_permittivity, dtype=np.float64)
+    f, sigma, real = reals(frequency_hz, conductivity_s_per_m, relative_permittivity)
+    loss = sigma / (2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M)
     return np.asarray(real + 1j * loss, dtype=np.complex128)
 
 
@@ -332,12 +329,8 @@ def soil_permittivity(
         NaN if the fitted conductivity makes the free water amplify (very sandy soil at low
         frequency).
     """
-    f = np.asarray(frequency_hz, dtype=np.float64)
-    mv = np.asarray(moisture, dtype=np.float64)
-    s = np.asarray(sand, dtype=np.float64)
-    c = np.asarray(clay, dtype=np.float64)
-    density = np.asarray(bulk_density_g_per_cm3, dtype=np.float64)
-    t = np.asarray(temperature_c, dtype=np.float64)
+    f, mv, s, c = reals(frequency_hz, moisture, sand, clay)
+    density, t = reals(bulk_density_g_per_cm3, temperature_c)
     low_band = f < _DIVIDE_HZ
 
     beta_real = 1.2748 - 0.519 * s - 0.152 * c

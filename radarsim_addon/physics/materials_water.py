@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex
+from ..arrays import Complex, reals
 from .constants import VACUUM_PERMITTIVITY_F_PER_M, ZERO_CELSIUS_K
 from .material_model import MaterialModel, Parameter
 
@@ -32,9 +32,8 @@ def debye_permittivity(
     -------
     ndarray
     """
-    static = np.asarray(static_permittivity, dtype=np.float64)
-    infinite = np.asarray(infinite_permittivity, dtype=np.float64)
-    ratio = np.asarray(frequency_hz, dtype=np.float64) / np.asarray(relaxation_frequency_hz)
+    f, static, infinite = reals(frequency_hz, static_permittivity, infinite_permittivity)
+    ratio = f / np.asarray(relaxation_frequency_hz)
     return np.asarray(infinite + (static - infinite) / (1 - 1j * ratio), dtype=np.complex128)
 
 
@@ -99,9 +98,7 @@ def klein_swift_permittivity(
     -------
     ndarray
     """
-    f = np.asarray(frequency_hz, dtype=np.float64)
-    t = np.asarray(temperature_c, dtype=np.float64)
-    s = np.asarray(salinity_psu, dtype=np.float64)
+    f, t, s = reals(frequency_hz, temperature_c, salinity_psu)
     static = (87.134 - 1.949e-1 * t - 1.276e-2 * t**2 + 2.491e-4 * t**3) * (
         1 + 1.613e-5 * s * t - 3.656e-3 * s + 3.210e-5 * s**2 - 4.232e-7 * s**3
     )
@@ -134,8 +131,8 @@ def ice_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Compl
     -------
     ndarray
     """
-    f_ghz = np.asarray(frequency_hz, dtype=np.float64) / 1e9
-    celsius = np.asarray(temperature_c, dtype=np.float64)
+    f_hz, celsius = reals(frequency_hz, temperature_c)
+    f_ghz = f_hz / 1e9
     kelvin = celsius + ZERO_CELSIUS_K
     theta = 300 / kelvin - 1
     alpha = (0.00504 + 0.0062 * theta) * np.exp(-22.1 * theta)

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Real, crosses, dots, norms
+from ..arrays import Complex, Real, crosses, dots, norms, reals
 from .fresnel import amplitude_coefficients, reflection_coefficients
 
 #: Length of a cross product of unit vectors below which they are parallel.
@@ -206,8 +206,8 @@ def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: 
     -------
     ndarray : 1 for a smooth plane, less for a rough one
     """
-    height_m = np.asarray(rms_height_m, dtype=np.float64)
-    x = 2 * (2 * np.pi * height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
+    height_m, sine = reals(rms_height_m, sine)
+    x = 2 * (2 * np.pi * height_m * sine / wavelength_m) ** 2
     near = np.minimum(x, _LARGE)
     with np.errstate(divide="ignore"):
         far = (1 + 1 / (8 * x)) / np.sqrt(2 * np.pi * x)

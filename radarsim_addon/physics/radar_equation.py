@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Real
+from ..arrays import Real, reals
 from ..errors import ConfigError
 from .checks import real_array
 from .constants import BOLTZMANN_J_PER_K, REFERENCE_TEMPERATURE_K
@@ -35,7 +35,7 @@ def to_db(ratio: ArrayLike) -> Real:
     """
     value = real_array("Power ratio", ratio, "", minimum=0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10(value), dtype=np.float64)
+        return np.asarray(10 * np.log10(value))
 
 
 def from_db(level_db: ArrayLike) -> Real:
@@ -49,8 +49,8 @@ def from_db(level_db: ArrayLike) -> Real:
     -------
     ndarray
     """
-    value = np.asarray(level_db, dtype=np.float64)
-    return np.asarray(10 ** (value / 10), dtype=np.float64)
+    (value,) = reals(level_db)
+    return np.asarray(10 ** (value / 10))
 
 
 def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
@@ -64,8 +64,8 @@ def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
     -------
     ndarray : [m^2]
     """
-    wavelength = np.asarray(wavelength_m, dtype=np.float64)
-    return np.asarray(gain, dtype=np.float64) * wavelength**2 / (4 * np.pi)
+    wavelength, gain = reals(wavelength_m, gain)
+    return gain * wavelength**2 / (4 * np.pi)
 
 
 def received_power_w(
@@ -84,11 +84,8 @@ def received_power_w(
     -------
     ndarray : [W]
     """
-    return (
-        np.asarray(radiance, dtype=np.float64)
-        * np.asarray(solid_angle_sr, dtype=np.float64)
-        * effective_area_m2(wavelength_m, gain)
-    )
+    radiance, solid_angle = reals(radiance, solid_angle_sr)
+    return radiance * solid_angle * effective_area_m2(wavelength_m, gain)
 
 
 def monostatic_power_w(
@@ -110,13 +107,9 @@ def monostatic_power_w(
     -------
     ndarray : received power [W]
     """
-    numerator = (
-        np.asarray(eirp_w, dtype=np.float64)
-        * np.asarray(gain, dtype=np.float64)
-        * np.asarray(wavelength_m, dtype=np.float64) ** 2
-        * np.asarray(rcs_m2, dtype=np.float64)
-    )
-    return numerator / ((4 * np.pi) ** 3 * np.asarray(range_m, dtype=np.float64) ** 4)
+    eirp, gain, wavelength = reals(eirp_w, gain, wavelength_m)
+    rcs, distance = reals(rcs_m2, range_m)
+    return eirp * gain * wavelength**2 * rcs / ((4 * np.pi) ** 3 * distance**4)
 
 
 def bistatic_power_w(
@@ -148,7 +141,7 @@ def bistatic_power_w(
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     received = eirp * real_array("Gain", gain, "", minimum=0.0) * wavelength**2 * rcs
     loss = from_db(real_array("Loss", loss_db, "dB"))
-    return np.asarray(received / ((4 * np.pi) ** 3 * there**2 * back**2 * loss), dtype=np.float64)
+    return np.asarray(received / ((4 * np.pi) ** 3 * there**2 * back**2 * loss))
 
 
 def rcs_from_power_m2(
@@ -173,7 +166,7 @@ def rcs_from_power_m2(
     power = real_array("Received power", power_w, "W", minimum=0.0)
     eirp = real_array("EIRP", eirp_w, "W", above=0.0)
     unit = bistatic_power_w(eirp, 1.0, transmitter_range_m, receiver_range_m, wavelength_m, gain)
-    return np.asarray(power / unit, dtype=np.float64)
+    return np.asarray(power / unit)
 
 
 def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: ArrayLike) -> Real:
@@ -187,9 +180,8 @@ def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: A
     -------
     ndarray : [m^2]
     """
-    cosine = np.asarray(cos_incidence, dtype=np.float64)
-    area = np.asarray(area_m2, dtype=np.float64)
-    return np.asarray(4 * np.asarray(albedo, dtype=np.float64) * area * cosine**2)
+    rho, area, cosine = reals(albedo, area_m2, cos_incidence)
+    return np.asarray(4 * rho * area * cosine**2)
 
 
 def lambert_radiance(
@@ -207,12 +199,8 @@ def lambert_radiance(
     -------
     ndarray : [W/(m^2 sr)]
     """
-    irradiance = (
-        np.asarray(eirp_w, dtype=np.float64)
-        * np.asarray(cos_incidence, dtype=np.float64)
-        / (4 * np.pi * np.asarray(range_m, dtype=np.float64) ** 2)
-    )
-    return np.asarray(albedo, dtype=np.float64) / np.pi * irradiance
+    rho, eirp, distance, cosine = reals(albedo, eirp_w, range_m, cos_incidence)
+    return rho / np.pi * (eirp * cosine / (4 * np.pi * distance**2))
 
 
 # -- noise -----------------------------------------------------------------------------------------
@@ -243,7 +231,7 @@ def noise_power_w(
     factor = from_db(real_array("Noise figure", noise_figure_db, "dB", minimum=0.0))
     antenna = real_array("Antenna temperature", antenna_temperature_k, "K", minimum=0.0)
     temperature = antenna + (factor - 1) * REFERENCE_TEMPERATURE_K
-    return np.asarray(BOLTZMANN_J_PER_K * temperature * bandwidth, dtype=np.float64)
+    return np.asarray(BOLTZMANN_J_PER_K * temperature * bandwidth)
 
 
 def complex_noise(

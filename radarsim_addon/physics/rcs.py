@@ -80,7 +80,7 @@ def sphere_optical(radius_m: ArrayLike) -> Real:
     -------
     ndarray
     """
-    return np.asarray(np.pi * _length("Radius", radius_m) ** 2, dtype=np.float64)
+    return np.asarray(np.pi * _length("Radius", radius_m) ** 2)
 
 
 def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
@@ -99,7 +99,7 @@ def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real
     # |1 - exp(jx) sinc|^2 written as a sum of squares keeps its digits for small spheres.
     ratio = np.sin(x) / x
     value = (1 - ratio * np.cos(x)) ** 2 + (ratio * np.sin(x)) ** 2
-    return np.asarray(np.pi * radius**2 * value, dtype=np.float64)
+    return np.asarray(np.pi * radius**2 * value)
 
 
 def plate(
@@ -125,7 +125,7 @@ def plate(
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
     phase = np.sinc(2 * width / wavelength * np.sin(tilt))
     peak = area_rcs_m2(width * _length("Height", height_m), wavelength)
-    return np.asarray(peak * (np.cos(tilt) * phase) ** 2, dtype=np.float64)
+    return np.asarray(peak * (np.cos(tilt) * phase) ** 2)
 
 
 def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0) -> Real:
@@ -144,7 +144,7 @@ def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
     x = 4 * np.pi * radius / wavelength * np.sin(np.abs(tilt))
     peak = area_rcs_m2(np.pi * radius**2, wavelength)
-    return np.asarray(peak * (np.cos(tilt) * _jinc(x)) ** 2, dtype=np.float64)
+    return np.asarray(peak * (np.cos(tilt) * _jinc(x)) ** 2)
 
 
 def _jinc(x: Real) -> Real:
@@ -154,7 +154,7 @@ def _jinc(x: Real) -> Real:
     angle = np.pi / 2 * (np.arange(count) + 0.5) / count
     flat = np.atleast_1d(x)
     mean = np.array([np.mean(np.cos(angle) ** 2 * np.cos(at * np.sin(angle))) for at in flat.flat])
-    return np.asarray(2 * mean.reshape(x.shape), dtype=np.float64)
+    return np.asarray(2 * mean.reshape(x.shape))
 
 
 def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
@@ -225,7 +225,7 @@ def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Re
     # The aperture meets its own point reflection in a hexagon, or beyond low + middle = high in a
     # parallelogram; both expressions agree there.
     area = np.where(low + middle <= high, 4 * low * middle / total, total - 2 / total)
-    return np.asarray(_length("Edge", edge_m) ** 2 * area, dtype=np.float64)
+    return np.asarray(_length("Edge", edge_m) ** 2 * area)
 
 
 def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
@@ -243,7 +243,7 @@ def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
     """
     low, middle, high = _sorted_cosines(directions)
     area = np.where(middle <= high / 2, 4 * low * middle / high, low * (4 - high / middle))
-    return np.asarray(_length("Edge", edge_m) ** 2 * area, dtype=np.float64)
+    return np.asarray(_length("Edge", edge_m) ** 2 * area)
 
 
 def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
@@ -260,7 +260,7 @@ def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
     ndarray
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
-    return np.asarray(8 / 3 * rho * sphere_optical(radius_m), dtype=np.float64)
+    return np.asarray(8 / 3 * rho * sphere_optical(radius_m))
 
 
 def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
@@ -293,4 +293,4 @@ def lambert_sigma0(albedo: ArrayLike, cos_incidence: ArrayLike) -> Real:
     ndarray
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
-    return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2, dtype=np.float64)
+    return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2)

@@ -32,7 +32,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Real, dots, norms
+from ..arrays import Real, dots, norms, reals
 from ..errors import ConfigError
 from ..findings import Finding, finding
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
@@ -65,7 +65,7 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
-    return np.asarray(np.sqrt(2) * height / length, dtype=np.float64)
+    return np.asarray(np.sqrt(2) * height / length)
 
 
 def cycles_roughness(slope: ArrayLike) -> Real:
@@ -89,7 +89,7 @@ def cycles_roughness(slope: ArrayLike) -> Real:
             f"Rms slope {np.max(np.asarray(slope)):g} needs a roughness of {roughness.max():g}; "
             "Cycles allows at most 1 (slope 0.7071). Model such a surface by its geometry."
         )
-    return np.asarray(np.minimum(roughness, 1.0), dtype=np.float64)
+    return np.asarray(np.minimum(roughness, 1.0))
 
 
 def slope_from_roughness(roughness: ArrayLike) -> Real:
@@ -104,7 +104,7 @@ def slope_from_roughness(roughness: ArrayLike) -> Real:
     ndarray
     """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
-    return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
+    return np.asarray(value**2 / np.sqrt(2))
 
 
 def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
@@ -145,7 +145,7 @@ def coherent_fraction(
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     rayleigh = 4 * np.pi * height / wavelength * direction_cosine(cos_incidence)
-    return np.asarray(np.exp(-(rayleigh**2)), dtype=np.float64)
+    return np.asarray(np.exp(-(rayleigh**2)))
 
 
 def kirchhoff_limits(
@@ -225,8 +225,8 @@ def sigma0(
     log_value = -tan2 / alpha**2 - 2 * np.log(alpha) - 4 * np.log(safe)
     value = np.where(cosine > 0, reflectance * np.exp(log_value), 0.0)
     if _masking(masking) == "none":
-        return np.asarray(value, dtype=np.float64)
-    return np.asarray(value / (1 + 2 * masking_lambda(alpha, safe, masking)), dtype=np.float64)
+        return np.asarray(value)
+    return np.asarray(value / (1 + 2 * masking_lambda(alpha, safe, masking)))
 
 
 def facet_brightness(
@@ -255,7 +255,7 @@ def facet_brightness(
     enters, leaves = (np.where(ahead, cosine, 1.0) for cosine in (cos_in, cos_out))
     masking = sum(masking_lambda(alpha, cosine, "cycles") for cosine in (enters, leaves))
     single = sigma0(_CONDUCTOR, slope, cos_facet) / (1 + masking) / leaves
-    return np.asarray(np.where(ahead, single, 0.0), dtype=np.float64)
+    return np.asarray(np.where(ahead, single, 0.0))
 
 
 def _masking(masking: str) -> str:
@@ -280,8 +280,7 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
     -------
     ndarray : 0 or more
     """
-    width = np.asarray(alpha, dtype=np.float64)
-    c = np.asarray(cosine, dtype=np.float64)
+    width, c = reals(alpha, cosine)
     if _masking(masking) == "none":
         return np.zeros(np.broadcast_shapes(width.shape, c.shape))
     tangent = np.sqrt(np.maximum((1 - c) * (1 + c), 0)) / np.maximum(c, 1e-300)
@@ -289,10 +288,8 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
     a = np.clip(1 / np.maximum(width * tangent, 1e-300), 1e-12, 30.0)
     if masking == "cycles":
         rational = (1 - 1.259 * a + 0.396 * a**2) / (3.535 * a + 2.181 * a**2)
-        return np.asarray(np.where(a < 1.6, rational, 0.0), dtype=np.float64)
-    return np.asarray(
-        np.maximum((np.exp(-(a**2)) / (a * np.sqrt(np.pi)) - _erfc(a)) / 2, 0.0), dtype=np.float64
-    )
+        return np.asarray(np.where(a < 1.6, rational, 0.0))
+    return np.asarray(np.maximum((np.exp(-(a**2)) / (a * np.sqrt(np.pi)) - _erfc(a)) / 2, 0.0))
 
 
 def albedo(
@@ -434,7 +431,7 @@ def facet_scattering(
     masked = 1 + sum(masking_lambda(alpha, cosine, "cycles") for cosine in (one, other))
     seen = np.clip(dots(half, to_one), 0.0, 1.0) if exact else 1.0
     found = unpolarised_reflectance(index, seen) * density / masked / (4 * one * other)
-    return np.asarray(np.where(above, found, 0.0), dtype=np.float64)
+    return np.asarray(np.where(above, found, 0.0))
 
 
 # -- directive lobes -------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Real
+from ..arrays import Real, reals
 from .constants import STANDARD_EARTH_RADIUS_M
 
 #: Steps of the search for the point of reflection; most points take less than eight.
@@ -79,9 +79,7 @@ def ground_path(
     -------
     GroundPath
     """
-    height, x = np.broadcast_arrays(
-        np.asarray(target_m, dtype=np.float64), np.asarray(distance_m, dtype=np.float64)
-    )
+    height, x = np.broadcast_arrays(*reals(target_m, distance_m))
     curvature = 0.0 if math.isinf(radius_m) else 1 / radius_m
     first = _reflection_distance(antenna_m, height, x, curvature)
     up_1, out_1 = _seen(antenna_m, first, curvature)

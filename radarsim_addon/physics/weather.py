@@ -188,7 +188,7 @@ def _gaussians(
     """P.838-3, eq. (2) and (3): a sum of Gaussians and a line over lg f."""
     steps = (log_ghz[..., None] - np.array(centre)) / np.array(width)
     total = np.sum(np.array(height) * np.exp(-(steps**2)), axis=-1)
-    return np.asarray(total + slope * log_ghz + constant, dtype=np.float64)
+    return np.asarray(total + slope * log_ghz + constant)
 
 
 def rain_attenuation_db_per_km(
@@ -207,7 +207,7 @@ def rain_attenuation_db_per_km(
     """
     rate = real_array("Rain rate", rain_mm_per_h, "mm/h", minimum=0.0)
     k, alpha = rain_coefficients(frequency_hz, polarisation)
-    return np.asarray(k * rate**alpha, dtype=np.float64)
+    return np.asarray(k * rate**alpha)
 
 
 def fog_attenuation_db_per_km(
@@ -266,7 +266,7 @@ def gas_attenuation_db_per_km(
         + _dry_continuum(f_ghz, dry, vapour, theta)
         + _vapour(f_ghz[..., None], dry[..., None], vapour[..., None], theta[..., None])
     )
-    return np.asarray(0.1820 * f_ghz * total, dtype=np.float64)
+    return np.asarray(0.1820 * f_ghz * total)
 
 
 def _oxygen(f_ghz: Real, dry_hpa: Real, vapour_hpa: Real, theta: Real) -> Real:
