@@ -33,11 +33,6 @@ _NUMBER_UNITS = {
 }
 
 
-def fill(template: str, values: Mapping[str, Any]) -> str:
-    """Return a template of the catalogue with its values, each a number, a word or a span."""
-    return _TEXT.vformat(template, (), values)
-
-
 def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
     """Return "frame 3" or "frames 1-20, 25"; "2-8 (every 2nd)" where those between do not exist.
 
@@ -167,7 +162,9 @@ def written(item: Finding) -> Finding:
     kind = CATALOGUE[item.code]
     values = {**item.numbers, "subjects": names_text(item.subjects)}
     values["they"] = len(item.subjects)
-    text, cause, remedy = (fill(part, values) for part in (kind.text, kind.cause, kind.remedy))
+    text, cause, remedy = (
+        _TEXT.vformat(part, (), values) for part in (kind.text, kind.cause, kind.remedy)
+    )
     return replace(item, text=text, cause=cause, remedy=remedy)
 
 
