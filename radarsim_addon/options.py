@@ -378,7 +378,7 @@ def add_arguments(
 ) -> None:
     """Add an option for each setting of `names` (none: all), in their order.
 
-    Values that are given are in SI, see :func:`given`.
+    Values that are given are in SI, see `given`.
     With `defaults` the help tells the defaults: they hold where an option is left out.
     """
     for name in names or settings:

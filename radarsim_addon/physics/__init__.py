@@ -12,5 +12,5 @@ Numbers are in SI, angles in radians; arguments broadcast, and results have the 
 A number that is not finite or out of range raises a `ConfigError` which names it (`checks`).
 Time convention exp(-j w t): a passive medium has Im(n) >= 0 and Im(eps) >= 0; of an index that a
 text writes n - jk, take the complex conjugate. The modules use numpy only (scipy for two tapers
-and the texture of clutter), and import neither bpy nor another room.
+and the fluctuation of clutter), and import neither bpy nor another room.
 """
