@@ -2,7 +2,7 @@
 """radarsim: a radar simulator on Blender's Cycles path tracer.
 
 Importing this package imports neither ``bpy`` nor numpy: the Blender half is loaded by
-:func:`register` (which Blender calls when it enables the extension), the companion module by
+`register` (which Blender calls when it enables the extension), the companion module by
 ``import radarsim_addon.signal``.
 """
 
@@ -33,7 +33,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Take back all that :func:`register` added."""
+    """Take back all that `register` added."""
     from .blender import addon
 
     addon.unregister()

@@ -64,8 +64,6 @@ def render_command(
         with importing():
             from .blender.headless.render import run_and_leave
     except ModuleNotFoundError as error:
-        if error.name != "bpy":
-            raise
         return _no_bpy(error)
     run_and_leave(parsed)
     return 0
@@ -115,8 +113,6 @@ def selfcheck_command(words: list[str]) -> int:
     try:
         from .blender.headless.selfcheck import main as selfcheck
     except ModuleNotFoundError as error:
-        if error.name != "bpy":
-            raise
         return _no_bpy(error)
     return selfcheck(words)
 
@@ -129,8 +125,6 @@ def coverage_command(words: list[str]) -> int:
     try:
         from .blender.headless.coverage import run_and_leave
     except ModuleNotFoundError as error:
-        if error.name != "bpy":
-            raise
         return _no_bpy(error, "press Radar > Results > Coverage Diagram in Blender")
     run_and_leave(parsed)
     return 0
@@ -140,6 +134,9 @@ def _no_bpy(
     error: ModuleNotFoundError,
     instead: str = "run blender -b FILE -P scripts/render_radar.py -- --out DIR",
 ) -> int:
+    """Tell that bpy is missing; raise an error about any other module again."""
+    if error.name != "bpy":
+        raise error
     message = (
         f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
         f"3.13 or 3.11), or {instead}."

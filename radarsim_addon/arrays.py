@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Arrays of .npy and .npz files from anywhere: no pickles, and no more than the file holds.
+"""Types of numpy arrays, vectors of three components, and arrays of .npy and .npz files.
 
-Functions raise ValueError for content that is no plain array; zipfile and zlib raise further errors
-on damaged archives, so readers of .npz files catch all.
+Vectors are (n, 3), and sums run column by column: numpy's own reductions over an axis of three take
+about ten times as long. The order of the sums is the same, so the results have the same bits.
+
+Files may come from anywhere: no pickles, and no more is read than the file holds. ValueError for
+content that is no plain array; zipfile and zlib raise further errors on damaged archives, so
+readers of .npz files catch all.
 """
 
 from __future__ import annotations
@@ -15,12 +19,7 @@ from typing import IO, Any
 
 import numpy as np
 from numpy.lib import format as npy_format
-from numpy.typing import NDArray
-
-# -------------------------------------------------------------------------------------------------
-# Names for the types of numpy arrays. Each states the element type; shapes are in docstrings.
-# -------------------------------------------------------------------------------------------------
-
+from numpy.typing import ArrayLike, NDArray
 
 Real = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -31,12 +30,12 @@ Int32 = NDArray[np.int32]
 Indices = NDArray[np.intp]
 
 
-# -------------------------------------------------------------------------------------------------
-# Vectors of three components, (n, 3), column by column.
-#
-# numpy's own reductions over an axis of three take about ten times as long. Their sums are in the
-# same order, so the results have the same bits.
-# -------------------------------------------------------------------------------------------------
+def reals(*values: ArrayLike) -> list[Real]:
+    """Return numbers and arrays as float64."""
+    return [np.asarray(value, dtype=np.float64) for value in values]
+
+
+# -- vectors ---------------------------------------------------------------------------------------
 
 
 def dots(a: Real, b: Real) -> Real:
@@ -81,7 +80,7 @@ def take_rows(vectors: Real, rows: Indices) -> Real:
 
 
 def turned(turn: Real, vectors: Real) -> Real:
-    """Matrix, (3, 3) or one each, (3, 3, n), times vectors, (3, n)."""
+    """Return matrices, (3, 3) or one each, (3, 3, n), times vectors, (3, n)."""
     product = np.empty(vectors.shape)
     for row, factors in zip(product, turn, strict=True):
         # many poses do not turn at all
@@ -103,6 +102,8 @@ def _products(a: Real, b: Real) -> Real:
     return found
 
 
+# -- files -----------------------------------------------------------------------------------------
+
 #: Sizes that an archive may claim [bytes]: with compression, and in all.
 _MOST_COMPRESSED, _MOST = 1 << 28, 1 << 34
 #: Bytes that are copied at a time.
@@ -114,10 +115,7 @@ _HEADERS = {
 
 
 def read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
-    """Return shape, whether in Fortran's order, type, and size in bytes of the array that follows.
-
-    ValueError: no header of an array, or one of objects.
-    """
+    """Return shape, whether in Fortran's order, type, and size [bytes] of the array to come."""
     try:
         version = npy_format.read_magic(stream)
         if version not in _HEADERS:

@@ -2,7 +2,7 @@
 """Files that appear whole or not at all: written under a temporary name, synced, then renamed.
 
 Each temporary name is unique, so that several processes may write the same file: the last rename
-wins, and no reader ever sees a mixture. Standard library, and numpy for :func:`write_arrays`.
+wins, and no reader ever sees a mixture. Standard library, and numpy for `write_arrays`.
 """
 
 from __future__ import annotations
@@ -158,7 +158,10 @@ def make_folder(path: Path, within: Path | None = None) -> Path:
 def cannot_make(folder: Path, error: OSError) -> OutputError:
     """Return the error that names a folder and why it cannot be made."""
     if os.path.islink(folder) and not os.path.exists(folder):
-        return dangling(folder)
+        return OutputError(
+            f"{folder} is a symbolic link to {folder.readlink()}, which does not exist. Create "
+            "that folder, remove the link, or choose another output folder."
+        )
     why, remedy = error.strerror or str(error), "Choose a folder that you may write to."
     if isinstance(error, FileExistsError):
         why, remedy = "there is a file of this name", "Choose another name or remove the file."
@@ -184,14 +187,6 @@ def refuse_links(path: Path, within: Path) -> None:
                 f"the output folder {within}. Remove the link, or give the folder that it leads to "
                 "as output folder."
             )
-
-
-def dangling(link: Path) -> OutputError:
-    """Return the error for an output folder that is a link to nothing."""
-    return OutputError(
-        f"{link} is a symbolic link to {link.readlink()}, which does not exist. Create that "
-        "folder, remove the link, or choose another output folder."
-    )
 
 
 def remove_file(path: Path) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All that the two halves share: channel names, file names, and the records in the JSON sidecars.
 
-The Blender half writes these records beside the EXR files, the companion module reads them;
+The Blender half writes these records next to the EXR files, the companion module reads them;
 neither imports the other, so a folder can be processed elsewhere, years later. Everything in a
 record is SI (metres, seconds, hertz, watts) in float64; one Blender unit is ``metres_per_unit``.
 Records of a frame are written with record_sha256, the digest of their other fields.
@@ -33,16 +33,11 @@ from typing import Any, Literal
 from .findings import Finding
 from .options import documented, setting
 
-# -------------------------------------------------------------------------------------------------
-# Records of the objects of a frame, which :mod:`.contract` keeps in the ground truth.
-# -------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True)
 class FluctuationRecord:
-    """How the clutter of a surface fluctuates, see physics.clutter_statistics.
-
-    motion_speed_mps and motion_fraction are what the kind of motion makes of them.
+    """How the clutter of a surface fluctuates: arguments of physics.clutter's `texture` and
+    `clutter_velocities`.
     """
 
     texture: str = "none"
@@ -55,22 +50,17 @@ class FluctuationRecord:
 
 @dataclass(frozen=True)
 class ObjectRecord:
-    """Where one mesh object truly is: the reference that measured ranges are compared with.
-
-    nearest_range_m is the least distance from the receiver to the object's evaluated mesh at t, and
-    null if a shader displaces the surface. centre_range_m is the distance to the centre of its
-    bounding box. range_rate_mps is the rate of that distance between the snapshots (receding > 0);
-    null with one snapshot. collections are those that hold the object, at any depth. rms_height_m
-    and correlation_length_m are those of the first of its materials that has any; null: none has.
-    fluctuation and clutter (the name of the clutter model) likewise.
-    """
+    """Where one mesh object truly is: the reference that measured ranges are compared with."""
 
     name: str
+    #: From the receiver to the evaluated mesh at t; null if a shader displaces the surface.
     nearest_range_m: float | None
-    centre_range_m: float
+    centre_range_m: float  # to the centre of the bounding box
+    #: Of the centre range, between the snapshots (receding > 0); null with one snapshot.
     range_rate_mps: float | None
     materials: list[str] = field(default_factory=list)
-    collections: list[str] = field(default_factory=list)
+    collections: list[str] = field(default_factory=list)  # that hold the object, at any depth
+    # Those of the first material that has any; null: none has. clutter: name of its model.
     rms_height_m: float | None = None
     correlation_length_m: float | None = None
     fluctuation: FluctuationRecord | None = None
@@ -84,7 +74,7 @@ SCHEMA_VERSION = 2
 AMPLITUDE_CHANNEL = "B"
 """Radiance L of the echo, in W per (Blender unit)^2 per steradian."""
 RANGE_CHANNEL = "R"
-"""L * exp(-l/k), l the total length of the path from camera over the scatterers to the emitter."""
+"""L * exp(-l/k), l the length of the path from receiver over the scatterers to transmitter."""
 CHECK_CHANNEL = "G"
 """L * exp(-2 l/k). G*B/R^2 is 1 for one path in a pixel, larger where several were mixed."""
 CHANNELS = (RANGE_CHANNEL, CHECK_CHANNEL, AMPLITUDE_CHANNEL)
@@ -113,7 +103,7 @@ def burst_dir(frame: int, render: int) -> str:
 
 
 def render_stem(ring: int, snapshot_index: int) -> str:
-    """File name, without suffix, of one ring (from 0) in one pass (0 at t, 1 at t + delta t)."""
+    """File name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
     return f"ring_{ring:03d}_t{snapshot_index}"
 
 
@@ -133,22 +123,19 @@ def check_pose(matrix: Matrix) -> None:
 
 @dataclass(frozen=True)
 class ReceiverRecord:
-    """Receiver. Camera space is Blender's: x to the right, y up, the boresight along -z.
+    """Receiver. Camera space is Blender's: x to the right, y up, the boresight along -z."""
 
-    kind says what the outer edges left, right, bottom, top (lens shift included) are:
-    "perspective", tangents u, v of rays along (u, v, -1); "orthographic", metres across the
-    boresight; "equirectangular", radians of longitude (0 ahead, positive to the right) and
-    latitude. Row 0 of an image is the top one. near_clip_m is the depth that the near clip surface
-    cuts from each path's first segment; the reader adds it back along the ray, times
-    sqrt(1+u^2+v^2) for a perspective camera, whose surface is a plane.
-    """
-
+    #: What the outer edges (lens shift included) are: "perspective", tangents u, v of rays along
+    #: (u, v, -1); "orthographic", metres across the boresight; "equirectangular", radians of
+    #: longitude (0 ahead, positive to the right) and latitude. Row 0 of an image is the top one.
     kind: str
     matrix_world: Matrix
     left: float
     right: float
     bottom: float
     top: float
+    #: Depth that the near clip surface cuts from each path's first segment. The reader adds it back
+    #: along the ray, times sqrt(1+u^2+v^2) for a perspective camera, whose surface is a plane.
     near_clip_m: float
 
     def __post_init__(self) -> None:
@@ -157,7 +144,7 @@ class ReceiverRecord:
 
 @dataclass(frozen=True)
 class TransmitterRecord:
-    """Transmitter: a point lamp. eirp_w is its power; radiant intensity eirp_w / (4 pi) [W/sr]."""
+    """Transmitter: a Point light; its radiant intensity is eirp_w / (4 pi) [W/sr]."""
 
     matrix_world: Matrix
     eirp_w: float
@@ -181,9 +168,9 @@ AMPLITUDE_MODEL: dict[str, Any] = {
 @documented
 @dataclass(frozen=True)
 class AntennaRecord:
-    """Antenna pattern: a kind and its parameters, see :mod:`radarsim_addon.signal.radar.antennas`.
+    """Antenna pattern: a kind and its parameters, see signal.radar.antennas.
 
-    The antenna looks along the -z of what carries it (the lamp, the camera), its y is up.
+    The antenna looks along the -z of what carries it (the light, the camera), its y is up.
 
     Parameters
     ----------
@@ -216,7 +203,7 @@ def _loss(label: str, what: str, **more: Any) -> Any:
 class LinkBudget:
     """Power budget of the radar; see docs/system.md.
 
-    With it the emitter's EIRP is the light level of the renders alone: it cancels.
+    With it the transmitter's EIRP is the light level of the renders alone: it cancels.
 
     Parameters
     ----------
@@ -249,10 +236,7 @@ class LinkBudget:
 
 @dataclass(frozen=True)
 class RenderRecord:
-    """Sidecar of one EXR file: one ring in one pass of one radar frame.
-
-    run_fingerprint is the fingerprint of the run that wrote it; empty in older files.
-    """
+    """Sidecar of one EXR file: one ring in one snapshot of one radar frame."""
 
     sampling_mode: str  # "rings"
     frame: int
@@ -273,7 +257,7 @@ class RenderRecord:
     max_reflections: int
     exr_file: str
     exr_sha256: str
-    run_fingerprint: str = ""
+    run_fingerprint: str = ""  # of the run that wrote it; empty in older files
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/render"
     schema_version: int = SCHEMA_VERSION
@@ -300,32 +284,21 @@ class ColumnGroupRecord:
 
 @dataclass(frozen=True)
 class ImageRecord:
-    """Image of the antennas in planar mirrors, in the order from the antenna to the scatterer.
+    """Image of the antennas in planar mirrors, in the order from the antenna to the scatterer."""
 
-    The points x of a mirror have normal . x = offset [m]. objects are those with the mirrors.
-    bodies are the numbers in the motion file of the bodies that the mirrors move with; 0, or none
-    in older files: the mirror is stationary.
-    """
-
-    normals: list[list[float]]
+    normals: list[list[float]]  # the points x of a mirror have normal . x = offset
     offsets_m: list[float]
-    objects: list[str]
+    objects: list[str]  # with the mirrors
+    #: Numbers in the motion file of the bodies that the mirrors move with; 0, or none in older
+    #: files: the mirror is stationary.
     bodies: list[int] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class PathsRecord:
-    """Sidecar of one radar frame's table of paths (acquisition "paths").
+    """Sidecar of one radar frame's table of paths (sampling mode "paths").
 
-    objects names the numbers in the table's object columns, from 1. Fractions are of total_power_w:
-    truncated_reflections in orders above max_reflections (probed by few rays: see its standard
-    error, and its upper bound at 95 % confidence), truncated_transparency in gates that were not
-    rendered, mixed_power in rows whose pixel held several paths even so, unranged_power in rows
-    without a usable range. relative_error is over error_scope: "both", "ranges" or "objects".
-    small_objects are in view before refinement and have few pixels; small_objects_tiled of them
-    got tiles of their own. column_groups describes the table, flags gives the values that its
-    column flags sums up. images names the numbers of its columns transmitter_image and
-    receiver_image, from 1. run_fingerprint is as in RenderRecord.
+    Fractions are of total_power_w.
     """
 
     frame: int
@@ -350,12 +323,13 @@ class PathsRecord:
     renders: int
     render_time_s: float
     path_count: int
-    objects: list[str]
+    objects: list[str]  # by the numbers in the table's object columns, from 1
     total_power_w: float
+    #: In orders above max_reflections, which few rays probe: see its standard error below.
     truncated_reflections_fraction: float
-    truncated_transparency_fraction: float
-    mixed_power_fraction: float
-    unranged_power_fraction: float
+    truncated_transparency_fraction: float  # in path classes that were not rendered
+    mixed_power_fraction: float  # in rows whose pixel held several paths even so
+    unranged_power_fraction: float  # in rows without a usable range
     mixed_bias_bound_m: float
     length_sigma_m: float
     length_sigma_wavelengths: float
@@ -365,14 +339,15 @@ class PathsRecord:
     table_sha256: str
     run_fingerprint: str = ""
     truncated_reflections_stderr: float = 0.0
-    truncated_reflections_upper: float | None = None
-    error_scope: str = "both"
-    small_objects: int = 0
-    small_objects_tiled: int = 0
+    truncated_reflections_upper: float | None = None  # bound at 95 % confidence
+    error_scope: str = "both"  # of relative_error: "both", "ranges" or "objects"
+    small_objects: int = 0  # in view before refinement, with few pixels
+    small_objects_tiled: int = 0  # of them, with tiles of their own
     motion_file: str = ""  # empty: no motion is known, all is stationary
     motion_sha256: str = ""
-    column_groups: dict[str, ColumnGroupRecord] = field(default_factory=dict)
-    flags: dict[str, int] = field(default_factory=dict)
+    column_groups: dict[str, ColumnGroupRecord] = field(default_factory=dict)  # of the table
+    flags: dict[str, int] = field(default_factory=dict)  # values that its column flags sums up
+    #: By the numbers in its columns transmitter_image and receiver_image, from 1.
     images: list[ImageRecord] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
@@ -382,7 +357,7 @@ class PathsRecord:
 
 @dataclass(frozen=True)
 class GroundTruthRecord:
-    """Labels of one radar frame; run_fingerprint is as in RenderRecord."""
+    """Labels of one radar frame."""
 
     frame: int
     time_s: float
@@ -394,13 +369,7 @@ class GroundTruthRecord:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Plan of a run. Runs with the same ``fingerprint`` are parts of one run.
-
-    waveform and burst hold the fields of the waveform, see signal.waveform_files, and of Burst. An
-    LFM pulse carries no "kind". link_budget null: the emitter's EIRP goes in all directions, the
-    receiver is isotropic. range_stop_m 0: as far as the rings, with paths the scene, reach.
-    weather holds the fields of Weather; empty: clear air.
-    """
+    """Plan of a run. Runs with the same ``fingerprint`` are parts of one run."""
 
     sampling_mode: str
     frames: list[int]
@@ -417,31 +386,30 @@ class RunRecord:
     metres_per_unit: float
     range_encoding_length_m: float
     extinction_length_m: float
-    waveform: dict[str, Any]
-    burst: dict[str, Any]
+    waveform: dict[str, Any]  # its fields, see signal.radar; an LFM pulse carries no "kind"
+    burst: dict[str, Any]  # fields of Burst
     blend_file: str
     fingerprint: str
     visibility_updates: int = 1
     findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
+    #: null: the transmitter's EIRP goes in all directions, the receiver is isotropic.
     link_budget: LinkBudget | None = None
     range_start_m: float = 0.0
-    range_stop_m: float = 0.0
-    weather: dict[str, Any] = field(default_factory=dict)
+    range_stop_m: float = 0.0  # 0: as far as the rings, with paths the scene, reach
+    weather: dict[str, Any] = field(default_factory=dict)  # fields of Weather; empty: clear air
     scene: str = ""
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION
 
 
-# -------------------------------------------------------------------------------------------------
-# Record in ``motion.json``: how bodies that paths touch move; see :mod:`.contract`.
-# -------------------------------------------------------------------------------------------------
+# -- motion.json: how bodies that paths touch move -------------------------------------------------
 
 
 @dataclass(frozen=True)
 class SegmentRecord:
-    """A piece of a body's motion; see signal.motionmodel.Segment for what the numbers are."""
+    """A piece of a body's motion; signal.motion's `Segment` explains the numbers."""
 
     start_s: float
     stop_s: float
@@ -454,22 +422,18 @@ class SegmentRecord:
 
 @dataclass(frozen=True)
 class BodyRecord:
-    """One object or instance: its pose at t, translation in metres, and how it moves from there.
-
-    instance tells instances of one object apart; it is empty for the object itself. Without
-    pieces the body is stationary. noise_m is what the samples scatter about the fit,
-    displacement_error_bound_m bounds the error of a displacement, both at the body's farthest
-    point. box holds the low and the high corner of a turning body's mesh, in its own axes [m at
-    scale 1]; empty where it is not known.
-    """
+    """One object or instance: its pose at t, translation in metres, and how it moves from there."""
 
     object: str
-    instance: str
+    instance: str  # tells instances of one object apart; empty for the object itself
     pose: Matrix
     deforms: bool
-    segments: list[SegmentRecord]
+    segments: list[SegmentRecord]  # none: the body is stationary
+    # At the body's farthest point: how the samples scatter about the fit, and how wrong a
+    # displacement is at most.
     noise_m: float
     displacement_error_bound_m: float
+    #: Low and high corner of a turning body's mesh, in its own axes [m at scale 1]; empty: unknown.
     box: list[list[float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -480,12 +444,8 @@ class BodyRecord:
 class MotionRecord:
     """Motion of all bodies that paths touch, over one burst from time_s on.
 
-    Numbers in the table's columns body and first_body count bodies from 1. antennas are receiver
-    and emitter. displacement_error_bound_m is the largest bound of what moves.
-    approximated_motion_fraction is the power of moving paths of three and more reflections, whose
-    middle is unknown; unknown_motion_fraction that of paths with a vertex that is not known to
-    belong to any body, which is taken as stationary. Many stationary bodies are in a file of their
-    own, still_bodies_file, with their numbers; bodies then holds the others, in order.
+    Many stationary bodies are in a file of their own, still_bodies_file, with their numbers; bodies
+    then holds the others, in order.
     """
 
     frame: int
@@ -493,11 +453,13 @@ class MotionRecord:
     duration_s: float
     samples: int
     receiver_kind: str
-    antennas: list[BodyRecord]
-    bodies: list[BodyRecord]
-    displacement_error_bound_m: float
+    antennas: list[BodyRecord]  # receiver and transmitter
+    bodies: list[BodyRecord]  # by the numbers in the table's columns body and first_body, from 1
+    displacement_error_bound_m: float  # the largest of what moves
     displacement_error_bound_wavelengths: float
+    #: Power of moving paths of three and more reflections, whose middle is unknown.
     approximated_motion_fraction: float
+    #: Power of paths with a vertex of no known body, which is taken as stationary.
     unknown_motion_fraction: float
     deforming_surfaces_file: str
     deforming_surfaces_sha256: str

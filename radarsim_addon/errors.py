@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Named errors: each message says what was found, what was expected and how to mend it.
+"""Named errors: each message says what was found, what was expected and how to fix it.
 
 The command line prints ``radarsim: Name: message`` and exits with ``exit_code``; operators hand the
 message to ``self.report``. Anything else that escapes is a defect of radarsim and shows its

@@ -3,7 +3,7 @@
 
 ``python -m radarsim_addon.frame_worker FOLDER render scene.blend ...`` reads one frame a line from
 standard input, or "null" for what the run is, and answers in one line of JSON each. Workers of a
-Dask cluster call :func:`run_frame`.
+Dask cluster call `run_frame`.
 """
 
 from __future__ import annotations
@@ -53,7 +53,12 @@ def run_frame(
     the answer. It closes the run: the next frame finds a new one.
     """
     try:
-        worker = _opened(folder, words, command, joins=frame is not None)
+        key = (command, folder, *words)
+        if key not in _open:
+            close()
+            with contextlib.chdir(folder), _signals_wait():  # for file names of the command line
+                _open[key] = _open_worker(words, joins=frame is not None)
+        worker = _open[key]
         return worker.about() if frame is None else {"frame": frame, **worker.do(frame)}
     except Exception as error:
         close()
@@ -66,15 +71,6 @@ def close() -> None:
     """Let go of the run that is open."""
     while _open:
         _open.popitem()[1].close()
-
-
-def _opened(folder: str, words: Sequence[str], command: str, joins: bool) -> FrameWorker:
-    key = (command, folder, *words)
-    if key not in _open:
-        close()
-        with contextlib.chdir(folder), _signals_wait():  # for file names of the command line
-            _open[key] = _open_worker(words, joins)
-    return _open[key]
 
 
 @contextlib.contextmanager
@@ -91,12 +87,6 @@ def _signals_wait() -> Iterator[None]:
         signal.signal(signal.SIGTERM, handler)
         if arrived:
             signal.raise_signal(arrived[0])
-
-
-def _load(command: str) -> None:
-    """Import what a worker of a command needs; one that is asked tells what fails."""
-    with contextlib.suppress(Exception), _signals_wait():
-        importlib.import_module(_MODULES[command], __package__)
 
 
 def _open_worker(words: Sequence[str], joins: bool) -> FrameWorker:
@@ -120,7 +110,9 @@ def serve(folder: str, words: Sequence[str]) -> int:
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as replies:
         os.dup2(2, 1)
         try:
-            _load(words[0])
+            # a failure shows again, and is told, with the first frame
+            with contextlib.suppress(Exception), _signals_wait():
+                importlib.import_module(_MODULES[words[0]], __package__)
             for line in sys.stdin:
                 print(json.dumps(run_frame(folder, words, json.loads(line))), file=replies)
                 replies.flush()

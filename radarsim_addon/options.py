@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Settings: a dataclass field declares one, and everything that shows or reads it is made from it.
 
-A frozen dataclass declares its fields by :func:`setting`, in SI units and float64. From the
-declaration follow the check of its bounds (:func:`check_settings`), its key in JSON files
-(:mod:`.typed_json`), its command-line option (:mod:`.option_arguments`), its
-field in Blender's window (:mod:`.blender.rig_settings`) and its row in the reference.
+A frozen dataclass declares its fields by `setting`, in SI units and float64. From the declaration
+follow the check of its bounds (`check_settings`), its key in JSON files (typed_json.py), its
+command-line option (`add_arguments`), its field in Blender's window (blender/rig_settings) and its
+row in the reference (`settings_table`).
 
 A setting has one stem. The field ends with its SI unit (``carrier_hz``), the window and the command
 line with the unit that people use (``carrier_ghz``, ``--carrier-ghz``). Options leave plain
 metres, seconds, kelvins, watts and pixels out (``--ring-step`` sets ``ring_step_m``).
+
+At the end are the options that say who does the frames of a command (`Share`).
 """
 
 from __future__ import annotations
@@ -57,68 +59,29 @@ Choices = tuple[tuple[str, str, str], ...]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a field declares in addition to its name, type and default.
+    """What a field declares in addition to its name, type and default; bounds are in SI."""
 
-    Attributes
-    ----------
-    label
-        Name in the window, without unit; a noun in sentence case.
-    help
-        Tooltip and help of the option: verb first, no final full stop.
-    unit
-        SI unit of the value; "" for a number without one.
-    shown_in
-        Unit in the window and on the command line, where it is another one, such as "GHz".
-    minimum, maximum
-        Closed bounds, SI; None: none.
-    above
-        Open lower bound, SI; None: none.
-    soft_maximum
-        Where a slider of the window ends, SI; None: at the maximum.
-    choices
-        Allowed values of text or whole numbers, as text; empty: any. Files hold the position of
-        the value: add new ones at the end.
-    lists
-        Whether a list of numbers is allowed in place of a choice.
-    initial
-        Value in the window before anybody changes it, SI; None: the field's default.
-    on
-        Whether the window gives this value at first, where the default is None.
-    hint
-        What to do about a wrong value: one sentence at the end of the error.
-    flag
-        Option, where it cannot follow from the field's name.
-    metavar
-        Placeholder of the option's value in its help.
-    parse
-        Reads the option's text, for values that are no single number, text or choice.
-    digits
-        Decimals in the window.
-    path
-        "FILE" or "DIR": the text names a file or a folder.
-    window
-        Whether the window shows it.
-    """
-
-    label: str
-    help: str
-    unit: str = ""
-    shown_in: str = ""
-    minimum: float | None = None
+    label: str  # in the window, without unit; a noun in sentence case
+    help: str  # tooltip and help of the option: verb first, no final full stop
+    unit: str = ""  # SI unit of the value; "" for a number without one
+    shown_in: str = ""  # unit in the window and on the command line, if another one, such as "GHz"
+    minimum: float | None = None  # closed bounds; None: none
     maximum: float | None = None
-    above: float | None = None
-    soft_maximum: float | None = None
+    above: float | None = None  # open lower bound; None: none
+    soft_maximum: float | None = None  # where a slider of the window ends; None: at the maximum
+    #: Allowed values of text or whole numbers, as text; empty: any. Files hold the position of the
+    #: value: add new ones at the end.
     choices: Choices = ()
-    lists: bool = False
-    initial: Any = None
-    on: bool = False
-    hint: str = ""
-    flag: str = ""
-    metavar: str = ""
-    parse: Callable[[str], Any] | None = None
-    digits: int = 4
-    path: Literal["", "FILE", "DIR"] = ""
-    window: bool = True
+    lists: bool = False  # whether a list of numbers is allowed in place of a choice
+    initial: Any = None  # value in the window at first; None: the field's default
+    on: bool = False  # whether the window gives this value at first, where the default is None
+    hint: str = ""  # what to do about a wrong value: one sentence at the end of the error
+    flag: str = ""  # option, where it cannot follow from the field's name
+    metavar: str = ""  # placeholder of the option's value in its help
+    parse: Callable[[str], Any] | None = None  # for values that are no number, text or choice
+    digits: int = 4  # decimals in the window
+    path: Literal["", "FILE", "DIR"] = ""  # the text names a file or a folder
+    window: bool = True  # whether the window shows it
 
     def __post_init__(self) -> None:
         if self.shown_in:
@@ -130,47 +93,21 @@ class Setting:
 
 
 def setting(label: str, help: str, default: Any = MISSING, **declaration: Any) -> Any:
-    """Return a dataclass field that declares a setting.
+    """Return a dataclass field that declares a setting; `declaration` are attributes of `Setting`.
 
-    Parameters
-    ----------
-    label, help
-        See :class:`Setting`.
-    default
-        Default in SI; left out: the field must be given.
-    **declaration
-        Further attributes of :class:`Setting`.
-
-    Returns
-    -------
-    dataclasses.Field
-        Field whose metadata holds the `Setting`.
+    Without a default (in SI), the field must be given.
     """
     return dataclasses.field(default=default, metadata={_KEY: Setting(label, help, **declaration)})
 
 
 @dataclass(frozen=True)
 class Declared:
-    """A setting with the name, type and default of its field.
+    """A setting with the name, type and default of its field."""
 
-    Attributes
-    ----------
-    name
-        Field and JSON key.
-    kind
-        Type of a value: float, int, bool, str or another one.
-    optional
-        Whether None is a value.
-    default
-        Default of the field; ``dataclasses.MISSING``: none.
-    of
-        The declaration.
-    """
-
-    name: str
-    kind: Any
-    optional: bool
-    default: Any
+    name: str  # of the field; JSON key
+    kind: Any  # type of a value: float, int, bool, str or another one
+    optional: bool  # whether None is a value
+    default: Any  # ``dataclasses.MISSING``: none
     of: Setting
 
     @property
@@ -226,13 +163,13 @@ class Declared:
         return self.default if self.of.initial is None else self.of.initial
 
     def from_shown(self, value: float) -> float:
-        """Return a number given in the shown unit in SI, to the last decimal digit."""
+        """A number given in the shown unit, in SI, to the last decimal digit."""
         if not self.exponent or not math.isfinite(value):
             return float(value)
         return float(Decimal(repr(float(value))).scaleb(self.exponent))
 
     def to_shown(self, value: float) -> float:
-        """Return a number given in SI in the shown unit, to the last decimal digit."""
+        """A number given in SI, in the shown unit, to the last decimal digit."""
         return float(Decimal(repr(float(value))).scaleb(-self.exponent))
 
     @property
@@ -331,18 +268,7 @@ class Declared:
 
 
 def declared(kind: Any) -> Mapping[str, Declared]:
-    """Return the settings of a dataclass by field name, in the order of the fields.
-
-    Parameters
-    ----------
-    kind
-        Dataclass.
-
-    Returns
-    -------
-    mapping of str to Declared
-        Read only; fields that declare no setting are left out.
-    """
+    """Return the settings of a dataclass by field name, in the order of the fields; read only."""
     if kind in _DECLARED:
         return _DECLARED[kind]
     hints = typing.get_type_hints(kind)
@@ -359,15 +285,7 @@ def declared(kind: Any) -> Mapping[str, Declared]:
 def value_type(hint: Any) -> tuple[Any, bool]:
     """Return the type of the values that an annotation allows, and whether None is one.
 
-    Parameters
-    ----------
-    hint
-        Annotation, such as ``float | None``.
-
-    Returns
-    -------
-    kind, optional
-        The first type apart from None, str for a Literal; whether None is allowed.
+    It is the first type apart from None; str for a Literal.
     """
     if typing.get_origin(hint) in (types.UnionType, typing.Union):
         inner = [item for item in typing.get_args(hint) if item is not type(None)]
@@ -378,18 +296,7 @@ def value_type(hint: Any) -> tuple[Any, bool]:
 
 
 def check_settings(record: Any) -> None:
-    """Check the type and bounds of every setting of a dataclass instance.
-
-    Parameters
-    ----------
-    record
-        Instance of a dataclass with settings.
-
-    Raises
-    ------
-    ConfigError
-        The first value that does not fit, what was expected, and what to do.
-    """
+    """Check every setting of a dataclass instance; ConfigError for the first that does not fit."""
     for name, item in declared(type(record)).items():
         item.check(getattr(record, name))
 
@@ -397,15 +304,7 @@ def check_settings(record: Any) -> None:
 def documented(kind: type[Record]) -> type[Record]:
     """Add the settings of a dataclass to its docstring, in a section "Parameters" at the end.
 
-    Parameters
-    ----------
-    kind
-        Dataclass; where it has a section "Parameters", that is the last one.
-
-    Returns
-    -------
-    type
-        The same class.
+    Where it has this section, that must be the last one.
     """
     lines = [""]
     for name, item in declared(kind).items():
@@ -418,25 +317,11 @@ def documented(kind: type[Record]) -> type[Record]:
 
 
 def choices_from(values: Iterable[str]) -> Choices:
-    """Return choices whose labels need no more words than the values themselves.
-
-    Parameters
-    ----------
-    values
-        Allowed values.
-
-    Returns
-    -------
-    tuple of (str, str, str)
-        Value, label and an empty tooltip of each.
-    """
+    """Return choices whose labels need no more words than the values themselves."""
     return tuple((value, value.replace("-", " ").capitalize(), "") for value in values)
 
 
-# -------------------------------------------------------------------------------------------------
-# Command-line options and reference tables, made from the settings that dataclasses declare.
-# -------------------------------------------------------------------------------------------------
-
+# -- options of the command line -------------------------------------------------------------------
 
 _TEXTS: dict[Any, str] = {True: "on", False: "off", None: "none", MISSING: ""}
 _MAX_WORKERS = 1024
@@ -493,7 +378,7 @@ def add_arguments(
 ) -> None:
     """Add an option for each setting of `names` (none: all), in their order.
 
-    Values that are given are in SI, see :func:`given`.
+    Values that are given are in SI, see `given`.
     With `defaults` the help tells the defaults: they hold where an option is left out.
     """
     for name in names or settings:

@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A progress line on a console."""
+"""Text for a console: what files hold made safe to print, and a line of progress."""
 
 from __future__ import annotations
 
 import unicodedata
 from typing import TextIO
-
-# -------------------------------------------------------------------------------------------------
-# Text from files, made safe to print.
-# -------------------------------------------------------------------------------------------------
-
 
 #: Unicode categories that steer a terminal or end a line: controls, formats (which turn the
 #: direction of writing), halves of surrogates, line and paragraph separators.
@@ -37,12 +32,7 @@ def error_line(error: Exception) -> str:
 class ProgressLine:
     """A line ``12/42 renders, 29 %, 0:18 left``: rewritten in a terminal, else one per 5 %.
 
-    Parameters
-    ----------
-    stream
-        Where the line is written.
-    unit
-        Plural noun of what is counted.
+    `unit` is the plural noun of what is counted.
     """
 
     def __init__(self, stream: TextIO, unit: str = "renders") -> None:
@@ -64,22 +54,7 @@ class ProgressLine:
 
 
 def progress_text(done: int, total: int, seconds_left: float | None, unit: str = "renders") -> str:
-    """Return the line of progress.
-
-    Parameters
-    ----------
-    done, total
-        Units that are complete, and all.
-    seconds_left
-        Estimated time to the end [s]; None: unknown.
-    unit
-        Plural noun of what is counted.
-
-    Returns
-    -------
-    str
-        One line.
-    """
+    """Return the line of progress; without an estimate of the seconds left where it is None."""
     percent = 100 * done // total if total else 100
     text = f"radarsim: {done}/{total} {unit}, {percent} %"
     if seconds_left is None or done >= total:

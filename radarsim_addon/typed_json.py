@@ -2,7 +2,9 @@
 """JSON files read as dataclasses: every value is checked, and errors name its place.
 
 Settings and records of other programs come through here. Nothing behind it needs to check a type,
-or whether a number is finite.
+or whether a number is finite. Never more of a file is read than expected. Records of the contract
+are written with a digest of their fields (`write_record`), under a temporary name that is renamed,
+so that a killed run leaves no half record. Standard library only.
 """
 
 from __future__ import annotations
@@ -27,9 +29,7 @@ from .findings import Finding
 from .findings import from_json as finding_from_json
 from .options import MAX_LENGTH_M, Declared, Setting, declared, value_type
 
-# -------------------------------------------------------------------------------------------------
-# Text of files that a user or another program gives: never more of it than expected. No bpy.
-# -------------------------------------------------------------------------------------------------
+# -- text ------------------------------------------------------------------------------------------
 
 
 class TextTooLongError(ValueError):
@@ -64,6 +64,8 @@ def refusal_to_open(path: Path) -> str:
     except OSError as error:
         return f"cannot be read: {error.strerror or error}"
 
+
+# -- any dataclass ---------------------------------------------------------------------------------
 
 Record = TypeVar("Record")
 
@@ -254,13 +256,7 @@ def _not_finite(text: str) -> NoReturn:
     raise ValueError(f"it holds {text}; expected finite numbers")
 
 
-# -------------------------------------------------------------------------------------------------
-# Reading and writing the JSON records of :mod:`radarsim_addon.contract`. Pure standard library.
-#
-# Files are written under a temporary name and renamed, so that a killed run leaves no half record;
-# they are read with a size limit, and every field is checked before it is used.
-# -------------------------------------------------------------------------------------------------
-
+# -- records of the contract -----------------------------------------------------------------------
 
 #: A record of a run with ten thousand frames stays far below this.
 _MAX_JSON_BYTES = 64 * 1024 * 1024

@@ -2,17 +2,12 @@
 """Every code of a finding, declared once: severity, what happened, why it matters, what to do.
 
 Templates name the finding's numbers in braces, with Python's format specifications or those of
-:mod:`.texts` (``percent``, ``length``, ``frequency``, ``#noun``); ``{subjects}`` lists the names.
+records.py (``percent``, ``length``, ``frequency``, ``#noun``); ``{subjects}`` lists the names.
 """
 
 from __future__ import annotations
 
 from .scene_kinds import RUNS, SCENE, SETTINGS, Kind
-
-# -------------------------------------------------------------------------------------------------
-# Kinds of findings of path tables, frames without an echo, and motion.
-# -------------------------------------------------------------------------------------------------
-
 
 PATHS = {
     "reflections-truncated": Kind(
@@ -512,11 +507,6 @@ MOTION = {
         "Move the scene near the world origin, or raise Max motion samples.",
     ),
 }
-
-
-# -------------------------------------------------------------------------------------------------
-# Kinds of findings of processing: rough surfaces, echoes, maps.
-# -------------------------------------------------------------------------------------------------
 
 
 ROUGHNESS = {

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A finding, made from the catalogue, to JSON and back."""
+"""Findings: made from the catalogue, merged, to JSON and back.
+
+`finding` fills the templates of a code with its numbers. `merge` makes one finding of all of a
+code,
+over frames and objects: subjects and frames are joined, a number becomes its least and largest
+value, and the templates are filled again.
+"""
 
 from __future__ import annotations
 
@@ -14,10 +20,7 @@ from ..terminal import printable
 from .catalogue import CATALOGUE
 from .scene_kinds import Severity
 
-# -------------------------------------------------------------------------------------------------
-# Numbers, spans of numbers, names and frames as text.
-# -------------------------------------------------------------------------------------------------
-
+# -- numbers, spans of numbers, names and frames as text -------------------------------------------
 
 #: Names that a text gives in full; the others are counted.
 _NAMES_SHOWN = 3
@@ -30,25 +33,10 @@ _NUMBER_UNITS = {
 }
 
 
-def fill(template: str, values: Mapping[str, Any]) -> str:
-    """Return a template of the catalogue with its values, each a number, a word or a span."""
-    return _TEXT.vformat(template, (), values)
-
-
 def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
     """Return "frame 3" or "frames 1-20, 25"; "2-8 (every 2nd)" where those between do not exist.
 
-    Parameters
-    ----------
-    frames
-        Frame numbers, at least one.
-    among
-        All frames of the run, in their order.
-
-    Returns
-    -------
-    str
-        The frames in the order of `among`.
+    `frames` has one at least; they are given in the order of `among`, all frames of the run.
     """
     place = {frame: number for number, frame in enumerate(among)}
     runs: list[list[int]] = []
@@ -76,41 +64,19 @@ def _run_words(run: Sequence[int]) -> list[str]:
 
 
 def names_text(names: Sequence[str]) -> str:
-    """Return the first names in quotes, and how many there are besides."""
+    """Return the first names in quotes, and how many more there are."""
     shown = ", ".join(f"'{name}'" for name in names[:_NAMES_SHOWN])
     more = len(names) - _NAMES_SHOWN
     return f"{shown} and {more} more" if more > 0 else shown
 
 
 def length_text(metres: float) -> str:
-    """Return a length with a unit that suits it.
-
-    Parameters
-    ----------
-    metres
-        Length [m].
-
-    Returns
-    -------
-    str
-        Number and unit.
-    """
+    """Return a length with a unit that suits it."""
     return _TEXT.format_field(metres, "length")
 
 
 def frequency_text(hertz: float) -> str:
-    """Return a frequency with a unit that suits it.
-
-    Parameters
-    ----------
-    hertz
-        Frequency [Hz].
-
-    Returns
-    -------
-    str
-        Number and unit.
-    """
+    """Return a frequency with a unit that suits it."""
     return _TEXT.format_field(hertz, "frequency")
 
 
@@ -162,32 +128,16 @@ Value = float | int | str | tuple[float, float]
 
 @dataclass(frozen=True)
 class Finding:
-    """One finding, or several of the same code after :func:`.merging.merge`.
+    """One finding, or several of the same code after `merge`."""
 
-    Attributes
-    ----------
-    code
-        Name of the kind of finding, as in ``docs/findings.md``.
-    severity
-        "info", "caution" or "error".
-    subjects
-        Names of the objects or materials it concerns; empty where it concerns the whole frame.
-    frames
-        Radar frames it concerns; empty where it concerns the whole run.
-    numbers
-        Values by name, in SI units; (least, largest) after a merge.
-    text, cause, remedy
-        What happened, why it matters, and what to do.
-    """
-
-    code: str
+    code: str  # as in ``docs/findings.md``
     severity: Severity
-    subjects: tuple[str, ...] = ()
-    frames: tuple[int, ...] = ()
-    numbers: Mapping[str, Value] = field(default_factory=dict)
-    text: str = ""
-    cause: str = ""
-    remedy: str = ""
+    subjects: tuple[str, ...] = ()  # objects or materials; empty: it concerns the whole frame
+    frames: tuple[int, ...] = ()  # radar frames; empty: it concerns the whole run
+    numbers: Mapping[str, Value] = field(default_factory=dict)  # by the templates' placeholders
+    text: str = ""  # what happened
+    cause: str = ""  # why it matters
+    remedy: str = ""  # what to do
 
     @property
     def message(self) -> str:
@@ -212,31 +162,16 @@ def written(item: Finding) -> Finding:
     kind = CATALOGUE[item.code]
     values = {**item.numbers, "subjects": names_text(item.subjects)}
     values["they"] = len(item.subjects)
-    text, cause, remedy = (fill(part, values) for part in (kind.text, kind.cause, kind.remedy))
+    text, cause, remedy = (
+        _TEXT.vformat(part, (), values) for part in (kind.text, kind.cause, kind.remedy)
+    )
     return replace(item, text=text, cause=cause, remedy=remedy)
 
 
 def finding(code: str, *subjects: str, **numbers: Any) -> Finding:
-    """Make a finding of a code of the catalogue.
+    """Make a finding of a code of the catalogue; numbers are in SI, numpy scalars are converted.
 
-    Parameters
-    ----------
-    code
-        Key of :data:`.catalogue.CATALOGUE`.
-    subjects
-        Names of the objects or materials that it concerns.
-    numbers
-        Values of the catalogue's placeholders, in SI units; numpy scalars are converted.
-
-    Returns
-    -------
-    Finding
-        With its texts.
-
-    Raises
-    ------
-    KeyError
-        The catalogue has no such code, or its texts need a number that is not given.
+    KeyError: there is no such code, or its texts need a number that is not given.
     """
     plain = {name: _plain(value) for name, value in numbers.items()}
     names = tuple(dict.fromkeys(subjects))
@@ -244,19 +179,10 @@ def finding(code: str, *subjects: str, **numbers: Any) -> Finding:
 
 
 # -- JSON ------------------------------------------------------------------------------------------
+
+
 def to_json(item: Finding) -> dict[str, Any]:
-    """Return a finding as plain JSON types.
-
-    Parameters
-    ----------
-    item
-        Finding.
-
-    Returns
-    -------
-    dict
-        Its fields by name; tuples become lists.
-    """
+    """Return a finding as plain JSON types; tuples become lists."""
     numbers = {k: list(v) if isinstance(v, tuple) else v for k, v in item.numbers.items()}
     return {
         "code": item.code,
@@ -271,24 +197,9 @@ def to_json(item: Finding) -> dict[str, Any]:
 
 
 def from_json(data: Any, where: str) -> Finding:
-    """Read a finding.
+    """Read what `to_json` gave; `where`: file and place, for errors.
 
-    Parameters
-    ----------
-    data
-        What :func:`to_json` gave.
-    where
-        File and place, for error messages.
-
-    Returns
-    -------
-    Finding
-        The same record as was written.
-
-    Raises
-    ------
-    FrameFileError
-        Something of it is of a wrong type, or its severity is unknown.
+    FrameFileError: something of it is of a wrong type, or its severity is unknown.
     """
     if not isinstance(data, dict):
         raise FrameFileError(f"{where} is {data!r:.60}; expected a JSON object (a finding).")
@@ -334,50 +245,28 @@ def _plain(value: Any) -> Value:
     return str(plain) if isinstance(plain, float) and not math.isfinite(plain) else plain
 
 
-# -------------------------------------------------------------------------------------------------
-# Findings of many frames and objects, one for each code.
-# -------------------------------------------------------------------------------------------------
-
+# -- many findings ---------------------------------------------------------------------------------
 
 #: Exit code where all is done, and findings of severity error concern all of it.
 UNUSABLE = 3
 
 
 def merge(findings: Iterable[Finding]) -> list[Finding]:
-    """Make one finding of all those of a code, over frames and objects.
+    """Make one finding of all those of a code, in the order in which their codes came up.
 
-    Parameters
-    ----------
-    findings
-        In any order.
-
-    Returns
-    -------
-    list of Finding
-        In the order in which their codes came up. Subjects and frames are joined; a number becomes
-        its least and largest value. Findings whose code is not in the catalogue are one where their
-        texts are equal.
+    Findings whose code is not in the catalogue are one where their texts are equal.
     """
     groups: dict[tuple[str, ...], list[Finding]] = {}
     for item in findings:
-        groups.setdefault(_group(item), []).append(item)
+        key = (item.code,) if item.code in CATALOGUE else (item.code, item.message)
+        groups.setdefault(key, []).append(item)
     return [_merged(group) for group in groups.values()]
 
 
 def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Finding:
     """Make one finding about many subjects, as `merge` makes it of one for each.
 
-    Parameters
-    ----------
-    code
-        Key of :data:`.catalogue.CATALOGUE`.
-    found
-        Numbers of the catalogue's placeholders by subject, at least one.
-
-    Returns
-    -------
-    Finding
-        With the least and largest of each number.
+    `found` has the numbers of the templates by subject, of one at least.
     """
     columns: dict[str, set[float]] = {}
     for numbers in found.values():
@@ -391,19 +280,10 @@ def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Findin
 
 
 def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> list[str]:
-    """Return the merged findings as lines for a console.
+    """Return the merged findings as lines that are safe to print.
 
-    Parameters
-    ----------
-    findings
-        In any order.
-    frames
-        All frames that were looked at, in order; with more than one, a line names its frames.
-
-    Returns
-    -------
-    list of str
-        Such as ``caution: frames 1-3: ... [doppler-ambiguous-paths]``; safe to print.
+    Such as ``caution: frames 1-3: ... [doppler-ambiguous-paths]``. `frames` are all frames that
+    were looked at, in order; with more than one, a line names its frames.
     """
     lines = []
     for item in merge(findings):
@@ -415,31 +295,14 @@ def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> li
 
 
 def exit_code(findings: Iterable[Finding], frames: Sequence[int]) -> int:
-    """Return the exit code of a command that did all its work.
+    """Return the exit code of a command that did all its work on `frames`.
 
-    Parameters
-    ----------
-    findings
-        Of the run and of its frames.
-    frames
-        All frames that were looked at.
-
-    Returns
-    -------
-    int
-        `UNUSABLE` if findings of severity error concern the whole run, or all frames; else 0.
+    `UNUSABLE` if findings of severity error concern the whole run, or all frames; else 0.
     """
     errors = [item for item in findings if item.severity == "error"]
     spoilt = {frame for item in errors for frame in item.frames}
     whole = any(not item.frames for item in errors)
     return UNUSABLE if whole or (spoilt and spoilt.issuperset(frames)) else 0
-
-
-def _group(item: Finding) -> tuple[str, ...]:
-    """Return what findings that become one have in common."""
-    if item.code not in CATALOGUE:
-        return item.code, item.message
-    return (item.code,)
 
 
 def _merged(group: Sequence[Finding]) -> Finding:

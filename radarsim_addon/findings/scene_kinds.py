@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Kinds of findings of scenes."""
+"""What the catalogue declares of a code (`Kind`), and the codes of scenes, settings and runs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
-
-# -------------------------------------------------------------------------------------------------
-# What the catalogue declares of each code of a finding.
-# -------------------------------------------------------------------------------------------------
-
 
 Severity = Literal["info", "caution", "error"]
 
@@ -26,11 +21,6 @@ class Kind:
     text: str
     cause: str
     remedy: str
-
-
-# -------------------------------------------------------------------------------------------------
-# Kinds of findings of settings and runs.
-# -------------------------------------------------------------------------------------------------
 
 
 SETTINGS = {

@@ -1,6 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Closed forms of antennas, materials, surfaces, slabs, targets, noise and the radar equation.
+"""Closed forms of materials, surfaces, antennas, targets, weather, noise and the radar equation.
 
-In: numbers in SI, angles in radians. Out: numbers or arrays of the broadcast shape. The modules use
-numpy only and import neither bpy nor another room.
+A material by name gives an index of refraction at the carrier (`materials`, `materials_water`; its
+record is in `material_model`). From the index follow reflection and transmission of a smooth
+boundary or slab (`fresnel`), of planar and curved mirrors (`mirrors`, `specular_points`) and of
+rough surfaces (`rough`). `clutter` has sigma0 of ground and sea instead, `rcs` bodies of simple
+shape, `antennas` the gain against direction, `weather` rain, fog and gases, and `round_earth` the
+path via the ground. `radar_equation` makes powers and SNR of them.
+
+Numbers are in SI, angles in radians; arguments broadcast, and results have the broadcast shape.
+A number that is not finite or out of range raises a `ConfigError` which names it (`checks`).
+Time convention exp(-j w t): a passive medium has Im(n) >= 0 and Im(eps) >= 0; of an index that a
+text writes n - jk, take the complex conjugate. The modules use numpy only (scipy for two tapers
+and the fluctuation of clutter), and import neither bpy nor another room.
 """

@@ -7,9 +7,11 @@ lights: boresight along -Z, +X to the right, +Y up, seen from behind the antenna
     azimuth   = atan2(x, -z)   positive to the right, -180 to 180 degrees
     elevation = asin(y)        positive up, -90 to 90 degrees
 
-Gain is linear, over isotropic; a lossless antenna's gain is its directivity, 4 pi over the
-integral of the pattern over the sphere. Callers need only ``antenna.gain(directions)``.
-Arrays are in arrays.py, tables in antenna_table.py.
+Gain is linear, over isotropic. A lossless antenna's gain is its directivity, 4 pi over the integral
+of the pattern over the sphere: each class scales its pattern by that integral, in closed form or by
+quadrature. There are simple patterns, arrays that are steered by phase (`PlanarArray`), and
+patterns from CSV files (`read_pattern`). Callers need only ``antenna.gain(directions)``: directions
+(..., 3), gain (...).
 """
 
 from __future__ import annotations
@@ -24,14 +26,23 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Real
+from ..arrays import Real, reals
 from ..errors import ConfigError, MissingDependencyError
 from .checks import CsvTable, read_csv, real_array
 
 
 @cache
 def gauss_legendre(count: int) -> tuple[Real, Real]:
-    """Nodes and weights on [-1, 1], (count,) each: found once, as it takes as long as a frame."""
+    """Return nodes and weights on [-1, 1]; cached, as finding them takes as long as a frame.
+
+    Parameters
+    ----------
+    count : number of nodes
+
+    Returns
+    -------
+    tuple of ndarray : (count,) each, read only
+    """
     nodes, weights = np.polynomial.legendre.leggauss(count)
     nodes.setflags(write=False)
     weights.setflags(write=False)
@@ -47,21 +58,17 @@ class Antenna(Protocol):
 
 
 def direction_from_angles(azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Real:
-    """Return unit vectors in the antenna's frame.
+    """Return unit vectors.
 
     Parameters
     ----------
-    azimuth_rad, elevation_rad
-        Angles of any shapes that broadcast [rad].
+    azimuth_rad, elevation_rad : angles of any shapes that broadcast [rad]
 
     Returns
     -------
-    ndarray
-        Directions, (..., 3).
+    ndarray : directions, (..., 3)
     """
-    azimuth, elevation = np.broadcast_arrays(
-        np.asarray(azimuth_rad, dtype=np.float64), np.asarray(elevation_rad, dtype=np.float64)
-    )
+    azimuth, elevation = np.broadcast_arrays(*reals(azimuth_rad, elevation_rad))
     flat = np.cos(elevation)
     return np.stack([flat * np.sin(azimuth), np.sin(elevation), -flat * np.cos(azimuth)], axis=-1)
 
@@ -71,13 +78,11 @@ def angles_from_direction(directions: ArrayLike) -> tuple[Real, Real]:
 
     Parameters
     ----------
-    directions
-        Vectors of any length in the antenna's frame, (..., 3).
+    directions : vectors of any length, (..., 3)
 
     Returns
     -------
-    azimuth, elevation
-        Angles, (...) [rad].
+    azimuth, elevation : angles, (...) [rad]
     """
     x, y, z = np.moveaxis(unit_directions(directions), -1, 0)
     # hypot keeps the digits near the poles, where asin(y) loses them.
@@ -89,18 +94,15 @@ def unit_directions(directions: ArrayLike) -> Real:
 
     Parameters
     ----------
-    directions
-        Vectors, (..., 3).
+    directions : vectors, (..., 3)
 
     Returns
     -------
-    ndarray
-        Unit vectors, (..., 3).
+    ndarray : unit vectors, (..., 3)
 
     Raises
     ------
-    ConfigError
-        NaN, a vector of length zero, or a last axis other than 3.
+    ConfigError : a vector of length zero, or a last axis other than 3
     """
     vectors = real_array("Direction", directions)
     if vectors.ndim == 0 or vectors.shape[-1] != 3:
@@ -108,7 +110,7 @@ def unit_directions(directions: ArrayLike) -> Real:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if np.any(length == 0):
         raise ConfigError("A direction has length zero; expected a vector from the antenna.")
-    return np.asarray(vectors / length, dtype=np.float64)
+    return np.asarray(vectors / length)
 
 
 def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Real:
@@ -116,20 +118,16 @@ def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Re
 
     Parameters
     ----------
-    matrix_world
-        Pose of the antenna, (4, 4) or (3, 3). Only its rotation is used; a scale has no effect.
-    directions_world
-        Directions in the world, (..., 3).
+    matrix_world : pose of the antenna, (4, 4) or (3, 3); a scale has no effect
+    directions_world : directions in the world, (..., 3)
 
     Returns
     -------
-    ndarray
-        Unit vectors, (..., 3).
+    ndarray : unit vectors, (..., 3)
 
     Raises
     ------
-    ConfigError
-        The matrix has another shape, or a direction is NaN or zero.
+    ConfigError : the matrix has another shape
     """
     matrix = real_array("Pose matrix", matrix_world)
     if matrix.shape not in ((3, 3), (4, 4)):
@@ -143,14 +141,12 @@ def two_way_gain(transmit: Antenna, receive: Antenna, directions: ArrayLike) -> 
 
     Parameters
     ----------
-    transmit, receive : Antennas
-    directions
-        Directions in the common frame, (..., 3).
+    transmit, receive : antennas
+    directions : directions in the common frame, (..., 3)
 
     Returns
     -------
-    ndarray
-        Gain over isotropic, squared, (...).
+    ndarray : gain over isotropic, squared, (...)
     """
     return transmit.gain(directions) * receive.gain(directions)
 
@@ -158,22 +154,18 @@ def two_way_gain(transmit: Antenna, receive: Antenna, directions: ArrayLike) -> 
 def sphere_mean(antenna: Antenna, latitudes: int = 181, longitudes: int = 360) -> float:
     """Return the mean gain over the sphere: 1 for a lossless antenna.
 
+    Gauss-Legendre in the cosine of the angle from boresight, each hemisphere separately since many
+    patterns end at 90 degrees; equal steps around boresight.
+
     Parameters
     ----------
-    antenna
-        Antenna to integrate.
+    antenna : antenna to integrate
     latitudes, longitudes
-        Nodes per hemisphere and around boresight; use several per sidelobe for large apertures.
+        Nodes per hemisphere and around boresight; several per sidelobe for large apertures.
 
     Returns
     -------
     float
-        Mean gain, linear.
-
-    Notes
-    -----
-    Gauss-Legendre in the cosine of the angle from boresight, each hemisphere separately since many
-    patterns end at 90 degrees; equal steps around boresight.
     """
     nodes, weights = gauss_legendre(latitudes)
     phi = 2 * np.pi * (np.arange(longitudes) + 0.5) / longitudes
@@ -198,8 +190,7 @@ class Isotropic:
 
     Parameters
     ----------
-    efficiency
-        Radiated over accepted power, 0 to 1.
+    efficiency : radiated over accepted power, 0 to 1; the same in all classes
     """
 
     efficiency: float = 1.0
@@ -218,10 +209,8 @@ class CosinePower:
 
     Parameters
     ----------
-    exponent
-        q, 0 or more. Directivity 2 (q + 1) (Balanis, Antenna Theory, problem 2.20; exact).
-    efficiency
-        Radiated over accepted power, 0 to 1.
+    exponent : q, 0 or more; directivity 2 (q + 1) (Balanis, Antenna Theory, problem 2.20; exact)
+    efficiency : see `Isotropic`
     """
 
     exponent: float
@@ -233,25 +222,7 @@ class CosinePower:
 
     @classmethod
     def from_beamwidth(cls, half_power_rad: float, efficiency: float = 1.0) -> CosinePower:
-        """Return the pattern with a full width at half power.
-
-        Parameters
-        ----------
-        half_power_rad
-            Full width, more than 0 and less than pi [rad].
-        efficiency
-            Radiated over accepted power, 0 to 1.
-
-        Returns
-        -------
-        CosinePower
-            The pattern.
-
-        Raises
-        ------
-        ConfigError
-            The width is not between 0 and pi.
-        """
+        """Return the pattern with a full width at half power, above 0 and below pi [rad]."""
         half = _positive("Beamwidth", half_power_rad, "rad") / 2
         if half >= np.pi / 2:
             raise ConfigError(
@@ -274,7 +245,7 @@ class CosinePower:
         """Return the power gain, (...), in directions (..., 3)."""
         cosine = -unit_directions(directions)[..., 2]
         ahead = np.maximum(cosine, 0.0) ** self.exponent
-        return np.asarray(np.where(cosine > 0, self.peak_gain * ahead, 0.0), dtype=np.float64)
+        return np.asarray(np.where(cosine > 0, self.peak_gain * ahead, 0.0))
 
 
 @dataclass(frozen=True)
@@ -283,10 +254,8 @@ class Gaussian:
 
     Parameters
     ----------
-    azimuth_beamwidth_rad, elevation_beamwidth_rad
-        Full widths at half power, up to pi [rad].
-    efficiency
-        Radiated over accepted power, 0 to 1.
+    azimuth_beamwidth_rad, elevation_beamwidth_rad : full widths at half power, up to pi [rad]
+    efficiency : see `Isotropic`
     """
 
     azimuth_beamwidth_rad: float
@@ -300,10 +269,7 @@ class Gaussian:
 
     @cached_property
     def peak_gain(self) -> float:
-        """4 pi over the integral of the pattern, times efficiency.
-
-        About 16 ln2 / (az_3dB el_3dB) for narrow beams.
-        """
+        """Gain on boresight, about 16 ln2 / (az_3dB el_3dB) for narrow beams."""
         # Separable in (azimuth, elevation): two line integrals, over the part that matters.
         nodes, weights = gauss_legendre(200)
 
@@ -323,7 +289,7 @@ class Gaussian:
         exponent = (azimuth / self.azimuth_beamwidth_rad) ** 2 + (
             elevation / self.elevation_beamwidth_rad
         ) ** 2
-        return np.asarray(self.peak_gain * np.exp(-4 * np.log(2) * exponent), dtype=np.float64)
+        return np.asarray(self.peak_gain * np.exp(-4 * np.log(2) * exponent))
 
 
 @dataclass(frozen=True)
@@ -336,12 +302,8 @@ class Aperture:
 
     Parameters
     ----------
-    width_m, height_m
-        W and H [m].
-    wavelength_m
-        lambda [m].
-    efficiency
-        Radiated over accepted power, 0 to 1.
+    width_m, height_m, wavelength_m : W, H and lambda [m]
+    efficiency : see `Isotropic`
     """
 
     width_m: float
@@ -357,7 +319,7 @@ class Aperture:
 
     @cached_property
     def peak_gain(self) -> float:
-        """4 pi over the integral of the pattern over the half space ahead, times efficiency."""
+        """Gain on boresight."""
         a, b = self.width_m / self.wavelength_m, self.height_m / self.wavelength_m
         # The integral over the hemisphere is that over the unit disc of dx dy / sqrt(1-x^2-y^2). By
         # Parseval it is a mean over separations in the aperture of sinc(2 r), r in wavelengths:
@@ -376,7 +338,7 @@ class Aperture:
         field = np.sinc(self.width_m / self.wavelength_m * x) * np.sinc(
             self.height_m / self.wavelength_m * y
         )
-        return np.asarray(np.where(z < 0, self.peak_gain * field**2, 0.0), dtype=np.float64)
+        return np.asarray(np.where(z < 0, self.peak_gain * field**2, 0.0))
 
 
 def _panels(size: float) -> tuple[Real, Real]:
@@ -387,10 +349,7 @@ def _panels(size: float) -> tuple[Real, Real]:
     return (starts + (nodes + 1) / (2 * count)).ravel(), np.tile(weights / (2 * count), count)
 
 
-# -------------------------------------------------------------------------------------------------
-# Linear and planar arrays: uniform or tapered, steered by phase.
-# -------------------------------------------------------------------------------------------------
-
+# -- arrays ----------------------------------------------------------------------------------------
 
 TAPERS = ("uniform", "hamming", "hann", "taylor", "chebyshev")
 """Amplitude tapers by name; the last two come from scipy."""
@@ -407,18 +366,15 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
     taper
         Name of `TAPERS` ('taylor' is nbar 4, -35 dB; 'chebyshev' -50 dB), or one weight per
         element.
-    count
-        Number of elements.
+    count : number of elements
 
     Returns
     -------
-    ndarray
-        Amplitudes, (count,).
+    ndarray : amplitudes, (count,)
 
     Raises
     ------
-    ConfigError
-        Unknown name, wrong number of weights, NaN, or a sum of zero.
+    ConfigError : unknown name, wrong number of weights, NaN, or a sum of zero
     MissingDependencyError : 'taylor' or 'chebyshev' without scipy
     """
     if not isinstance(taper, str):
@@ -472,21 +428,15 @@ class PlanarArray:
 
     Parameters
     ----------
-    columns, rows
-        Elements to the right and up.
-    column_spacing_m, row_spacing_m
-        Distances between them [m].
-    wavelength_m
-        Wavelength [m].
-    steer_azimuth_rad, steer_elevation_rad
-        Direction of the beam [rad].
-    column_taper, row_taper
-        Name of `TAPERS` or one weight per element.
+    columns, rows : elements to the right and up
+    column_spacing_m, row_spacing_m : distances between them [m]
+    wavelength_m : wavelength [m]
+    steer_azimuth_rad, steer_elevation_rad : direction of the beam, up to pi/2 [rad]
+    column_taper, row_taper : as for `taper_weights`
     element_exponent
         Element's power pattern cos^q ahead and 0 behind, q from 0 to `MAX_ELEMENT_EXPONENT`; None:
         isotropic on both sides.
-    efficiency
-        Radiated over accepted power, 0 to 1.
+    efficiency : see `Isotropic`
     """
 
     columns: int
@@ -582,7 +532,7 @@ class PlanarArray:
         )
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Return the power gain, (...), in directions (..., 3) of the antenna's frame."""
+        """Return the power gain, (...), in directions (..., 3)."""
         unit = unit_directions(directions)
         steered = direction_from_angles(self.steer_azimuth_rad, self.steer_elevation_rad)
         pattern = np.ones(unit.shape[:-1])
@@ -593,7 +543,7 @@ class PlanarArray:
             ahead = -unit[..., 2]
             element = np.maximum(ahead, 0.0) ** self.element_exponent
             pattern = np.where(ahead > 0, pattern * element, 0.0)
-        return np.asarray(self._scale * pattern, dtype=np.float64)
+        return np.asarray(self._scale * pattern)
 
 
 def _polynomial(weights: Real, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -611,7 +561,7 @@ def _element_kernel(exponent: float | None) -> Callable[[Real], Real]:
     q = float(exponent)
     # Split off the component along r: B_q int cos^(q+1)(b) cos(2 pi r sin b) db over +-pi/2.
     around = math.sqrt(np.pi) * math.exp(math.lgamma((q + 1) / 2) - math.lgamma(q / 2 + 1))
-    nodes, weights = np.polynomial.legendre.leggauss(24)
+    nodes, weights = gauss_legendre(24)
 
     def kernel(separation: Real) -> Real:
         # 24 nodes carry three waves of a panel to 1e-16
@@ -620,15 +570,12 @@ def _element_kernel(exponent: float | None) -> Callable[[Real], Real]:
         angle = (np.pi / 2 * (starts + (nodes + 1) / (2 * panels))).ravel()
         weight = np.tile(np.pi / 2 * weights / (2 * panels), panels) * np.cos(angle) ** (q + 1)
         waves = np.cos(2 * np.pi * separation[:, None] * np.sin(angle))
-        return np.asarray(2 * around * (waves @ weight), dtype=np.float64)
+        return np.asarray(2 * around * (waves @ weight))
 
     return kernel
 
 
-# -------------------------------------------------------------------------------------------------
-# Measured or computed antenna patterns from CSV files.
-# -------------------------------------------------------------------------------------------------
-
+# -- tables ----------------------------------------------------------------------------------------
 
 PATTERN_COLUMNS = ("azimuth_deg", "elevation_deg", "gain_db")
 CUT_COLUMNS = ("cut", "angle_deg", "gain_db")
@@ -643,24 +590,19 @@ _CUTS_AGREE_DB = 0.5
 class TableAntenna:
     """Gain on a grid of azimuth and elevation, bilinear in dB between.
 
+    For a beam of half-power width b in steps h the error is at most 3 (h/b)^2 dB per axis.
+
     Parameters
     ----------
     azimuth_deg, elevation_deg
         Increasing angles, (A,) and (E,) [deg]. A grid of azimuths over the full circle is closed.
-    gain_db
-        Gain over isotropic, (A, E) [dBi].
+    gain_db : gain over isotropic, (A, E) [dBi]
 
     Attributes
     ----------
     outside_db
         Gain outside the grid [dBi]: the smallest of the table, because measured patterns usually
         end at the noise of the measurement.
-
-    Notes
-    -----
-    The error of linear interpolation of a beam of half-power width b at steps h is at most 3
-    (h/b)^2 dB
-    per axis.
     """
 
     azimuth_deg: Real
@@ -709,15 +651,15 @@ class TableAntenna:
             + table[along_a + 1, along_e + 1] * weight_e
         )
         value = near * (1 - weight_a) + far * weight_a
-        return np.asarray(np.where(inside_a & inside_e, value, self.outside_db), dtype=np.float64)
+        return np.asarray(np.where(inside_a & inside_e, value, self.outside_db))
 
     def gain(self, directions: ArrayLike) -> Real:
-        """Return the power gain, linear, (...), in directions (..., 3) of the antenna's frame."""
-        return np.asarray(10 ** (self.gain_dbi(directions) / 10), dtype=np.float64)
+        """Return the power gain, (...), in directions (..., 3)."""
+        return np.asarray(10 ** (self.gain_dbi(directions) / 10))
 
 
 def _centred(azimuth: Real, gain_db: Real) -> tuple[Real, Real]:
-    """Convert azimuths of 0 to 360 degrees to -180 to 180."""
+    """Convert azimuths of 0 to 360 degrees to -180 to 180, and their rows."""
     turned = np.where(azimuth > 180 + _SAME_ANGLE_DEG, azimuth - 360, azimuth)
     order = np.argsort(turned, kind="stable")
     turned, gain_db = turned[order], gain_db[order]
@@ -765,11 +707,6 @@ def read_pattern(path: str | Path) -> TableAntenna:
     TableAntenna
         From two cuts it is G(az, el) = G_az(az) + G_el(el) - G(0, 0) in dB, the usual product, good
         near the principal planes.
-
-    Raises
-    ------
-    ConfigError
-        A value is unreadable, missing, double or out of range; the message has file and line.
     """
     table = read_csv(path, (PATTERN_COLUMNS, CUT_COLUMNS))
     if set(PATTERN_COLUMNS) <= set(table.columns):

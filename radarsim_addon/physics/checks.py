@@ -34,36 +34,35 @@ def real_array(
 
     Parameters
     ----------
-    name, unit
-        For the message.
-    value
-        Number or array; all elements must be finite.
+    name : for the message
+    value : number or array; all elements must be finite
+    unit : for the message
     minimum, maximum
         Closed bounds; None: no bound. Values beyond one by up to `EDGE_SLACK` of it are set to it.
-    above
-        Open lower bound; None: no bound.
+    above : open lower bound; None: no bound
 
     Returns
     -------
-    ndarray
-        The numbers, in the shape of `value`.
+    ndarray : the numbers, in the shape of `value`
 
     Raises
     ------
-    ConfigError
-        A value is no number, not finite or out of range; the message has the first one.
+    ConfigError : a value is no number, not finite or out of range; the message has the first one
     """
+    of_unit = f" of {unit}" if unit else ""
     try:
         if np.asarray(value).dtype.kind not in "iuf":  # a text or a truth value is no number
             raise TypeError("no real numbers")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ConfigError(f"{name} is {value!r}; expected {_expected(unit)}.") from None
+        raise ConfigError(f"{name} is {value!r}; expected a number{of_unit}.") from None
     suffix = f" {unit}" if unit else ""
-    interval = f"{_interval(minimum, maximum)}{suffix}"
+    interval = " to ".join(f"{end:g}" for end in (minimum, maximum) if end is not None) + suffix
+    if minimum is None or maximum is None:
+        interval = f"at {'most' if minimum is None else 'least'} {interval}"
     if not np.all(np.isfinite(array)):
         bad = array[~np.isfinite(array)].flat[0]
-        raise ConfigError(f"{name} holds {bad}; expected finite {_expected(unit, number=False)}.")
+        raise ConfigError(f"{name} holds {bad}; expected finite numbers{of_unit}.")
     if above is not None and np.any(array <= above):
         raise ConfigError(
             f"{name} is {array.min():g}{suffix}; expected more than {above:g}{suffix}."
@@ -79,34 +78,16 @@ def real_array(
     return array
 
 
-def _expected(unit: str, number: bool = True) -> str:
-    if number:
-        return f"a number of {unit}" if unit else "a number"
-    return f"numbers of {unit}" if unit else "numbers"
-
-
-def _interval(minimum: float | None, maximum: float | None) -> str:
-    if minimum is None and maximum is None:
-        return "any number"
-    if minimum is None:
-        return f"at most {maximum:g}"
-    if maximum is None:
-        return f"at least {minimum:g}"
-    return f"{minimum:g} to {maximum:g}"
-
-
 def require_one_shape(**arrays: NDArray[Any]) -> None:
     """Check that the arguments broadcast against each other.
 
     Parameters
     ----------
-    **arrays
-        Arrays by the name that the message uses.
+    **arrays : arrays by the name that the message uses
 
     Raises
     ------
-    ConfigError
-        They do not; the message has the name and shape of each.
+    ConfigError : they do not; the message has the name and shape of each
     """
     try:
         np.broadcast_shapes(*(array.shape for array in arrays.values()))
@@ -118,22 +99,19 @@ def require_one_shape(**arrays: NDArray[Any]) -> None:
 
 
 def passive_index(index: ArrayLike) -> NDArray[np.complex128]:
-    """Return an index of refraction as complex array after a check.
+    """Return an index of refraction n + jk as complex array after a check.
 
     Parameters
     ----------
-    index
-        n + jk, any shape, finite, not zero, k >= 0.
+    index : n + jk, any shape, finite, not zero, k >= 0
 
     Returns
     -------
     ndarray
-        The index, in the same shape.
 
     Raises
     ------
-    ConfigError
-        NaN or Inf, zero, or gain, which is nearly always the other sign convention.
+    ConfigError : NaN or Inf, zero, or gain, which is nearly always the other sign convention
     """
     array = np.array(index, dtype=np.complex128)
     if not np.all(np.isfinite(array)):
@@ -159,13 +137,11 @@ def direction_cosine(cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    cos_incidence
-        Cosine, any shape, 0 to 1.
+    cos_incidence : cosine, any shape, 0 to 1
 
     Returns
     -------
     ndarray
-        The cosine, in the same shape.
     """
     return real_array("Cosine of the angle of incidence", cos_incidence, "", 0.0, 1.0)
 
@@ -176,11 +152,9 @@ class CsvTable:
 
     Attributes
     ----------
-    path : File
-    columns
-        Cells of each column by its name in lower case.
-    lines
-        Line of the file that each row comes from.
+    path : the file
+    columns : cells of each column by its name in lower case
+    lines : line of the file that each row comes from
     """
 
     path: Path
@@ -188,23 +162,7 @@ class CsvTable:
     lines: list[int]
 
     def numbers(self, column: str) -> Real:
-        """Return one column as float64.
-
-        Parameters
-        ----------
-        column
-            Name in lower case.
-
-        Returns
-        -------
-        ndarray
-            Numbers, (rows,).
-
-        Raises
-        ------
-        ConfigError
-            A cell is not a finite number; the message has file and line.
-        """
+        """Return a column as float64; ConfigError with file and line for a cell that is none."""
         values = []
         for cell, line in zip(self.columns[column], self.lines, strict=True):
             try:
@@ -228,13 +186,11 @@ def read_csv(path: str | Path, choices: Sequence[Sequence[str]]) -> CsvTable:
     path
         Comma-separated, UTF-8 with or without byte-order mark; blank lines and lines that start
         with # are skipped; columns in any order, names in any case.
-    choices
-        Alternative sets of column names.
+    choices : alternative sets of column names
 
     Returns
     -------
-    CsvTable
-        Its cells.
+    CsvTable : its cells
 
     Raises
     ------

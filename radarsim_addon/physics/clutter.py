@@ -3,8 +3,14 @@
 
 >>> clutter_model("nrl_sea").sigma0_db(9.65e9, 0.02, "horizontal", sea_state=3)
 
-Each model has a band of frequencies and an interval of grazing angles in which its source holds.
-Outside, its equation is continued; a table holds its last row. A caller asks `is_valid`.
+A `ClutterModel` is an equation or a user's table. It has a band of frequencies and an interval of
+grazing angles in which its source holds; a caller asks `is_valid`. Outside, the equation is
+continued; a table holds its last row.
+
+Clutter fluctuates in two ways. `texture` is a factor on sigma0 of mean 1 with a correlation length:
+over speckle it makes the intensity K-distributed, log-normal with speckle, or Weibull.
+`clutter_velocities` gives scatterers constant random velocities, so the echo of many has the
+Doppler spectrum that the velocities are drawn from.
 """
 
 from __future__ import annotations
@@ -25,15 +31,13 @@ from ..errors import ConfigError
 from .checks import EDGE_SLACK, CsvTable, read_csv, real_array
 from .material_model import Parameter
 
-# -------------------------------------------------------------------------------------------------
-# sigma0 from a user's CSV file over grazing angle, and if it has them, frequency, polarisation.
-# -------------------------------------------------------------------------------------------------
-
-
 _COLUMNS = (("grazing_deg", "sigma0_db"), ("grazing_deg", "sigma0"))
 #: What a cell of the column polarisation may hold.
-_SIDE_OF_CELL = {"vv": "vertical", "v": "vertical", "hh": "horizontal", "h": "horizontal"}
-_BOTH = ("", "any", "average")
+_SIDE_OF_CELL = {
+    **dict.fromkeys(("vv", "v"), "vertical"),
+    **dict.fromkeys(("hh", "h"), "horizontal"),
+    **dict.fromkeys(("", "any", "average"), "both"),
+}
 #: Values that a table may hold [dB]: beyond them it is nearly always in another unit.
 _LIMITS_DB = (-150.0, 50.0)
 
@@ -44,10 +48,8 @@ class ClutterTable:
 
     Attributes
     ----------
-    path
-        The file.
-    rows
-        Number of its rows.
+    path : the file
+    rows : number of its rows
     curves
         For "vertical" and "horizontal": frequencies [Hz] in rising order, 0 for all, each with
         grazing angles [rad], in rising order, and sigma0 [dB], (rows,) each.
@@ -101,10 +103,7 @@ def read_clutter_table(path: str | Path) -> ClutterTable:
 
     Raises
     ------
-    ConfigError
-        A cell that is no finite number, an angle out of 0 to 90 degrees or out of order, sigma0 not
-        above 0 or out of -150 to 50 dB, a frequency not above 0, an unknown polarisation or
-        column, or a polarisation without rows; the message has file and line.
+    ConfigError : a cell or a column that cannot be used; the message has file and line
     """
     table = read_csv(path, _COLUMNS)
     known = {*itertools.chain(*_COLUMNS), "frequency_ghz", "polarisation"}
@@ -143,7 +142,7 @@ def read_clutter_table(path: str | Path) -> ClutterTable:
 
 
 def _checked(table: CsvTable, column: str, unit: str, above: float, maximum: float) -> Real:
-    """Return a column after a check that all of it is above one number and at most another."""
+    """Return a column whose values must all be above one number and at most another."""
     values = table.numbers(column)
     for line, value in zip(table.lines, values, strict=True):
         if not above < value <= maximum:
@@ -159,11 +158,11 @@ def _polarisations(table: CsvTable) -> list[str]:
     cells = table.columns.get("polarisation", [""] * len(table.lines))
     for line, cell in zip(table.lines, cells, strict=True):
         name = cell.strip().lower()
-        if name not in _SIDE_OF_CELL and name not in _BOTH:
+        if name not in _SIDE_OF_CELL:
             raise ConfigError(
                 f"{table.path.name}, line {line}: polarisation is {cell!r}; expected HH, VV or any."
             )
-        found.append(_SIDE_OF_CELL.get(name, "both"))
+        found.append(_SIDE_OF_CELL[name])
     return found
 
 
@@ -197,20 +196,12 @@ class ClutterModel:
 
     Attributes
     ----------
-    name
-        Key in the registry.
-    title
-        Name for people.
-    source
-        Publication of the equation or the numbers.
-    band_hz
-        Lowest and highest frequency [Hz].
-    grazing_rad
-        Smallest and largest grazing angle [rad].
+    name, title, source : key in the registry, name for people, publication
+    band_hz : lowest and highest frequency [Hz]
+    grazing_rad : smallest and largest grazing angle [rad]
     sigma0_db_of
         Equation: (frequency_hz, grazing_rad, "vertical" or "horizontal", **parameters) -> dB.
-    parameters
-        Its other parameters.
+    parameters : its other parameters
     """
 
     name: str
@@ -228,28 +219,10 @@ class ClutterModel:
         polarisation: str = "average",
         **parameters: float,
     ) -> Real:
-        """Return sigma0.
+        """Return sigma0 [dB] at grazing angles of 0 to pi/2 [rad], in their shape.
 
-        Parameters
-        ----------
-        frequency_hz
-            Frequency [Hz].
-        grazing_rad
-            Grazing angles, 0 to pi/2 [rad].
-        polarisation
-            One of `POLARISATIONS`.
-        **parameters
-            Values of the model's `parameters` by name.
-
-        Returns
-        -------
-        ndarray
-            sigma0 in the shape of `grazing_rad` [dB].
-
-        Raises
-        ------
-        ConfigError
-            A number out of range, an unknown polarisation, an unknown or missing parameter.
+        `polarisation` is one of `POLARISATIONS`; `parameters` are values of the model's own by
+        name.
         """
         if polarisation not in POLARISATIONS:
             raise ConfigError(
@@ -261,7 +234,10 @@ class ClutterModel:
         grazing = np.maximum(grazing, _LEAST_RAD)
         if polarisation != "average":
             return np.asarray(self.sigma0_db_of(frequency, grazing, polarisation, **values))
-        both = [10 ** (self.sigma0_db_of(frequency, grazing, one, **values) / 10) for one in _SIDES]
+        both = [
+            10 ** (self.sigma0_db_of(frequency, grazing, one, **values) / 10)
+            for one in POLARISATIONS[1:]
+        ]
         return np.asarray(10 * np.log10((both[0] + both[1]) / 2))
 
     def is_valid(self, frequency_hz: ArrayLike, grazing_rad: ArrayLike) -> NDArray[np.bool_]:
@@ -290,9 +266,6 @@ class ClutterModel:
             what = f"{one.name} of clutter {self.name!r}"
             values[one.name] = float(real_array(what, value, one.unit, one.minimum, one.maximum))
         return values
-
-
-_SIDES = POLARISATIONS[1:]
 
 
 def _constant_gamma_db(_f_hz: float, grazing_rad: Real, _side: str, gamma_db: float) -> Real:
@@ -341,21 +314,20 @@ _MODELS = (
 def nathanson_sea(sea_state: int) -> str:
     """Return the file with Nathanson's measured sigma0 of the sea, for the model 'table'.
 
+    It holds the frequencies with five angles at least: 0.5 to 35 GHz, fewer at sea states 0 and 6;
+    0.1 to 60 degrees, in part from 1 degree on.
+
     Parameters
     ----------
-    sea_state
-        Douglas sea state, 0 to 6, a whole number.
+    sea_state : Douglas sea state, 0 to 6, a whole number
 
     Returns
     -------
-    str
-        Path of the CSV file. Of frequencies with five angles at least: 0.5 to 35 GHz, fewer at sea
-        states 0 and 6; 0.1 to 60 degrees, in part from 1 degree on.
+    str : path of the CSV file
 
     Raises
     ------
-    ConfigError
-        Another sea state.
+    ConfigError : another sea state
     """
     if sea_state not in range(7):
         raise ConfigError(f"Sea state is {sea_state!r}; expected a whole number from 0 to 6.")
@@ -377,26 +349,25 @@ def clutter_model(name: str, path: str | Path | None = None) -> ClutterModel:
 
     Parameters
     ----------
-    name
-        Key of `clutter_models`, or 'table'.
-    path
-        CSV file, for 'table' only, see `read_clutter_table`.
+    name : key of `clutter_models`, or 'table'
+    path : CSV file, for 'table' only, see `read_clutter_table`
 
     Returns
     -------
     ClutterModel
-        The model.
 
     Raises
     ------
-    ConfigError
-        Unknown name, with the nearest ones; 'table' without `path`, another name with it; or a
-        table that cannot be used.
+    ConfigError : unknown name, with the nearest ones; 'table' without `path`, another name with it
     """
     if name == CLUTTER_TABLE:
         if not path:
             raise ConfigError("Clutter 'table' has no path; give a CSV file over grazing angle.")
-        return _of_table(read_clutter_table(path))
+        table = read_clutter_table(path)
+        title, source = f"Table {table.path.name}", f"{table.rows} rows of {table.path.name}"
+        return ClutterModel(
+            CLUTTER_TABLE, title, source, table.band_hz, table.grazing_rad, table.sigma0_db
+        )
     if path:
         raise ConfigError(f"Clutter {name!r} takes no path; only 'table' reads a file.")
     found = clutter_models().get(name)
@@ -408,25 +379,7 @@ def clutter_model(name: str, path: str | Path | None = None) -> ClutterModel:
     return found
 
 
-def _of_table(table: ClutterTable) -> ClutterModel:
-    return ClutterModel(
-        CLUTTER_TABLE,
-        f"Table {table.path.name}",
-        f"{table.rows} rows of {table.path.name}",
-        table.band_hz,
-        table.grazing_rad,
-        table.sigma0_db,
-    )
-
-
-# -------------------------------------------------------------------------------------------------
-# How clutter fluctuates: texture over the surface, and the motion of its scatterers.
-#
-# Texture is a factor on sigma0 of mean 1 with a correlation length. Over speckle it makes the
-# intensity K-distributed, log-normal with speckle, or Weibull. Scatterers have constant random
-# velocities, so the echo of many has the Doppler spectrum that the velocities are drawn from.
-# -------------------------------------------------------------------------------------------------
-
+# -- fluctuation -----------------------------------------------------------------------------------
 
 TEXTURES = ("none", "k", "lognormal", "weibull")
 MOTIONS = ("none", "exponential", "gaussian", "sea")
@@ -445,13 +398,11 @@ def check_texture(kind: str, shape: float, length_m: float) -> None:
 
     Parameters
     ----------
-    kind, shape, length_m
-        As for `texture`.
+    kind, shape, length_m : as for `texture`
 
     Raises
     ------
-    ConfigError
-        An unknown kind, a number out of range.
+    ConfigError : an unknown kind, a number out of range
     """
     if kind not in TEXTURES:
         raise ConfigError(f"Texture is {kind!r}; expected one of {', '.join(TEXTURES)}.")
@@ -467,28 +418,18 @@ def texture(points_m: Real, kind: str, shape: float, length_m: float, seed: int)
 
     Parameters
     ----------
-    points_m
-        In the surface's own coordinates, (n, 3) [m].
+    points_m : in the surface's own coordinates, (n, 3) [m]
     kind
         One of `TEXTURES`: "k": gamma distribution of the order `shape` (nu); "lognormal": standard
         deviation `shape` of the natural logarithm; "weibull": with speckle the intensity has a
         Weibull distribution of the shape `shape`, at most 1, and a Rayleigh amplitude at 1.
-    shape
-        See `kind`.
-    length_m
-        Correlation length L: the field underneath has the correlation exp(-(r/L)^2) [m].
-    seed
-        Of the realisation.
+    shape : see `kind`
+    length_m : correlation length L: the field underneath has the correlation exp(-(r/L)^2) [m]
+    seed : of the realisation
 
     Returns
     -------
-    ndarray
-        (n,).
-
-    Raises
-    ------
-    ConfigError
-        An unknown kind, a number out of range.
+    ndarray : (n,)
     """
     check_texture(kind, shape, length_m)
     if kind == "none":
@@ -541,13 +482,11 @@ def check_motion(kind: str, speed_mps: float, fraction: float) -> None:
 
     Parameters
     ----------
-    kind, speed_mps, fraction
-        As for `clutter_velocities`.
+    kind, speed_mps, fraction : as for `clutter_velocities`
 
     Raises
     ------
-    ConfigError
-        An unknown kind, a number out of range.
+    ConfigError : an unknown kind, a number out of range
     """
     if kind not in MOTIONS:
         raise ConfigError(f"Clutter motion is {kind!r}; expected one of {', '.join(MOTIONS)}.")
@@ -572,24 +511,13 @@ def clutter_velocities(
         wooded land, and a `fraction` of the power that does not move. "gaussian": standard
         deviation `speed_mps`. "sea": both Bragg lines, approaching with the `fraction`, each
         with the standard deviation `speed_mps`.
-    speed_mps, fraction
-        See `kind`.
-    draws
-        Two numbers even over 0 to 1 for each scatterer, (n,) each.
-    grazing_cosine
-        Cosine of the grazing angle, (n,); for "sea".
-    wavelength_m
-        Of the carrier; for "sea".
+    speed_mps, fraction : see `kind`
+    draws : two numbers even over 0 to 1 for each scatterer, (n,) each
+    grazing_cosine, wavelength_m : for "sea": cosine of the grazing angle, (n,), and wavelength [m]
 
     Returns
     -------
-    ndarray
-        (n,) [m/s].
-
-    Raises
-    ------
-    ConfigError
-        An unknown kind, a number out of range.
+    ndarray : (n,) [m/s]
     """
     check_motion(kind, speed_mps, fraction)
     one, other = (np.clip(draw, _LEAST, 1 - _LEAST) for draw in draws)
@@ -613,20 +541,18 @@ def clutter_correlation(
 ) -> Real:
     """Return the correlation of the echo of many scatterers with themselves, a time later.
 
+    It is the characteristic function of the velocities; of "sea", that of each Bragg line about its
+    own velocity.
+
     Parameters
     ----------
-    kind, speed_mps, fraction
-        As for `clutter_velocities`.
-    lag_s
-        Times, (n,) [s].
-    wavelength_m
-        Of the carrier [m].
+    kind, speed_mps, fraction : as for `clutter_velocities`
+    lag_s : times, (n,) [s]
+    wavelength_m : of the carrier [m]
 
     Returns
     -------
-    ndarray
-        (n,), 1 at lag 0: the characteristic function of the velocities. Of "sea" it is that of each
-        Bragg line, about its own velocity.
+    ndarray : (n,), 1 at lag 0
     """
     turn = 4 * np.pi / wavelength_m * speed_mps * np.asarray(lag_s, dtype=np.float64)
     if kind == "none":
@@ -639,17 +565,16 @@ def clutter_correlation(
 def bragg_velocity_mps(wavelength_m: float, grazing_cosine: Real | float) -> Real:
     """Return the phase velocity of the sea waves that scatter back, along the line of sight.
 
+    sqrt(g k_B + 7.4e-5 k_B^3) / (2 k), k_B = 2 k cos of the grazing angle, in deep water.
+
     Parameters
     ----------
-    wavelength_m
-        Of the carrier [m].
-    grazing_cosine
-        Cosine of the grazing angle.
+    wavelength_m : of the carrier [m]
+    grazing_cosine : cosine of the grazing angle
 
     Returns
     -------
-    ndarray
-        sqrt(g k_B + 7.4e-5 k_B^3) / (2 k), k_B = 2 k cos of the angle, in deep water [m/s].
+    ndarray : [m/s]
     """
     k = 2 * np.pi / wavelength_m
     bragg = 2 * k * np.asarray(grazing_cosine, dtype=np.float64)

@@ -1,8 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fresnel reflection of a plane wave at a smooth boundary.
+"""Fresnel reflection of a plane wave at a smooth boundary, and at a plane-parallel slab in vacuum.
 
-Time convention exp(-j w t): a passive medium has Im(n) >= 0 (engineering texts with exp(+j w t)
-write n - jk; take the complex conjugate of their index).
+With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the wave vector
+inside over k0. The coefficients of a face follow from n^2, c and q, those of a slab of thickness d
+from two faces and the complex phase of one passage, delta = k0 q d. Of a slab there are three
+descriptions, all power per incident power (`slab_power`):
+
+- ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4): a
+  monochromatic wave on a perfect sheet.
+- ``incoherent``: all internal reflections, added in power. The mean over frequency of a lossless
+  or weakly lossy slab that is many wavelengths thick.
+- ``single-pass``: the straight path alone. It is the result of a range gate if the internal
+  echoes fall into other range cells, and of straight-through ray tracing.
+
+The last two describe separate passages. An absorbing sheet thinner than its penetration depth, or
+a wave that tunnels through beyond total reflection, has none: the first term of the series can
+exceed the power that enters. It is capped so that energy is conserved; use 'coherent' for such
+sheets.
+
+In all functions index is the complex index n + jk, Im >= 0, and cos_incidence the cosine of the
+angle of incidence outside, 0 to 1.
 """
 
 from __future__ import annotations
@@ -17,60 +34,25 @@ from ..errors import ConfigError
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
 
 
-class FacePower(NamedTuple):
-    """One polarisation at a face that a wave meets from vacuum.
+class _FacePower(NamedTuple):
+    """One polarisation at a face that a wave meets from vacuum."""
 
-    Attributes
-    ----------
-    r
-        Amplitude reflection coefficient.
-    tt
-        Product of the amplitudes that enter and leave, 1 - r^2.
-    entering
-        Fraction of the power that enters, 1 - |r|^2.
-    """
-
-    r: Complex
-    tt: Complex
-    entering: Real
+    r: Complex  # amplitude reflection coefficient
+    tt: Complex  # product of the amplitudes that enter and leave, 1 - r^2
+    entering: Real  # fraction of the power that enters, 1 - |r|^2
 
 
-def normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:
-    """Return n^2, cos(theta) and q, the normal component of the wave vector inside over k0.
-
-    Parameters
-    ----------
-    index
-        Complex index n + jk of the medium, Im >= 0. Broadcasts with `cos_incidence`.
-    cos_incidence
-        Cosine of the angle of incidence, 0 to 1.
-
-    Returns
-    -------
-    eps, cosine, q
-        q = sqrt(n^2 - sin^2(theta)), the branch with Im(q) >= 0.
-    """
+def _normal_wave(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Real, Complex]:
+    """Return n^2, cos(theta) and q, on the branch with Im(q) >= 0."""
     eps = np.asarray(index, dtype=np.complex128) ** 2
     cosine = np.asarray(cos_incidence, dtype=np.float64)
     # n^2 - sin^2 as (n^2 - 1) + cos^2 keeps its digits at grazing incidence and for n near 1.
     return eps, cosine, np.asarray(np.sqrt((eps - 1) + cosine**2), dtype=np.complex128)
 
 
-def faces(eps: Complex, cosine: Real, q: Complex) -> tuple[FacePower, FacePower]:
-    """Return reflection and transmission of both polarisations.
+def _faces(eps: Complex, cosine: Real, q: Complex) -> tuple[_FacePower, _FacePower]:
+    """Return the perpendicular (s, TE) and parallel (p, TM) wave; at normal incidence r_p = -r_s.
 
-    Parameters
-    ----------
-    eps, cosine, q
-        As `normal_wave` returns them.
-
-    Returns
-    -------
-    s, p
-        Perpendicular (s, TE) and parallel (p, TM); at normal incidence r_p = -r_s.
-
-    Notes
-    -----
     Born and Wolf, Principles of Optics, 1.5.2 (20), in a form without subtraction of near-equal
     numbers: c - q = (1 - n^2)/(c + q), n^2 c - q = (n^2 - 1)((n^2 + 1) c^2 - 1)/(n^2 c + q).
     """
@@ -84,7 +66,7 @@ def faces(eps: Complex, cosine: Real, q: Complex) -> tuple[FacePower, FacePower]
     tt_p = np.where(none, 1, 4 * eps * cosine * q / sum_p**2)
     enter_s = np.where(none, 1, 4 * cosine * q.real / np.abs(sum_s) ** 2)
     enter_p = np.where(none, 1, 4 * cosine * (eps * np.conj(q)).real / np.abs(sum_p) ** 2)
-    return FacePower(r_s, tt_s, enter_s), FacePower(r_p, tt_p, enter_p)
+    return _FacePower(r_s, tt_s, enter_s), _FacePower(r_p, tt_p, enter_p)
 
 
 def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Complex, Complex]:
@@ -92,15 +74,13 @@ def reflection_coefficients(index: ArrayLike, cos_incidence: ArrayLike) -> tuple
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `normal_wave`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
-    r_s, r_p
-        See `faces`.
+    r_s, r_p : perpendicular and parallel; at normal incidence r_p = -r_s
     """
-    s, p = faces(*normal_wave(index, cos_incidence))
+    s, p = _faces(*_normal_wave(index, cos_incidence))
     return s.r, p.r
 
 
@@ -111,15 +91,13 @@ def power_transmission(index: ArrayLike, cos_incidence: ArrayLike) -> tuple[Real
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `normal_wave`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
     t_s, t_p
-        Fractions for both polarisations, of the broadcast shape.
     """
-    s, p = faces(*normal_wave(index, cos_incidence))
+    s, p = _faces(*_normal_wave(index, cos_incidence))
     return s.entering, p.entering
 
 
@@ -128,39 +106,17 @@ def unpolarised_reflectance(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `normal_wave`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
     ndarray
-        Fraction of the incident power, of the broadcast shape.
     """
     r_s, r_p = reflection_coefficients(index, cos_incidence)
-    return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2, dtype=np.float64)
+    return np.asarray((np.abs(r_s) ** 2 + np.abs(r_p) ** 2) / 2)
 
 
-# -------------------------------------------------------------------------------------------------
-# A plane-parallel slab in vacuum: transmission, reflection and delay in closed form.
-#
-# exp(-j w t). With c = cos(theta) outside, q = sqrt(n^2 - 1 + c^2) is the normal component of the
-# wave vector inside over k0, and delta = k0 q d the complex phase of one passage.
-#
-# Three descriptions, all power per incident power:
-#
-# - ``coherent``: all internal reflections interfere (Airy; Born and Wolf 7.6, 14.4): a
-#   monochromatic wave on a perfect sheet.
-# - ``incoherent``: all internal reflections, added in power. The mean over frequency of a lossless
-#   or weakly lossy slab that is many wavelengths thick.
-# - ``single-pass``: the straight path alone. It is the result of a range gate if the internal
-#   echoes fall into other range cells, and of straight-through ray tracing.
-#
-# The last two describe separate passages. An absorbing sheet thinner than its penetration depth, or
-# a wave that tunnels through beyond total reflection, has none: the first term of the series can
-# exceed the power that enters. It is capped so that energy is conserved; use 'coherent' for such
-# sheets.
-# -------------------------------------------------------------------------------------------------
-
+# -- slabs -----------------------------------------------------------------------------------------
 
 Model = Literal["coherent", "incoherent", "single-pass"]
 MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
@@ -172,7 +128,6 @@ class SlabPower(NamedTuple):
     Attributes
     ----------
     transmitted_s, transmitted_p, reflected_s, reflected_p
-        Fractions by polarisation.
     """
 
     transmitted_s: Real
@@ -197,7 +152,7 @@ class SlabPower(NamedTuple):
 
     @property
     def absorbed_p(self) -> Real:
-        """1 - T - R; for 'single-pass' it includes the internal echoes."""
+        """As `absorbed_s`."""
         return 1 - self.transmitted_p - self.reflected_p
 
 
@@ -210,11 +165,11 @@ def _arguments(
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     cosine = direction_cosine(cos_incidence)
     require_one_shape(index=n, thickness_m=thickness, wavelength_m=wavelength, cos_incidence=cosine)
-    eps, cosine, q = normal_wave(n, cosine)
+    eps, cosine, q = _normal_wave(n, cosine)
     return eps, cosine, q, np.asarray(2 * np.pi / wavelength * thickness * q, dtype=np.complex128)
 
 
-def _coherent(face: FacePower, delta: Complex) -> tuple[Complex, Complex]:
+def _coherent(face: _FacePower, delta: Complex) -> tuple[Complex, Complex]:
     """Return the amplitude transmission and reflection of the slab."""
     passage = np.exp(1j * delta)
     # 1 - exp(2 j delta) by expm1: a sheet much thinner than the wave keeps its digits.
@@ -236,19 +191,19 @@ def amplitude_coefficients(
 ) -> tuple[Complex, Complex, Complex, Complex]:
     """Return the amplitude coefficients of the slab with interference.
 
+    The phase of t is that from front face to back face along the normal; a vacuum slab gives
+    exp(j k0 c d).
+
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, wavelength_m, cos_incidence : as for `slab_power`
 
     Returns
     -------
-    t_s, t_p, r_s, r_p
-        Complex. The phase of t is that from front face to back face along the normal; a vacuum slab
-        gives exp(j k0 c d).
+    t_s, t_p, r_s, r_p : complex
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    s, p = faces(eps, cosine, q)
+    s, p = _faces(eps, cosine, q)
     t_s, r_s = _coherent(s, delta)
     t_p, r_p = _coherent(p, delta)
     return t_s, t_p, r_s, r_p
@@ -265,29 +220,23 @@ def slab_power(
 
     Parameters
     ----------
-    index
-        Complex index n + jk, Im >= 0. All arguments broadcast.
-    thickness_m, wavelength_m
-        Thickness and vacuum wavelength [m], more than 0.
-    cos_incidence
-        Cosine of the angle of incidence outside, 0 to 1. At exactly 0 nothing enters.
-    model : 'coherent', 'incoherent' or 'single-pass'; see the module's docstring
+    index, cos_incidence : index of refraction and cosine; at exactly 0 nothing enters
+    thickness_m, wavelength_m : thickness and vacuum wavelength [m], more than 0
+    model : see the module's docstring
 
     Returns
     -------
     SlabPower
-        Fractions of the incident power.
 
     Raises
     ------
-    ConfigError
-        NaN, thickness or wavelength not positive, amplifying index, unknown model.
+    ConfigError : NaN, thickness or wavelength not positive, amplifying index, unknown model
     """
     if model not in MODELS:
         raise ConfigError(f"Slab model is {model!r}; expected one of {', '.join(MODELS)}.")
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
     fractions = []
-    for face in faces(eps, cosine, q):
+    for face in _faces(eps, cosine, q):
         if model == "coherent":
             transmission, reflection = _coherent(face, delta)
             fractions.append((np.abs(transmission) ** 2, np.abs(reflection) ** 2))
@@ -325,18 +274,16 @@ def straight_through_power(
 
     Parameters
     ----------
-    index, thickness_m, wavelength_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, wavelength_m, cos_incidence : as for `slab_power`
 
     Returns
     -------
     ndarray
-        Fraction of the incident power.
     """
     eps, cosine, q, delta = _arguments(index, thickness_m, wavelength_m, cos_incidence)
-    s, p = faces(eps, cosine, q)
+    s, p = _faces(eps, cosine, q)
     reflectance = (np.abs(s.r) ** 2 + np.abs(p.r) ** 2) / 2
-    return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag), dtype=np.float64)
+    return np.asarray((1 - reflectance) ** 2 * np.exp(-2 * delta.imag))
 
 
 def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: ArrayLike = 1.0) -> Real:
@@ -347,21 +294,19 @@ def excess_path_m(index: ArrayLike, thickness_m: ArrayLike, cos_incidence: Array
 
     Parameters
     ----------
-    index, thickness_m, cos_incidence
-        As for `slab_power`.
+    index, thickness_m, cos_incidence : as for `slab_power`
 
     Returns
     -------
-    ndarray
-        Length [m].
+    ndarray : length [m]
     """
     thickness = real_array("Thickness", thickness_m, "m", minimum=0.0)
-    eps, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
+    eps, cosine, q = _normal_wave(passive_index(index), direction_cosine(cos_incidence))
     # Lossless: q - c = (n^2 - 1)/(q + c) keeps its digits for n near 1. Lossy: Re q directly.
     total = q + cosine
     safe = np.where(total == 0, 1, total)
     difference = np.where(total == 0, 0, (eps - 1) / safe)
-    return np.asarray(thickness * difference.real, dtype=np.float64)
+    return np.asarray(thickness * difference.real)
 
 
 def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
@@ -371,14 +316,12 @@ def refraction_angle_rad(index: ArrayLike, cos_incidence: ArrayLike) -> Real:
 
     Parameters
     ----------
-    index, cos_incidence
-        As for `slab_power`.
+    index, cos_incidence : index of refraction and cosine of incidence
 
     Returns
     -------
-    ndarray
-        Angle [rad].
+    ndarray : angle [rad]
     """
-    _, cosine, q = normal_wave(passive_index(index), direction_cosine(cos_incidence))
+    _, cosine, q = _normal_wave(passive_index(index), direction_cosine(cos_incidence))
     sine = np.sqrt((1 - cosine) * (1 + cosine))
-    return np.asarray(np.arctan2(sine, q.real), dtype=np.float64)
+    return np.asarray(np.arctan2(sine, q.real))

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Material models: an equation, its source, and its band of validity.
 
-Convention everywhere: exp(-j w t), so a passive medium has Im(eps) >= 0 and Im(n) >= 0.
-All media are non-magnetic (mu = 1): n = sqrt(eps).
+A `MaterialModel` gives the relative permittivity eps at a frequency, and n = sqrt(eps): all media
+are non-magnetic (mu = 1). Beyond its band it takes the nearest edge, continues its equation, or
+refuses; `out_of_band` tells what the choice may cost.
 """
 
 from __future__ import annotations
@@ -27,12 +28,10 @@ class OutOfBand:
 
     Attributes
     ----------
-    edge_hz
-        Nearest edge of the band [Hz].
+    edge_hz : nearest edge of the band [Hz]
     reflection_db
-        Reflection at normal incidence, held against extrapolated [dB, 0 or more].
-    absorption_ratio
-        Absorption per length, the larger of the two over the smaller.
+        Difference in reflection at normal incidence, held against extrapolated [dB, 0 or more].
+    absorption_ratio : absorption per length, the larger of the two over the smaller
     """
 
     edge_hz: float
@@ -54,14 +53,9 @@ class Parameter:
 
     Attributes
     ----------
-    name, unit, meaning
-        Texts for users.
-    default
-        Value if none is given; None: it must be given.
-    minimum, maximum
-        Closed bounds; None: no bound.
-    above
-        Open lower bound; None: no bound.
+    name, unit, meaning : texts for users
+    default : value if none is given; None: it must be given
+    minimum, maximum, above : closed bounds and open lower bound; None: no bound
     """
 
     name: str
@@ -79,20 +73,13 @@ class MaterialModel:
 
     Parameters
     ----------
-    name
-        Key in the registry.
-    title
-        Name for people.
-    source, edition
-        Publication of the equation or the numbers, and its edition.
-    bands_hz
-        Frequency intervals [Hz], both ends included, in which the source declares it valid.
+    name, title : key in the registry, and name for people
+    source, edition : publication of the equation or the numbers, and its edition
+    bands_hz : intervals [Hz], both ends included, in which the source declares it valid
     permittivity_of
         Equation: (frequency_hz, **parameters) -> complex relative permittivity, without checks.
-    parameters
-        Its other parameters.
-    remedy
-        Advice for frequencies outside the band.
+    parameters : its other parameters
+    remedy : advice for frequencies outside the band
     """
 
     name: str
@@ -115,25 +102,11 @@ class MaterialModel:
     def permittivity(
         self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
     ) -> Complex:
-        """Return the complex relative permittivity.
+        """Return the complex relative permittivity at frequencies [Hz].
 
-        Parameters
-        ----------
-        frequency_hz
-            Frequency [Hz], any shape; parameters broadcast with it.
-        **parameters
-            Values of the model's `parameters` by name.
-
-        Returns
-        -------
-        ndarray
-            Complex, of the broadcast shape.
-
-        Raises
-        ------
-        ConfigError
-            Frequency or a parameter outside the valid range, NaN, an unknown or missing parameter,
-            or numbers for which the equation gives a medium that amplifies.
+        `parameters` are values of the model's own by name; they broadcast with the frequency.
+        ConfigError: a number outside the valid range, an unknown or missing parameter, or numbers
+        for which the equation gives a medium that amplifies.
         """
         frequency = real_array("Frequency", frequency_hz, "Hz", above=0.0)
         values = self._values(parameters)
@@ -158,22 +131,15 @@ class MaterialModel:
         self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
     ) -> Complex:
         """Return the complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
-        return _passive_index(self.permittivity(frequency_hz, beyond_band, **parameters))
+        permittivity = self.permittivity(frequency_hz, beyond_band, **parameters)
+        # A lossless plasma, eps = -a - j0, must not fall on the other side of the branch cut.
+        root = np.sqrt(permittivity.real + 1j * np.abs(permittivity.imag))
+        return np.asarray(root, dtype=np.complex128)
 
     def out_of_band(self, frequency_hz: float, **parameters: ArrayLike) -> OutOfBand | None:
-        """Return how far a frequency is from the band; None inside.
+        """Return how far a frequency [Hz] is from the band; None inside.
 
-        Parameters
-        ----------
-        frequency_hz
-            Frequency [Hz], one number.
-        **parameters
-            As for `permittivity`.
-
-        Returns
-        -------
-        OutOfBand or None
-            Infinite errors if the equation cannot be continued so far.
+        The errors are infinite if the equation cannot be continued so far.
         """
         edge_hz = float(self._nearest(np.asarray(float(frequency_hz))))
         if abs(edge_hz - frequency_hz) <= EDGE_SLACK * edge_hz:
@@ -237,13 +203,6 @@ class MaterialModel:
                 f"({self.edition}) holds for {self.band_text}. {self.remedy}"
             )
         return clipped
-
-
-def _passive_index(permittivity: Complex) -> Complex:
-    """Return n + jk = sqrt(eps), the root of a passive medium: Re >= 0 and Im >= 0."""
-    # A lossless plasma, eps = -a - j0, must not fall on the other side of the branch cut.
-    root = np.sqrt(permittivity.real + 1j * np.abs(permittivity.imag))
-    return np.asarray(root, dtype=np.complex128)
 
 
 def _interval_text(low_hz: float, high_hz: float) -> str:

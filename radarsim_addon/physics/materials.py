@@ -5,7 +5,20 @@
 >>> material("sea_water", 5.3e9, temperature_c=10, salinity_psu=35)
 >>> material("table", 5.3e9, path="my_measurement.csv")
 
-Convention exp(-j w t): Im >= 0.
+The models are of four kinds: a user's numbers or CSV file, building materials and grounds of
+Recommendation ITU-R P.2040, moist soil, and water (`materials_water`).
+
+P.2040, Table 3, has eps' = a f^b, sigma = c f^d [S/m], f in GHz; eps'' = sigma / (2 pi f eps_0).
+The
+edition matters: P.2040-1 (2015) has other numbers for several materials (concrete 5.31 there, 5.24
+here). The rows named `ITU_EDITION` are those of P.2040-2 (2021) and P.2040-3 (2023), which agree.
+Asphalt concrete, vinyl tile and carpet tile were added with P.2040-4 (2025), whose text was not at
+hand: they come from two implementations of it that agree, and carry `ITU_NEW_EDITION`.
+
+Soil is that of Dobson et al. 1985 (1.4 to 18 GHz) and Peplinski et al. 1995 (0.3 to 1.3 GHz). The
+two differ in the effective conductivity and, below 1.3 GHz, in a linear correction of eps'.
+Published models of soil differ by 3 to 12 % in eps' (up to 40 % in eps'' of dry soil): the accuracy
+of a soil's permittivity is that, not the digits printed.
 """
 
 from __future__ import annotations
@@ -19,17 +32,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Real
+from ..arrays import Complex, Real, reals
 from ..errors import ConfigError
 from .checks import read_csv
 from .constants import VACUUM_PERMITTIVITY_F_PER_M
 from .material_model import MaterialModel, Parameter
-from .materials_water import debye_permittivity, water_models
-
-# -------------------------------------------------------------------------------------------------
-# Media given by user's numbers: vacuum, permittivity, index, Debye, conductor, CSV table.
-# -------------------------------------------------------------------------------------------------
-
+from .materials_water import WATER_MODELS, debye_permittivity
 
 _ALL_HZ = ((0.0, np.inf),)
 
@@ -42,30 +50,12 @@ TABLE_COLUMNS = (
 """Headers that a material's CSV file may have."""
 
 
-def conductor_permittivity(
+def _conductor_permittivity(
     frequency_hz: ArrayLike, conductivity_s_per_m: ArrayLike, relative_permittivity: ArrayLike = 1.0
 ) -> Complex:
-    """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Engineering Electromagnetics, 2-72).
-
-    Parameters
-    ----------
-    frequency_hz
-        f [Hz]. All arguments broadcast.
-    conductivity_s_per_m
-        sigma [S/m].
-    relative_permittivity
-        eps'.
-
-    Returns
-    -------
-    ndarray
-        Complex relative permittivity.
-    """
-    f = np.asarray(frequency_hz, dtype=np.float64)
-    loss = np.asarray(conductivity_s_per_m, dtype=np.float64) / (
-        2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M
-    )
-    real = np.asarray(relative_permittivity, dtype=np.float64)
+    """Return eps' + j sigma/(2 pi f eps_0) (Balanis, Advanced Eng. Electromagnetics, 2-72)."""
+    f, sigma, real = reals(frequency_hz, conductivity_s_per_m, relative_permittivity)
+    loss = sigma / (2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M)
     return np.asarray(real + 1j * loss, dtype=np.complex128)
 
 
@@ -97,96 +87,75 @@ def _debye(
     relaxation = debye_permittivity(
         frequency_hz, static_permittivity, infinite_permittivity, relaxation_frequency_hz
     )
-    return relaxation + conductor_permittivity(frequency_hz, conductivity_s_per_m, 0.0)
+    return relaxation + _conductor_permittivity(frequency_hz, conductivity_s_per_m, 0.0)
 
 
 _CONDUCTIVITY = "conductivity_s_per_m"
 
 
-def general_models() -> tuple[MaterialModel, ...]:
-    """Return the models with user-given numbers, which hold at every frequency.
-
-    Returns
-    -------
-    tuple of MaterialModel
-        Vacuum, permittivity, index, debye, conductor.
-    """
-    own, edition = "values given by the user", "constant over frequency"
-    return (
-        MaterialModel("vacuum", "Vacuum, air", "definition", "exact", _ALL_HZ, _vacuum),
-        MaterialModel(
-            "permittivity",
-            "Permittivity given",
-            own,
-            edition,
-            _ALL_HZ,
-            _given_permittivity,
-            (
-                Parameter("eps_real", "", "real part of the relative permittivity"),
-                Parameter("eps_imag", "", "its imaginary part, loss >= 0", 0.0, 0.0),
-            ),
+_OWN, _CONSTANT = "values given by the user", "constant over frequency"
+_GENERAL_MODELS = (
+    MaterialModel("vacuum", "Vacuum, air", "definition", "exact", _ALL_HZ, _vacuum),
+    MaterialModel(
+        "permittivity",
+        "Permittivity given",
+        _OWN,
+        _CONSTANT,
+        _ALL_HZ,
+        _given_permittivity,
+        (
+            Parameter("eps_real", "", "real part of the relative permittivity"),
+            Parameter("eps_imag", "", "its imaginary part, loss >= 0", 0.0, 0.0),
         ),
-        MaterialModel(
-            "index",
-            "Index of refraction given",
-            own,
-            edition,
-            _ALL_HZ,
-            _given_index,
-            (
-                Parameter("n", "", "real part of the index", None, 0.0),
-                Parameter("k", "", "its imaginary part, loss >= 0", 0.0, 0.0),
-            ),
+    ),
+    MaterialModel(
+        "index",
+        "Index of refraction given",
+        _OWN,
+        _CONSTANT,
+        _ALL_HZ,
+        _given_index,
+        (
+            Parameter("n", "", "real part of the index", None, 0.0),
+            Parameter("k", "", "its imaginary part, loss >= 0", 0.0, 0.0),
         ),
-        MaterialModel(
-            "debye",
-            "One Debye relaxation and a conductivity",
-            "Debye, Polar Molecules",
-            "1929",
-            _ALL_HZ,
-            _debye,
-            (
-                Parameter("static_permittivity", "", "permittivity at f = 0", None, 0.0),
-                Parameter("infinite_permittivity", "", "permittivity far above f_r", None, 0.0),
-                Parameter("relaxation_frequency_hz", "Hz", "f_r = 1/(2 pi tau)", None, above=0.0),
-                Parameter(_CONDUCTIVITY, "S/m", "conductivity", 0.0, 0.0),
-            ),
+    ),
+    MaterialModel(
+        "debye",
+        "One Debye relaxation and a conductivity",
+        "Debye, Polar Molecules",
+        "1929",
+        _ALL_HZ,
+        _debye,
+        (
+            Parameter("static_permittivity", "", "permittivity at f = 0", None, 0.0),
+            Parameter("infinite_permittivity", "", "permittivity far above f_r", None, 0.0),
+            Parameter("relaxation_frequency_hz", "Hz", "f_r = 1/(2 pi tau)", None, above=0.0),
+            Parameter(_CONDUCTIVITY, "S/m", "conductivity", 0.0, 0.0),
         ),
-        MaterialModel(
-            "conductor",
-            "Conductor",
-            "Ohm's law in Maxwell's equations",
-            "conductivity constant over frequency",
-            # Drude relaxation of metals lies in the terahertz; a constant sigma fails there.
-            ((0.0, 1e12),),
-            conductor_permittivity,
-            (
-                Parameter(_CONDUCTIVITY, "S/m", "conductivity, copper 5.8e7", None, 0.0),
-                Parameter("relative_permittivity", "", "real part of the permittivity", 1.0, 0.0),
-            ),
+    ),
+    MaterialModel(
+        "conductor",
+        "Conductor",
+        "Ohm's law in Maxwell's equations",
+        "conductivity constant over frequency",
+        # Drude relaxation of metals lies in the terahertz; a constant sigma fails there.
+        ((0.0, 1e12),),
+        _conductor_permittivity,
+        (
+            Parameter(_CONDUCTIVITY, "S/m", "conductivity, copper 5.8e7", None, 0.0),
+            Parameter("relative_permittivity", "", "real part of the permittivity", 1.0, 0.0),
         ),
-    )
+    ),
+)
 
 
-def table_model(path: str | Path) -> MaterialModel:
-    """Return a medium measured by the user: a CSV file over frequency.
+def _table_model(path: str | Path) -> MaterialModel:
+    """Return a medium measured by the user: a CSV file over frequency, rows in any order.
 
-    Parameters
-    ----------
-    path
-        Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag or n, k; rows in any order.
-
-    Returns
-    -------
-    MaterialModel
-        Permittivity interpolated linearly over log f: exact at the rows, passive between them. The
-        band is that of the rows; one row holds at its own frequency only.
-
-    Raises
-    ------
-    ConfigError
-        The table is missing, misnamed, not numeric, not positive in frequency, double in frequency,
-        or amplifying; the message has file, line and column.
+    The permittivity is interpolated linearly over log f: exact at the rows, passive between them.
+    The
+    band is that of the rows; one row holds at its own frequency only.
     """
     table = read_csv(path, TABLE_COLUMNS)
     columns = table.columns
@@ -235,33 +204,14 @@ def table_model(path: str | Path) -> MaterialModel:
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# Building materials and grounds of Recommendation ITU-R P.2040, Table 3.
-#
-# eps' = a f^b, sigma = c f^d [S/m], f in GHz; eps'' = sigma / (2 pi f eps_0).
-#
-# The edition matters: P.2040-1 (2015) has other numbers for several materials (concrete 5.31 there,
-# 5.24 here). The rows named ``ITU_EDITION`` are those of P.2040-2 (2021) and P.2040-3 (2023), which
-# agree. Asphalt concrete, vinyl tile and carpet tile were added with P.2040-4 (2025), whose text
-# was not at hand: they come from two implementations of it that agree, and carry
-# ``ITU_NEW_EDITION``.
-# -------------------------------------------------------------------------------------------------
-
+# -- ITU-R P.2040 ----------------------------------------------------------------------------------
 
 ITU_EDITION = "P.2040-3, 2023, Table 3"
 ITU_NEW_EDITION = "P.2040-4, 2025, Table 3, from secondary sources"
 
 
-class ItuRow(NamedTuple):
-    """Coefficients of a material in a band.
-
-    Attributes
-    ----------
-    low_ghz, high_ghz
-        Band [GHz].
-    a, b, c, d
-        eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m.
-    """
+class _ItuRow(NamedTuple):
+    """Coefficients in a band [GHz]: eps' = a f^b, sigma = c f^d, f in GHz, sigma in S/m."""
 
     low_ghz: float
     high_ghz: float
@@ -272,37 +222,37 @@ class ItuRow(NamedTuple):
 
 
 #: Bands of one material never overlap.
-ITU_ROWS: dict[str, tuple[ItuRow, ...]] = {
-    "concrete": (ItuRow(1, 100, 5.24, 0, 0.0462, 0.7822),),
-    "brick": (ItuRow(1, 40, 3.91, 0, 0.0238, 0.16),),
-    "plasterboard": (ItuRow(1, 100, 2.73, 0, 0.0085, 0.9395),),
-    "wood": (ItuRow(0.001, 100, 1.99, 0, 0.0047, 1.0718),),
+ITU_ROWS: dict[str, tuple[_ItuRow, ...]] = {
+    "concrete": (_ItuRow(1, 100, 5.24, 0, 0.0462, 0.7822),),
+    "brick": (_ItuRow(1, 40, 3.91, 0, 0.0238, 0.16),),
+    "plasterboard": (_ItuRow(1, 100, 2.73, 0, 0.0085, 0.9395),),
+    "wood": (_ItuRow(0.001, 100, 1.99, 0, 0.0047, 1.0718),),
     "glass": (
-        ItuRow(0.1, 100, 6.31, 0, 0.0036, 1.3394),
-        ItuRow(220, 450, 5.79, 0, 0.0004, 1.658),
+        _ItuRow(0.1, 100, 6.31, 0, 0.0036, 1.3394),
+        _ItuRow(220, 450, 5.79, 0, 0.0004, 1.658),
     ),
     "ceiling_board": (
-        ItuRow(1, 100, 1.48, 0, 0.0011, 1.0750),
-        ItuRow(220, 450, 1.52, 0, 0.0029, 1.029),
+        _ItuRow(1, 100, 1.48, 0, 0.0011, 1.0750),
+        _ItuRow(220, 450, 1.52, 0, 0.0029, 1.029),
     ),
-    "chipboard": (ItuRow(1, 100, 2.58, 0, 0.0217, 0.78),),
-    "plywood": (ItuRow(1, 40, 2.71, 0, 0.33, 0),),
-    "marble": (ItuRow(1, 60, 7.074, 0, 0.0055, 0.9262),),
-    "floorboard": (ItuRow(50, 100, 3.66, 0, 0.0044, 1.3515),),
-    "metal": (ItuRow(1, 100, 1, 0, 1e7, 0),),
-    "very_dry_ground": (ItuRow(1, 10, 3, 0, 0.00015, 2.52),),
-    "medium_dry_ground": (ItuRow(1, 10, 15, -0.1, 0.035, 1.63),),
-    "wet_ground": (ItuRow(1, 10, 30, -0.4, 0.15, 1.30),),
+    "chipboard": (_ItuRow(1, 100, 2.58, 0, 0.0217, 0.78),),
+    "plywood": (_ItuRow(1, 40, 2.71, 0, 0.33, 0),),
+    "marble": (_ItuRow(1, 60, 7.074, 0, 0.0055, 0.9262),),
+    "floorboard": (_ItuRow(50, 100, 3.66, 0, 0.0044, 1.3515),),
+    "metal": (_ItuRow(1, 100, 1, 0, 1e7, 0),),
+    "very_dry_ground": (_ItuRow(1, 10, 3, 0, 0.00015, 2.52),),
+    "medium_dry_ground": (_ItuRow(1, 10, 15, -0.1, 0.035, 1.63),),
+    "wet_ground": (_ItuRow(1, 10, 30, -0.4, 0.15, 1.30),),
 }
 
-ITU_NEW_ROWS: dict[str, tuple[ItuRow, ...]] = {
-    "vinyl_tile": (ItuRow(1, 40, 3.62, 0, 0.0051, 0.8422),),
-    "carpet_tile": (ItuRow(1, 40, 2.08, 0, 0.0009, 0.82),),
-    "asphalt_concrete": (ItuRow(1, 40, 4.83, 0, 0.0108, 1.3969),),
+ITU_NEW_ROWS: dict[str, tuple[_ItuRow, ...]] = {
+    "vinyl_tile": (_ItuRow(1, 40, 3.62, 0, 0.0051, 0.8422),),
+    "carpet_tile": (_ItuRow(1, 40, 2.08, 0, 0.0009, 0.82),),
+    "asphalt_concrete": (_ItuRow(1, 40, 4.83, 0, 0.0108, 1.3969),),
 }
 
 
-def _permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
+def _itu_permittivity(frequency_hz: Real, rows: tuple[_ItuRow, ...]) -> Complex:
     """Return P.2040 eq. (57) to (59) by the row of the nearest band, as the frequencies."""
     f_ghz = frequency_hz / 1e9
     eps = np.empty(f_ghz.shape, dtype=np.complex128)
@@ -315,7 +265,7 @@ def _permittivity(frequency_hz: Real, rows: tuple[ItuRow, ...]) -> Complex:
     return eps
 
 
-def _model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
+def _itu_model(name: str, rows: tuple[_ItuRow, ...], edition: str) -> MaterialModel:
     remedy = (
         "Change the carrier, or use the model 'soil' (0.3 to 1.3 and 1.4 to 18 GHz), 'table' or "
         "'permittivity'."
@@ -330,34 +280,19 @@ def _model(name: str, rows: tuple[ItuRow, ...], edition: str) -> MaterialModel:
         source="Recommendation ITU-R P.2040",
         edition=edition,
         bands_hz=tuple((row.low_ghz * 1e9, row.high_ghz * 1e9) for row in rows),
-        permittivity_of=partial(_permittivity, rows=rows),
+        permittivity_of=partial(_itu_permittivity, rows=rows),
         remedy=remedy,
     )
 
 
-def itu_models() -> tuple[MaterialModel, ...]:
-    """Return all rows of the table as models.
-
-    Returns
-    -------
-    tuple of MaterialModel
-        One per material.
-    """
-    return tuple(
-        _model(name, rows, edition)
-        for table, edition in ((ITU_ROWS, ITU_EDITION), (ITU_NEW_ROWS, ITU_NEW_EDITION))
-        for name, rows in table.items()
-    )
+_ITU_MODELS = tuple(
+    _itu_model(name, rows, edition)
+    for table, edition in ((ITU_ROWS, ITU_EDITION), (ITU_NEW_ROWS, ITU_NEW_EDITION))
+    for name, rows in table.items()
+)
 
 
-# -------------------------------------------------------------------------------------------------
-# Moist mineral soil: Dobson et al. 1985 (1.4 to 18 GHz), Peplinski et al. 1995 (0.3 to 1.3 GHz).
-#
-# The two differ in the effective conductivity and, below 1.3 GHz, in a linear correction of eps'.
-# Published models of soil differ by 3 to 12 % in eps' (up to 40 % in eps'' of dry soil): the
-# accuracy of a soil's permittivity is that, not the digits printed.
-# -------------------------------------------------------------------------------------------------
-
+# -- soil ------------------------------------------------------------------------------------------
 
 _SOLID_DENSITY_G_PER_CM3 = 2.664
 _SOLID_PERMITTIVITY = 4.7
@@ -382,29 +317,20 @@ def soil_permittivity(
 
     Parameters
     ----------
-    frequency_hz
-        Frequency [Hz]. All arguments broadcast.
-    moisture
-        Water by volume, fraction of 1.
-    sand, clay
-        Fractions of 1 by weight.
-    bulk_density_g_per_cm3
-        Dry bulk density [g/cm^3].
-    temperature_c
-        Temperature [degC].
+    frequency_hz : frequency [Hz]
+    moisture : water by volume, fraction of 1
+    sand, clay : fractions of 1 by weight
+    bulk_density_g_per_cm3 : dry bulk density [g/cm^3]
+    temperature_c : temperature [degC]
 
     Returns
     -------
     ndarray
-        Permittivity; NaN if the fitted conductivity makes the free water amplify (very sandy soil
-        at low frequency).
+        NaN if the fitted conductivity makes the free water amplify (very sandy soil at low
+        frequency).
     """
-    f = np.asarray(frequency_hz, dtype=np.float64)
-    mv = np.asarray(moisture, dtype=np.float64)
-    s = np.asarray(sand, dtype=np.float64)
-    c = np.asarray(clay, dtype=np.float64)
-    density = np.asarray(bulk_density_g_per_cm3, dtype=np.float64)
-    t = np.asarray(temperature_c, dtype=np.float64)
+    f, mv, s, c = reals(frequency_hz, moisture, sand, clay)
+    density, t = reals(bulk_density_g_per_cm3, temperature_c)
     low_band = f < _DIVIDE_HZ
 
     beta_real = 1.2748 - 0.519 * s - 0.152 * c
@@ -432,7 +358,7 @@ def soil_permittivity(
     return np.asarray(real + 1j * imag, dtype=np.complex128)
 
 
-def _checked(frequency_hz: Real, **soil: Real) -> Complex:
+def _checked_soil(frequency_hz: Real, **soil: Real) -> Complex:
     total = soil["sand"] + soil["clay"]
     if np.any(total > 1 + 1e-6):
         raise ConfigError(
@@ -442,32 +368,24 @@ def _checked(frequency_hz: Real, **soil: Real) -> Complex:
     return soil_permittivity(frequency_hz, **soil)
 
 
-def soil_models() -> tuple[MaterialModel, ...]:
-    """Return the soil model with its two bands.
+_SOIL_MODEL = MaterialModel(
+    name="soil",
+    title="Moist mineral soil",
+    source="Dobson et al., IEEE Trans. GE-23, 35; Peplinski et al., GRS-33, 803",
+    edition="1985 from 1.4 GHz; 1995 up to 1.3 GHz",
+    bands_hz=((0.3e9, 1.3e9), (1.4e9, 18e9)),
+    permittivity_of=_checked_soil,
+    parameters=(
+        Parameter("moisture", "m^3/m^3", "water by volume", None, 0.01, 0.5),
+        Parameter("sand", "", "sand, fraction by weight", 0.4, 0.0, 1.0),
+        Parameter("clay", "", "clay, fraction by weight", 0.2, 0.0, 1.0),
+        Parameter("bulk_density_g_per_cm3", "g/cm^3", "dry bulk density", 1.3, 0.8, 2.0),
+        Parameter("temperature_c", "degC", "temperature", 20.0, 0.0, 40.0),
+    ),
+)
 
-    Returns
-    -------
-    tuple of MaterialModel
-        One model.
-    """
-    return (
-        MaterialModel(
-            name="soil",
-            title="Moist mineral soil",
-            source="Dobson et al., IEEE Trans. GE-23, 35; Peplinski et al., GRS-33, 803",
-            edition="1985 from 1.4 GHz; 1995 up to 1.3 GHz",
-            bands_hz=((0.3e9, 1.3e9), (1.4e9, 18e9)),
-            permittivity_of=_checked,
-            parameters=(
-                Parameter("moisture", "m^3/m^3", "water by volume", None, 0.01, 0.5),
-                Parameter("sand", "", "sand, fraction by weight", 0.4, 0.0, 1.0),
-                Parameter("clay", "", "clay, fraction by weight", 0.2, 0.0, 1.0),
-                Parameter("bulk_density_g_per_cm3", "g/cm^3", "dry bulk density", 1.3, 0.8, 2.0),
-                Parameter("temperature_c", "degC", "temperature", 20.0, 0.0, 40.0),
-            ),
-        ),
-    )
 
+# -- the library -----------------------------------------------------------------------------------
 
 TABLE = "table"
 """Name under which a CSV file is read; it takes the one parameter ``path``."""
@@ -476,7 +394,7 @@ TABLE = "table"
 @lru_cache(maxsize=1)
 def models() -> MappingProxyType[str, MaterialModel]:
     """Return all models of the library by name (read only)."""
-    everything = (*general_models(), *itu_models(), *water_models(), *soil_models())
+    everything = (*_GENERAL_MODELS, *_ITU_MODELS, *WATER_MODELS, _SOIL_MODEL)
     return MappingProxyType({model.name: model for model in everything})
 
 
@@ -485,25 +403,24 @@ def material_model(name: str, path: str | Path | None = None) -> MaterialModel:
 
     Parameters
     ----------
-    name
-        Key of `models`, or 'table'.
+    name : key of `models`, or 'table'
     path
-        CSV file, for 'table' only.
+        CSV file, for 'table' only. Columns frequency_ghz (or frequency_hz), and eps_real, eps_imag
+        or
+        n, k.
 
     Returns
     -------
     MaterialModel
-        The model.
 
     Raises
     ------
-    ConfigError
-        Unknown name, with the nearest ones; 'table' without `path`, or another name with it.
+    ConfigError : unknown name, with the nearest ones; 'table' without `path`, another name with it
     """
     if name == TABLE:
         if path is None:
             raise ConfigError("Material 'table' has no path; give a CSV file over frequency.")
-        return table_model(path)
+        return _table_model(path)
     if path is not None:
         raise ConfigError(f"Material {name!r} takes no path; only 'table' reads a file.")
     found = models().get(name)
@@ -528,26 +445,14 @@ def material(
 
     Parameters
     ----------
-    name
-        Key of `models`, or 'table' together with `path`.
-    frequency_hz
-        Frequency [Hz], any shape.
-    path
-        CSV file, for 'table' only.
-    beyond_band
-        Outside the band of validity: 'refuse', 'hold' its nearest edge or 'extrapolate'.
-    **parameters
-        Values of the model's ``parameters`` by name; they broadcast with `frequency_hz`.
+    name, path : as for `material_model`
+    frequency_hz : frequency [Hz], any shape
+    beyond_band : outside the band: 'refuse', 'hold' its nearest edge or 'extrapolate'
+    **parameters : values of the model's ``parameters`` by name; they broadcast with `frequency_hz`
 
     Returns
     -------
-    ndarray
-        Index of the broadcast shape, Im >= 0.
-
-    Raises
-    ------
-    ConfigError
-        Unknown name, frequency outside the band of validity, parameter out of range or NaN.
+    ndarray : Im >= 0
     """
     return material_model(name, path).index(frequency_hz, beyond_band, **parameters)
 
@@ -564,12 +469,10 @@ def permittivity(
 
     Parameters
     ----------
-    name, frequency_hz, path, beyond_band, **parameters
-        As for `material`.
+    name, frequency_hz, path, beyond_band, **parameters : as for `material`
 
     Returns
     -------
-    ndarray
-        Permittivity of the broadcast shape, Im >= 0.
+    ndarray : Im >= 0
     """
     return material_model(name, path).permittivity(frequency_hz, beyond_band, **parameters)

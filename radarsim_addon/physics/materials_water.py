@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pure water, sea water and ice: the equations, and the models with their bands.
+"""Pure water, sea water and ice: the complex relative permittivity, and the models with their
+bands.
 
-Convention exp(-j w t): Im(eps) >= 0. All arguments broadcast.
+Frequencies are in Hz, temperatures in degC, salinity in psu.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex
+from ..arrays import Complex, reals
 from .constants import VACUUM_PERMITTIVITY_F_PER_M, ZERO_CELSIUS_K
 from .material_model import MaterialModel, Parameter
 
@@ -24,36 +25,30 @@ def debye_permittivity(
 
     Parameters
     ----------
-    frequency_hz, relaxation_frequency_hz
-        f and f_r [Hz].
-    static_permittivity, infinite_permittivity
-        eps_s and eps_inf.
+    frequency_hz, relaxation_frequency_hz : f and f_r
+    static_permittivity, infinite_permittivity : eps_s and eps_inf
 
     Returns
     -------
     ndarray
-        Complex relative permittivity.
     """
-    static = np.asarray(static_permittivity, dtype=np.float64)
-    infinite = np.asarray(infinite_permittivity, dtype=np.float64)
-    ratio = np.asarray(frequency_hz, dtype=np.float64) / np.asarray(relaxation_frequency_hz)
+    f, static, infinite = reals(frequency_hz, static_permittivity, infinite_permittivity)
+    ratio = f / np.asarray(relaxation_frequency_hz)
     return np.asarray(infinite + (static - infinite) / (1 - 1j * ratio), dtype=np.complex128)
 
 
 def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
-    """Return the permittivity of pure water by Liebe, Hufford and Manabe 1991.
+    """Return the permittivity of pure water by Liebe, Hufford and Manabe 1991, eq. (1) to (4).
 
-    Eq. (1) to (4); ITU-R P.527-4 has the same.
+    ITU-R P.527-4 has the same.
 
     Parameters
     ----------
     frequency_hz, temperature_c
-        Frequency [Hz] and temperature [degC].
 
     Returns
     -------
     ndarray
-        Complex relative permittivity.
     """
     theta = 300 / (np.asarray(temperature_c, dtype=np.float64) + ZERO_CELSIUS_K) - 1
     static = 77.66 + 103.3 * theta
@@ -68,19 +63,17 @@ def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Com
 
 
 def kaatze_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
-    """Return the permittivity of pure water by Kaatze 1989.
+    """Return the permittivity of pure water by Kaatze 1989, one relaxation.
 
     J. Chem. Eng. Data 34, 371, eq. (5) to (7).
 
     Parameters
     ----------
     frequency_hz, temperature_c
-        Frequency [Hz] and temperature [degC].
 
     Returns
     -------
     ndarray
-        Complex relative permittivity, one relaxation.
     """
     celsius = np.asarray(temperature_c, dtype=np.float64)
     static = 10 ** (1.94404 - 1.991e-3 * celsius)
@@ -100,16 +93,12 @@ def klein_swift_permittivity(
     Parameters
     ----------
     frequency_hz, temperature_c, salinity_psu
-        Frequency [Hz], temperature [degC], salinity [psu].
 
     Returns
     -------
     ndarray
-        Complex relative permittivity.
     """
-    f = np.asarray(frequency_hz, dtype=np.float64)
-    t = np.asarray(temperature_c, dtype=np.float64)
-    s = np.asarray(salinity_psu, dtype=np.float64)
+    f, t, s = reals(frequency_hz, temperature_c, salinity_psu)
     static = (87.134 - 1.949e-1 * t - 1.276e-2 * t**2 + 2.491e-4 * t**3) * (
         1 + 1.613e-5 * s * t - 3.656e-3 * s + 3.210e-5 * s**2 - 4.232e-7 * s**3
     )
@@ -137,15 +126,13 @@ def ice_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Compl
     Parameters
     ----------
     frequency_hz, temperature_c
-        Frequency [Hz] and temperature [degC].
 
     Returns
     -------
     ndarray
-        Complex relative permittivity.
     """
-    f_ghz = np.asarray(frequency_hz, dtype=np.float64) / 1e9
-    celsius = np.asarray(temperature_c, dtype=np.float64)
+    f_hz, celsius = reals(frequency_hz, temperature_c)
+    f_ghz = f_hz / 1e9
     kelvin = celsius + ZERO_CELSIUS_K
     theta = 300 / kelvin - 1
     alpha = (0.00504 + 0.0062 * theta) * np.exp(-22.1 * theta)
@@ -164,55 +151,47 @@ def _temperature(default: float, minimum: float, maximum: float) -> Parameter:
     return Parameter("temperature_c", "degC", "temperature", default, minimum, maximum)
 
 
-def water_models() -> tuple[MaterialModel, ...]:
-    """Return water, sea water and ice with their bands.
-
-    Returns
-    -------
-    tuple of MaterialModel
-        Four models.
-    """
-    return (
-        MaterialModel(
-            name="water",
-            title="Pure water",
-            source="Liebe, Hufford, Manabe, Int. J. Infrared Millimeter Waves 12, 659",
-            edition="1991, double Debye; as ITU-R P.527-4",
-            bands_hz=((1e6, 1e12),),
-            permittivity_of=liebe_permittivity,
-            parameters=(_temperature(20.0, -4.0, 40.0),),
+WATER_MODELS = (
+    MaterialModel(
+        name="water",
+        title="Pure water",
+        source="Liebe, Hufford, Manabe, Int. J. Infrared Millimeter Waves 12, 659",
+        edition="1991, double Debye; as ITU-R P.527-4",
+        bands_hz=((1e6, 1e12),),
+        permittivity_of=liebe_permittivity,
+        parameters=(_temperature(20.0, -4.0, 40.0),),
+    ),
+    MaterialModel(
+        name="water_kaatze",
+        title="Pure water, single relaxation",
+        source="Kaatze, J. Chem. Eng. Data 34, 371",
+        edition="1989",
+        bands_hz=((1.1e9, 57e9),),
+        permittivity_of=kaatze_permittivity,
+        parameters=(_temperature(20.0, -4.1, 60.0),),
+        remedy="Use the model 'water' (Liebe, up to 1 THz), or change the carrier.",
+    ),
+    MaterialModel(
+        name="sea_water",
+        title="Sea water",
+        source="Klein and Swift, IEEE Trans. Antennas Propag. 25, 104",
+        edition="1977",
+        # Their fit was made for radiometers below X band; they doubt the relaxation above.
+        bands_hz=((0.3e9, 10e9),),
+        permittivity_of=klein_swift_permittivity,
+        parameters=(
+            _temperature(20.0, 0.0, 40.0),
+            Parameter("salinity_psu", "psu", "salinity", 35.0, 4.0, 40.0),
         ),
-        MaterialModel(
-            name="water_kaatze",
-            title="Pure water, single relaxation",
-            source="Kaatze, J. Chem. Eng. Data 34, 371",
-            edition="1989",
-            bands_hz=((1.1e9, 57e9),),
-            permittivity_of=kaatze_permittivity,
-            parameters=(_temperature(20.0, -4.1, 60.0),),
-            remedy="Use the model 'water' (Liebe, up to 1 THz), or change the carrier.",
-        ),
-        MaterialModel(
-            name="sea_water",
-            title="Sea water",
-            source="Klein and Swift, IEEE Trans. Antennas Propag. 25, 104",
-            edition="1977",
-            # Their fit was made for radiometers below X band; they doubt the relaxation above.
-            bands_hz=((0.3e9, 10e9),),
-            permittivity_of=klein_swift_permittivity,
-            parameters=(
-                _temperature(20.0, 0.0, 40.0),
-                Parameter("salinity_psu", "psu", "salinity", 35.0, 4.0, 40.0),
-            ),
-        ),
-        MaterialModel(
-            name="ice",
-            title="Pure ice",
-            source="Maetzler, in Thermal Microwave Radiation (IET), section 5.3",
-            edition="2006",
-            bands_hz=((1e7, 3e12),),
-            permittivity_of=ice_permittivity,
-            # Below 240 K the real part no longer follows the straight line.
-            parameters=(_temperature(-10.0, -33.15, 0.0),),
-        ),
-    )
+    ),
+    MaterialModel(
+        name="ice",
+        title="Pure ice",
+        source="Maetzler, in Thermal Microwave Radiation (IET), section 5.3",
+        edition="2006",
+        bands_hz=((1e7, 3e12),),
+        permittivity_of=ice_permittivity,
+        # Below 240 K the real part no longer follows the straight line.
+        parameters=(_temperature(-10.0, -33.15, 0.0),),
+    ),
+)

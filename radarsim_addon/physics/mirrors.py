@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reflection at planar mirrors: images of points, and the field of a polarised wave.
+"""Reflection at mirrors: images of points, the field of a polarised wave, beams at curved mirrors.
 
-Fields are complex vectors in world axes. A mirror keeps the part across its plane of incidence (s)
-with r_s, and turns the part in it (p) with the wave, with r_p::
+Fields are complex vectors in world axes, (n, 3) for each of k waves; ways are the unit vectors
+along which waves travel, (n, 3). A mirror keeps the part across its plane of incidence (s) with
+r_s, and turns the part in it (p) with the wave, with r_p::
 
     E' = r_s (s . E) s + r_p (p . E) p',    s = n x u / |n x u|,  p = u x s,  p' = u' x s
 
@@ -11,8 +12,8 @@ for a wave along u that leaves along u' = u - 2 (n . u) n (Born and Wolf, Princi
 line of sight turns part of a vertical wave into a horizontal one. What counts of the last wave is
 its part with the polarisation of the run (`co_polar`).
 
-Coefficients are written with exp(-j w t) and an index n + jk, as in :mod:`.fresnel`. Echoes carry
-exp(+j w t): the amplitude of a path has the conjugate.
+Coefficients are written with exp(-j w t). Echoes carry exp(+j w t): the amplitude of a path has the
+conjugate.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Complex, Real, crosses, dots, norms
+from ..arrays import Complex, Real, crosses, dots, norms, reals
 from .fresnel import amplitude_coefficients, reflection_coefficients
 
 #: Length of a cross product of unit vectors below which they are parallel.
@@ -37,12 +38,9 @@ class Reflected(NamedTuple):
 
     Attributes
     ----------
-    power
-        Fraction of the power in the polarisation of the run.
-    phase_rad
-        Phase of the field in this polarisation.
-    turned
-        Fraction of the power in the other polarisation.
+    power : fraction of the power in the polarisation of the run
+    phase_rad : phase of the field in this polarisation
+    turned : fraction of the power in the other polarisation
     apart
         With both polarisations, the power times sin^2 of half the difference of their phases; 0 for
         one polarisation.
@@ -60,14 +58,11 @@ class MirrorMaterial:
 
     Attributes
     ----------
-    index
-        Complex index n + jk.
-    share
-        Part of the reflected power that is mirrored, 0 to 1.
+    index : complex index n + jk
+    share : part of the reflected power that is mirrored, 0 to 1
     polarised
         Whether the material's nodes reflect the polarisation of the run; else the mean of both.
-    rms_height_m
-        Of a slightly rough surface [m]; 0: smooth.
+    rms_height_m : of a slightly rough surface [m]; 0: smooth
     sheet_wavelengths
         Thickness of a thin sheet with interference inside, in wavelengths in vacuum; 0: a
         half-space.
@@ -82,23 +77,10 @@ class MirrorMaterial:
     def reflect(
         self, fields: Complex, incoming: Real, normal: Real, wavelength_m: float
     ) -> Complex:
-        """Return the fields of waves after a reflection.
+        """Return the fields of waves along `incoming` after a reflection, (k, n, 3).
 
-        Parameters
-        ----------
-        fields
-            Fields of waves that come in, (k, n, 3).
-        incoming
-            Unit vectors along which the waves travel to the mirror, (n, 3).
-        normal
-            Unit vector across the mirror, (3,), or one for each wave, (n, 3).
-        wavelength_m
-            Wavelength [m].
-
-        Returns
-        -------
-        ndarray
-            (k, n, 3), of waves along `reflected_ways`.
+        They leave along `reflected_ways`. `normal` is a unit vector across the mirror, (3,), or one
+        for each wave, (n, 3).
         """
         across = crosses(np.broadcast_to(normal, incoming.shape), incoming)
         straight = norms(across) < _PARALLEL
@@ -108,7 +90,11 @@ class MirrorMaterial:
         factor = np.sqrt(self.share)
         if self.rms_height_m > 0:
             factor = factor * coherent_reflection(self.rms_height_m, cosine, wavelength_m)
-        r_s, r_p = (factor * one for one in self._coefficients(cosine))
+        if self.sheet_wavelengths > 0:
+            faces = amplitude_coefficients(self.index, self.sheet_wavelengths, 1.0, cosine)[2:]
+        else:
+            faces = reflection_coefficients(self.index, cosine)
+        r_s, r_p = (factor * one for one in faces)
         before = crosses(incoming, across)
         after = crosses(reflected_ways(incoming, normal), across)
         s, p = r_s * _along(fields, across), r_p * _along(fields, before)
@@ -117,19 +103,7 @@ class MirrorMaterial:
     def reflection(
         self, incoming: Real, normal: Real, polarisation: str, wavelength_m: float
     ) -> Reflected:
-        """Return the waves of a polarisation after one reflection.
-
-        Parameters
-        ----------
-        incoming, normal, wavelength_m
-            See `reflect`.
-        polarisation
-            See `sent_fields`.
-
-        Returns
-        -------
-        Reflected
-        """
+        """Return waves of a polarisation (see `sent_fields`) after one reflection."""
         fields = self.reflect(sent_fields(incoming, polarisation), incoming, normal, wavelength_m)
         return co_polar(fields, reflected_ways(incoming, normal), polarisation)
 
@@ -137,18 +111,12 @@ class MirrorMaterial:
         """Return the fraction of the power that Cycles reflects at the smooth surface, (n,).
 
         It is that of both polarisations after the reflection, and of a simple material the mean
-        over those before it, too. Parameters are those of `reflection`.
+        over those before it, too.
         """
         if not self.polarised:
             polarisation = "average"
         found = replace(self, rms_height_m=0.0).reflection(incoming, normal, polarisation, 1.0)
         return found.power + found.turned
-
-    def _coefficients(self, cosine: Real) -> tuple[Complex, Complex]:
-        """r_s and r_p at cosines of angles of incidence, (n,) each."""
-        if self.sheet_wavelengths > 0:
-            return amplitude_coefficients(self.index, self.sheet_wavelengths, 1.0, cosine)[2:]
-        return reflection_coefficients(self.index, cosine)
 
 
 def reflected_ways(incoming: Real, normal: Real) -> Real:
@@ -156,13 +124,11 @@ def reflected_ways(incoming: Real, normal: Real) -> Real:
 
     Parameters
     ----------
-    incoming, normal
-        See `MirrorMaterial.reflect`.
+    incoming, normal : ways, and unit vectors across the mirror
 
     Returns
     -------
-    ndarray
-        Unit vectors, (n, 3).
+    ndarray : ways
     """
     return np.asarray(incoming - 2 * dots(incoming, normal)[:, None] * normal)
 
@@ -172,16 +138,14 @@ def sent_fields(ways: Real, polarisation: str) -> Complex:
 
     Parameters
     ----------
-    ways
-        Unit vectors along which the waves travel, (n, 3).
+    ways : ways of the waves
     polarisation
         "horizontal": the field is level; "vertical": in the vertical plane of the wave (world z is
         up); "average": waves of both, horizontal ones first, (2, n, 3).
 
     Returns
     -------
-    ndarray
-        Complex, so that mirrors can change the phase.
+    ndarray : complex, so that mirrors can change the phase
     """
     level = _level(ways)
     upright = crosses(level, ways)
@@ -194,10 +158,8 @@ def co_polar(fields: Complex, ways: Real, polarisation: str) -> Reflected:
 
     Parameters
     ----------
-    fields
-        Of `sent_fields` after mirrors, (1 or 2, n, 3).
-    ways
-        Unit vectors along which the waves travel now, (n, 3).
+    fields : of `sent_fields` after mirrors, (1 or 2, n, 3)
+    ways : ways of the waves now
     polarisation
         See `sent_fields`; "average": means of the powers of both, phase of the horizontal one.
 
@@ -217,15 +179,12 @@ def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
 
     Parameters
     ----------
-    normal
-        Unit vector across the plane, (3,).
-    offset_m
-        Distance of the plane from the origin along the normal [m].
+    normal : unit vector across the plane, (3,)
+    offset_m : distance of the plane from the origin along the normal [m]
 
     Returns
     -------
-    A, b
-        Shapes (3, 3) and (3,) [m].
+    A, b : shapes (3, 3) and (3,) [m]
     """
     unit = np.asarray(normal, dtype=np.float64)
     return np.eye(3) - 2 * np.outer(unit, unit), 2 * offset_m * unit
@@ -234,28 +193,21 @@ def mirror_matrix(normal: ArrayLike, offset_m: float) -> tuple[Real, Real]:
 def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: float) -> Real:
     """Return the factor of a slightly rough plane on the amplitude that it mirrors.
 
+    exp(-x) I0(x) with x = 2 (k h sin psi)^2: A. R. Miller, R. M. Brown, E. Vegh, New derivation for
+    the rough-surface reflection coefficient and for the distribution of sea-wave elevations, IEE
+    Proc. H 131 (1984) 114-116.
+
     Parameters
     ----------
-    rms_height_m
-        RMS height [m].
-    sine
-        Sines of grazing angles.
-    wavelength_m
-        Wavelength [m].
+    rms_height_m, wavelength_m : RMS height and wavelength [m]
+    sine : sines of grazing angles
 
     Returns
     -------
-    ndarray
-        1 for a smooth plane, less for a rough one.
-
-    References
-    ----------
-    A. R. Miller, R. M. Brown, E. Vegh, New derivation for the rough-surface reflection coefficient
-    and for the distribution of sea-wave elevations, IEE Proc. H 131 (1984) 114-116:
-    exp(-x) I0(x) with x = 2 (k h sin psi)^2.
+    ndarray : 1 for a smooth plane, less for a rough one
     """
-    height_m = np.asarray(rms_height_m, dtype=np.float64)
-    x = 2 * (2 * np.pi * height_m * np.asarray(sine, dtype=np.float64) / wavelength_m) ** 2
+    height_m, sine = reals(rms_height_m, sine)
+    x = 2 * (2 * np.pi * height_m * sine / wavelength_m) ** 2
     near = np.minimum(x, _LARGE)
     with np.errstate(divide="ignore"):
         far = (1 + 1 / (8 * x)) / np.sqrt(2 * np.pi * x)
@@ -274,23 +226,19 @@ def _level(ways: Real) -> Real:
     return np.asarray(level / norms(level)[:, None])
 
 
-# -------------------------------------------------------------------------------------------------
-# Reflection at a curved mirror by geometric optics: how a beam widens behind it.
-# -------------------------------------------------------------------------------------------------
-
-
 def reflected_widths(curvature: Real, cosine: Real, before_m: Real, after_m: Real) -> Real:
     """Return how wide a beam from a point is behind a curved mirror, over its width on the mirror.
+
+    By geometric optics: G. A. Deschamps, Ray techniques in electromagnetics, Proc. IEEE 60 (1972)
+    1022-1035.
 
     Parameters
     ----------
     curvature
         Curvature tensor of the surface, (n, 2, 2) [1/m], positive where it is convex. The first
         axis is that of the plane of incidence, the second lies across that plane.
-    cosine
-        Cosine of the angle of incidence, (n,).
-    before_m, after_m
-        Way from the point to the mirror, and from the mirror on, (n,) [m].
+    cosine : cosine of the angle of incidence, (n,)
+    before_m, after_m : way from the point to the mirror, and from the mirror on, (n,) [m]
 
     Returns
     -------
@@ -298,10 +246,6 @@ def reflected_widths(curvature: Real, cosine: Real, before_m: Real, after_m: Rea
         Widths along the principal axes of the wavefront, the smaller first, (n, 2). Their product
         is the ratio of areas: the irradiance behind the mirror is that on the mirror over the
         product. 0 is a focus; below 0 the beam has passed one.
-
-    References
-    ----------
-    G. A. Deschamps, Ray techniques in electromagnetics, Proc. IEEE 60 (1972) 1022-1035.
     """
     tensor = 2 * np.array(curvature, dtype=np.float64)
     tensor[:, 0, 0] /= cosine

@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Powers: from radiance to received watts, and the radar equation. All arguments broadcast."""
+"""Powers: from radiance to received watts, the radar equation, receiver noise and SNR.
+
+The path tracer gives radiance L; a pixel of the solid angle dOmega delivers P = L A_e dOmega
+(`received_power_w`). The same power follows from a cross section by the radar equation
+(`bistatic_power_w`), and with the noise k T B F the SNR of a burst (`predict_snr`). In all
+functions gain is that of the receiving antenna, G_r, linear. Sources: Skolnik, Introduction to
+Radar
+Systems; Balanis, Antenna Theory.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import Real
+from ..arrays import Real, reals
 from ..errors import ConfigError
 from .checks import real_array
 from .constants import BOLTZMANN_J_PER_K, REFERENCE_TEMPERATURE_K
@@ -19,22 +27,15 @@ def to_db(ratio: ArrayLike) -> Real:
 
     Parameters
     ----------
-    ratio
-        Ratio, 0 or more.
+    ratio : 0 or more
 
     Returns
     -------
-    ndarray
-        Decibels; -inf for zero.
-
-    Raises
-    ------
-    ConfigError
-        For a negative ratio or NaN.
+    ndarray : decibels; -inf for zero
     """
     value = real_array("Power ratio", ratio, "", minimum=0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(10 * np.log10(value), dtype=np.float64)
+        return np.asarray(10 * np.log10(value))
 
 
 def from_db(level_db: ArrayLike) -> Real:
@@ -42,15 +43,14 @@ def from_db(level_db: ArrayLike) -> Real:
 
     Parameters
     ----------
-    level_db : Decibels
+    level_db : decibels
 
     Returns
     -------
     ndarray
-        Ratio, in the same shape.
     """
-    value = np.asarray(level_db, dtype=np.float64)
-    return np.asarray(10 ** (value / 10), dtype=np.float64)
+    (value,) = reals(level_db)
+    return np.asarray(10 ** (value / 10))
 
 
 def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
@@ -58,18 +58,14 @@ def effective_area_m2(wavelength_m: ArrayLike, gain: ArrayLike = 1.0) -> Real:
 
     Parameters
     ----------
-    wavelength_m
-        lambda [m].
-    gain
-        G, linear.
+    wavelength_m, gain : lambda [m] and G
 
     Returns
     -------
-    ndarray
-        Area [m^2].
+    ndarray : [m^2]
     """
-    wavelength = np.asarray(wavelength_m, dtype=np.float64)
-    return np.asarray(gain, dtype=np.float64) * wavelength**2 / (4 * np.pi)
+    wavelength, gain = reals(wavelength_m, gain)
+    return gain * wavelength**2 / (4 * np.pi)
 
 
 def received_power_w(
@@ -81,23 +77,15 @@ def received_power_w(
 
     Parameters
     ----------
-    radiance
-        L [W/(m^2 sr)].
-    solid_angle_sr
-        dOmega [sr].
-    wavelength_m, gain
-        As for `effective_area_m2`.
+    radiance, solid_angle_sr : L [W/(m^2 sr)] and dOmega [sr]
+    wavelength_m, gain : as for `effective_area_m2`
 
     Returns
     -------
-    ndarray
-        Power [W].
+    ndarray : [W]
     """
-    return (
-        np.asarray(radiance, dtype=np.float64)
-        * np.asarray(solid_angle_sr, dtype=np.float64)
-        * effective_area_m2(wavelength_m, gain)
-    )
+    radiance, solid_angle = reals(radiance, solid_angle_sr)
+    return radiance * solid_angle * effective_area_m2(wavelength_m, gain)
 
 
 def monostatic_power_w(
@@ -111,29 +99,17 @@ def monostatic_power_w(
 
     Parameters
     ----------
-    eirp_w
-        EIRP [W].
-    rcs_m2
-        sigma [m^2].
-    range_m
-        R [m].
-    wavelength_m
-        lambda [m].
-    gain
-        G_r, linear.
+    eirp_w, rcs_m2 : EIRP [W] and sigma [m^2]
+    range_m, wavelength_m : R and lambda [m]
+    gain : G_r
 
     Returns
     -------
-    ndarray
-        Received power [W].
+    ndarray : received power [W]
     """
-    numerator = (
-        np.asarray(eirp_w, dtype=np.float64)
-        * np.asarray(gain, dtype=np.float64)
-        * np.asarray(wavelength_m, dtype=np.float64) ** 2
-        * np.asarray(rcs_m2, dtype=np.float64)
-    )
-    return numerator / ((4 * np.pi) ** 3 * np.asarray(range_m, dtype=np.float64) ** 4)
+    eirp, gain, wavelength = reals(eirp_w, gain, wavelength_m)
+    rcs, distance = reals(rcs_m2, range_m)
+    return eirp * gain * wavelength**2 * rcs / ((4 * np.pi) ** 3 * distance**4)
 
 
 def bistatic_power_w(
@@ -149,28 +125,14 @@ def bistatic_power_w(
 
     Parameters
     ----------
-    eirp_w
-        EIRP towards the target [W].
-    rcs_m2
-        sigma [m^2].
-    transmitter_range_m, receiver_range_m
-        R_t and R_r [m].
-    wavelength_m
-        lambda [m].
-    gain
-        G_r towards the target, linear.
-    loss_db
-        All losses together, L in dB.
+    eirp_w, rcs_m2 : EIRP towards the target [W] and sigma [m^2]
+    transmitter_range_m, receiver_range_m, wavelength_m : R_t, R_r and lambda [m]
+    gain : G_r towards the target
+    loss_db : all losses together, L in dB
 
     Returns
     -------
-    ndarray
-        Received power [W].
-
-    Raises
-    ------
-    ConfigError
-        NaN, a range or wavelength that is not positive, a negative power, gain or cross section.
+    ndarray : received power [W]
     """
     eirp = real_array("EIRP", eirp_w, "W", minimum=0.0)
     rcs = real_array("Radar cross section", rcs_m2, "m^2", minimum=0.0)
@@ -179,7 +141,7 @@ def bistatic_power_w(
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     received = eirp * real_array("Gain", gain, "", minimum=0.0) * wavelength**2 * rcs
     loss = from_db(real_array("Loss", loss_db, "dB"))
-    return np.asarray(received / ((4 * np.pi) ** 3 * there**2 * back**2 * loss), dtype=np.float64)
+    return np.asarray(received / ((4 * np.pi) ** 3 * there**2 * back**2 * loss))
 
 
 def rcs_from_power_m2(
@@ -194,20 +156,17 @@ def rcs_from_power_m2(
 
     Parameters
     ----------
-    power_w
-        Received power [W].
-    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain
-        As for `bistatic_power_w`.
+    power_w : received power [W]
+    eirp_w, transmitter_range_m, receiver_range_m, wavelength_m, gain : as for `bistatic_power_w`
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : [m^2]
     """
     power = real_array("Received power", power_w, "W", minimum=0.0)
     eirp = real_array("EIRP", eirp_w, "W", above=0.0)
     unit = bistatic_power_w(eirp, 1.0, transmitter_range_m, receiver_range_m, wavelength_m, gain)
-    return np.asarray(power / unit, dtype=np.float64)
+    return np.asarray(power / unit)
 
 
 def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: ArrayLike) -> Real:
@@ -215,21 +174,14 @@ def lambert_plate_rcs_m2(albedo: ArrayLike, area_m2: ArrayLike, cos_incidence: A
 
     Parameters
     ----------
-    albedo
-        rho.
-    area_m2
-        A [m^2].
-    cos_incidence
-        cos(theta).
+    albedo, area_m2, cos_incidence : rho, A [m^2] and cos(theta)
 
     Returns
     -------
-    ndarray
-        Cross section [m^2].
+    ndarray : [m^2]
     """
-    cosine = np.asarray(cos_incidence, dtype=np.float64)
-    area = np.asarray(area_m2, dtype=np.float64)
-    return np.asarray(4 * np.asarray(albedo, dtype=np.float64) * area * cosine**2)
+    rho, area, cosine = reals(albedo, area_m2, cos_incidence)
+    return np.asarray(4 * rho * area * cosine**2)
 
 
 def lambert_radiance(
@@ -241,31 +193,17 @@ def lambert_radiance(
 
     Parameters
     ----------
-    albedo
-        rho.
-    eirp_w
-        EIRP [W].
-    range_m
-        R [m].
-    cos_incidence
-        cos(theta).
+    albedo, eirp_w, range_m, cos_incidence : rho, EIRP [W], R [m] and cos(theta)
 
     Returns
     -------
-    ndarray
-        Radiance [W/(m^2 sr)].
+    ndarray : [W/(m^2 sr)]
     """
-    irradiance = (
-        np.asarray(eirp_w, dtype=np.float64)
-        * np.asarray(cos_incidence, dtype=np.float64)
-        / (4 * np.pi * np.asarray(range_m, dtype=np.float64) ** 2)
-    )
-    return np.asarray(albedo, dtype=np.float64) / np.pi * irradiance
+    rho, eirp, distance, cosine = reals(albedo, eirp_w, range_m, cos_incidence)
+    return rho / np.pi * (eirp * cosine / (4 * np.pi * distance**2))
 
 
-# -------------------------------------------------------------------------------------------------
-# Receiver noise, and the signal-to-noise ratio that the radar equation predicts for a burst.
-# -------------------------------------------------------------------------------------------------
+# -- noise -----------------------------------------------------------------------------------------
 
 
 def noise_power_w(
@@ -282,26 +220,18 @@ def noise_power_w(
     bandwidth_hz
         B [Hz]. For complex samples it is the sampling rate: the result is the power of each
         sample's noise, real and imaginary together.
-    noise_figure_db
-        F in dB, 0 or more.
-    antenna_temperature_k
-        T_a [K].
+    noise_figure_db : F in dB, 0 or more
+    antenna_temperature_k : T_a [K]
 
     Returns
     -------
-    ndarray
-        Power of the broadcast shape [W].
-
-    Raises
-    ------
-    ConfigError
-        NaN, bandwidth not positive, noise figure below 0 dB, negative temperature.
+    ndarray : [W]
     """
     bandwidth = real_array("Noise bandwidth", bandwidth_hz, "Hz", above=0.0)
     factor = from_db(real_array("Noise figure", noise_figure_db, "dB", minimum=0.0))
     antenna = real_array("Antenna temperature", antenna_temperature_k, "K", minimum=0.0)
     temperature = antenna + (factor - 1) * REFERENCE_TEMPERATURE_K
-    return np.asarray(BOLTZMANN_J_PER_K * temperature * bandwidth, dtype=np.float64)
+    return np.asarray(BOLTZMANN_J_PER_K * temperature * bandwidth)
 
 
 def complex_noise(
@@ -311,17 +241,12 @@ def complex_noise(
 
     Parameters
     ----------
-    rng
-        Source of random numbers.
-    shape
-        Shape of the result.
-    power_w
-        Mean |x|^2 [W].
+    rng, shape : source of random numbers, and shape of the result
+    power_w : mean |x|^2 [W]
 
     Returns
     -------
     ndarray
-        Complex noise.
     """
     scale = np.sqrt(float(real_array("Noise power", power_w, "W", minimum=0.0)) / 2)
     noise = rng.standard_normal(shape) + 1j * rng.standard_normal(shape)
@@ -330,16 +255,13 @@ def complex_noise(
 
 @dataclass(frozen=True)
 class SnrPrediction:
-    """Signal-to-noise ratios of one target.
+    """Signal-to-noise ratios of one target [dB].
 
     Attributes
     ----------
-    single_sample_db
-        One complex sample of the echo, before any processing [dB].
-    single_pulse_db
-        Peak of the compressed pulse: signal energy over noise density, P T / (k T_s) [dB].
-    burst_db
-        Peak of the range-Doppler map, all pulses added coherently, tapers included [dB].
+    single_sample_db : one complex sample of the echo, before any processing
+    single_pulse_db : peak of the compressed pulse: signal energy over noise density, P T / (k T_s)
+    burst_db : peak of the range-Doppler map, all pulses added coherently, tapers included
     """
 
     single_sample_db: float
@@ -366,24 +288,19 @@ def predict_snr(
     ----------
     received_power_w
         Power of the echo during the pulse [W], from the radar equation with its losses.
-    pulse_length_s, sampling_rate_hz
-        Pulse width [s] and complex sampling rate [Hz].
-    pulses
-        Pulses added coherently.
-    noise_figure_db, antenna_temperature_k
-        As in `noise_power_w`.
+    pulse_length_s, sampling_rate_hz : pulse width [s] and complex sampling rate [Hz]
+    pulses : pulses added coherently
+    noise_figure_db, antenna_temperature_k : as in `noise_power_w`
     window_loss_db
         SNR loss of the range and Doppler tapers together, 0 or more: see `window_loss_db()`.
 
     Returns
     -------
     SnrPrediction
-        In dB.
 
     Raises
     ------
-    ConfigError
-        As in `noise_power_w`; pulses below 1; a negative loss.
+    ConfigError : pulses below 1; noise of zero
     """
     if not (isinstance(pulses, int) and pulses >= 1):
         raise ConfigError(f"Number of pulses is {pulses!r}; expected an integer from 1 up.")
@@ -409,18 +326,15 @@ def window_loss_db(window: ArrayLike) -> float:
 
     Parameters
     ----------
-    window
-        Weights, (N,).
+    window : weights, (N,)
 
     Returns
     -------
-    float
-        Loss [dB], 0 or more.
+    float : [dB], 0 or more
 
     Raises
     ------
-    ConfigError
-        The weights are no list, or their sum is zero.
+    ConfigError : the weights are no list, or their sum is zero
     """
     weights = real_array("Window", window)
     if weights.ndim != 1 or weights.size == 0 or weights.sum() == 0:

@@ -4,10 +4,7 @@
 Optical limit or physical optics: good for bodies of several wavelengths. Physical optics of a
 sphere is wrong by up to 2.3 dB at ka 5 to 10 and 0.4 dB at ka 20 to 40; of plates by tens of dB
 near grazing incidence. Textbook peaks: Ruck, Radar Cross Section Handbook; Knott, Shaeffer, Tuley,
-Radar Cross Section, table 6-1.
-
-Lengths are in metres and angles in radians, of any shapes that broadcast; results have that shape.
-A value that is not finite or out of range raises a ConfigError that names it.
+Radar Cross Section, table 6-1. In the equations lambda is the wavelength and k = 2 pi/lambda.
 """
 
 from __future__ import annotations
@@ -28,15 +25,11 @@ def area_rcs_m2(area_m2: ArrayLike, wavelength_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    area_m2
-        A [m^2].
-    wavelength_m
-        lambda [m].
+    area_m2, wavelength_m : A [m^2] and lambda [m]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     area = real_array("Area", area_m2, "m^2", minimum=0.0)
     return np.asarray(4 * np.pi * area**2 / _length("Wavelength", wavelength_m) ** 2)
@@ -59,17 +52,13 @@ def specular_face(
 
     Parameters
     ----------
-    first_m, second_m
-        Lengths of the face along both principal directions [m].
-    wavelength_m
-        lambda [m].
-    first_per_m, second_per_m
-        Principal curvatures, each plus 1/R at a finite range R [1/m].
+    first_m, second_m : lengths of the face along both principal directions [m]
+    wavelength_m : lambda [m]
+    first_per_m, second_per_m : principal curvatures, each plus 1/R at a finite range R [1/m]
 
     Returns
     -------
-    ndarray
-        Cross section of a perfect conductor [m^2].
+    ndarray : of a perfect conductor
     """
     wavelength = _length("Wavelength", wavelength_m)
     area = np.ones(())
@@ -85,15 +74,13 @@ def sphere_optical(radius_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    radius_m
-        a [m].
+    radius_m : a [m]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
-    return np.asarray(np.pi * _length("Radius", radius_m) ** 2, dtype=np.float64)
+    return np.asarray(np.pi * _length("Radius", radius_m) ** 2)
 
 
 def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
@@ -101,20 +88,18 @@ def sphere_physical_optics(radius_m: ArrayLike, wavelength_m: ArrayLike) -> Real
 
     Parameters
     ----------
-    radius_m, wavelength_m
-        Radius and wavelength [m].
+    radius_m, wavelength_m : a and lambda [m]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     radius = _length("Radius", radius_m)
     x = 2 * np.pi * radius / _length("Wavelength", wavelength_m)
     # |1 - exp(jx) sinc|^2 written as a sum of squares keeps its digits for small spheres.
     ratio = np.sin(x) / x
     value = (1 - ratio * np.cos(x)) ** 2 + (ratio * np.sin(x)) ** 2
-    return np.asarray(np.pi * radius**2 * value, dtype=np.float64)
+    return np.asarray(np.pi * radius**2 * value)
 
 
 def plate(
@@ -129,21 +114,18 @@ def plate(
 
     Parameters
     ----------
-    width_m, height_m, wavelength_m
-        W, height and lambda [m].
-    tilt_rad
-        Angle from the normal, in the plane of `width_m` [rad].
+    width_m, height_m, wavelength_m : W, height and lambda [m]
+    tilt_rad : angle from the normal, in the plane of `width_m` [rad]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     width, wavelength = _length("Width", width_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
     phase = np.sinc(2 * width / wavelength * np.sin(tilt))
     peak = area_rcs_m2(width * _length("Height", height_m), wavelength)
-    return np.asarray(peak * (np.cos(tilt) * phase) ** 2, dtype=np.float64)
+    return np.asarray(peak * (np.cos(tilt) * phase) ** 2)
 
 
 def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0) -> Real:
@@ -151,21 +133,18 @@ def disc(radius_m: ArrayLike, wavelength_m: ArrayLike, tilt_rad: ArrayLike = 0.0
 
     Parameters
     ----------
-    radius_m, wavelength_m
-        a and lambda [m].
-    tilt_rad
-        Angle from the normal [rad].
+    radius_m, wavelength_m : a and lambda [m]
+    tilt_rad : angle from the normal [rad]
 
     Returns
     -------
     ndarray
-        Cross section by physical optics [m^2].
     """
     radius, wavelength = _length("Radius", radius_m), _length("Wavelength", wavelength_m)
     tilt = real_array("Tilt", tilt_rad, "rad", -np.pi / 2, np.pi / 2)
     x = 4 * np.pi * radius / wavelength * np.sin(np.abs(tilt))
     peak = area_rcs_m2(np.pi * radius**2, wavelength)
-    return np.asarray(peak * (np.cos(tilt) * _jinc(x)) ** 2, dtype=np.float64)
+    return np.asarray(peak * (np.cos(tilt) * _jinc(x)) ** 2)
 
 
 def _jinc(x: Real) -> Real:
@@ -175,7 +154,7 @@ def _jinc(x: Real) -> Real:
     angle = np.pi / 2 * (np.arange(count) + 0.5) / count
     flat = np.atleast_1d(x)
     mean = np.array([np.mean(np.cos(angle) ** 2 * np.cos(at * np.sin(angle))) for at in flat.flat])
-    return np.asarray(2 * mean.reshape(x.shape), dtype=np.float64)
+    return np.asarray(2 * mean.reshape(x.shape))
 
 
 def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: ArrayLike) -> Real:
@@ -183,13 +162,11 @@ def cylinder_broadside(radius_m: ArrayLike, length_m: ArrayLike, wavelength_m: A
 
     Parameters
     ----------
-    radius_m, length_m, wavelength_m
-        a, L and lambda [m].
+    radius_m, length_m, wavelength_m : a, L and lambda [m]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     radius, length = _length("Radius", radius_m), _length("Length", length_m)
     return np.asarray(2 * np.pi * radius * length**2 / _length("Wavelength", wavelength_m))
@@ -207,17 +184,12 @@ def dihedral(
 
     Parameters
     ----------
-    width_m, height_m
-        W of both plates, and H of the edge [m].
-    wavelength_m
-        lambda [m].
-    angle_rad
-        Angle from the normal of one plate; pi/4 on axis [rad].
+    width_m, height_m, wavelength_m : W of both plates, H of the edge, and lambda [m]
+    angle_rad : angle from the normal of one plate; pi/4 on axis [rad]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     angle = real_array("Angle", angle_rad, "rad", 0.0, np.pi / 2)
     lit = np.minimum(np.sin(angle), np.cos(angle))
@@ -226,7 +198,7 @@ def dihedral(
 
 
 def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
-    """Return the direction cosines to the three edges in rising order; the vector is normalised."""
+    """Return the cosines between vectors and the three edges in rising order."""
     vector = real_array("Direction", directions, "", minimum=0.0)
     norm = np.linalg.norm(vector, axis=-1, keepdims=True)
     low, middle, high = np.moveaxis(np.sort(vector / np.where(norm == 0, 1, norm), axis=-1), -1, 0)
@@ -236,27 +208,24 @@ def _sorted_cosines(directions: ArrayLike) -> tuple[Real, Real, Real]:
 def trihedral_triangular_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
     """Return the effective area of the triple bounce in a triangular trihedral.
 
-    Siegel et al. 1955; Ruck 8.3. On axis a^2/sqrt(3), so the cross section is 4 pi a^4/(3
-    lambda^2).
+    Siegel et al. 1955; Ruck 8.3. On axis a^2/sqrt(3), so the cross section (`area_rcs_m2`) is
+    4 pi a^4/(3 lambda^2).
 
     Parameters
     ----------
-    edge_m
-        a [m].
-    directions
-        Vectors towards the radar along the three edges, components >= 0, (..., 3).
+    edge_m : a [m]
+    directions : vectors towards the radar along the three edges, components >= 0, (..., 3)
 
     Returns
     -------
-    ndarray
-        Area [m^2], see `area_rcs_m2`.
+    ndarray : [m^2]
     """
     low, middle, high = _sorted_cosines(directions)
     total = low + middle + high
     # The aperture meets its own point reflection in a hexagon, or beyond low + middle = high in a
     # parallelogram; both expressions agree there.
     area = np.where(low + middle <= high, 4 * low * middle / total, total - 2 / total)
-    return np.asarray(_length("Edge", edge_m) ** 2 * area, dtype=np.float64)
+    return np.asarray(_length("Edge", edge_m) ** 2 * area)
 
 
 def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
@@ -266,17 +235,15 @@ def trihedral_square_area_m2(edge_m: ArrayLike, directions: ArrayLike) -> Real:
 
     Parameters
     ----------
-    edge_m, directions
-        As for `trihedral_triangular_area_m2`.
+    edge_m, directions : as for `trihedral_triangular_area_m2`
 
     Returns
     -------
-    ndarray
-        Area [m^2], see `area_rcs_m2`.
+    ndarray : [m^2]
     """
     low, middle, high = _sorted_cosines(directions)
     area = np.where(middle <= high / 2, 4 * low * middle / high, low * (4 - high / middle))
-    return np.asarray(_length("Edge", edge_m) ** 2 * area, dtype=np.float64)
+    return np.asarray(_length("Edge", edge_m) ** 2 * area)
 
 
 def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
@@ -286,18 +253,14 @@ def sphere_lambert(radius_m: ArrayLike, albedo: ArrayLike) -> Real:
 
     Parameters
     ----------
-    radius_m
-        a [m].
-    albedo
-        rho, 0 to 1.
+    radius_m, albedo : a [m] and rho, 0 to 1
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
-    return np.asarray(8 / 3 * rho * sphere_optical(radius_m), dtype=np.float64)
+    return np.asarray(8 / 3 * rho * sphere_optical(radius_m))
 
 
 def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
@@ -305,15 +268,12 @@ def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
 
     Parameters
     ----------
-    sigma0
-        Backscatter coefficient [m^2/m^2].
-    area_m2
-        A of the surface itself, not of its projection [m^2].
+    sigma0 : backscatter coefficient [m^2/m^2]
+    area_m2 : A of the surface itself, not of its projection [m^2]
 
     Returns
     -------
     ndarray
-        Cross section [m^2].
     """
     return np.asarray(
         real_array("sigma_0", sigma0, "", minimum=0.0)
@@ -322,19 +282,15 @@ def patch_rcs_m2(sigma0: ArrayLike, area_m2: ArrayLike) -> Real:
 
 
 def lambert_sigma0(albedo: ArrayLike, cos_incidence: ArrayLike) -> Real:
-    """Return the backscatter coefficient of a Lambert surface, 4 rho cos^2.
+    """Return the backscatter coefficient of a Lambert surface, 4 rho cos^2 [m^2/m^2].
 
     Parameters
     ----------
-    albedo
-        rho, 0 to 1.
-    cos_incidence
-        Cosine of the angle of incidence, 0 to 1.
+    albedo, cos_incidence : rho, and cosine of the angle of incidence, 0 to 1
 
     Returns
     -------
     ndarray
-        sigma_0 [m^2/m^2].
     """
     rho = real_array("Albedo", albedo, "", 0.0, 1.0)
-    return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2, dtype=np.float64)
+    return np.asarray(4 * rho * direction_cosine(cos_incidence) ** 2)

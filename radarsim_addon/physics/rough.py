@@ -1,9 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scattering of rough surfaces: the Kirchhoff model in the geometric-optics limit.
+"""Scattering of rough surfaces: the Kirchhoff model in the geometric-optics limit, and lobes.
 
-Surface heights are Gaussian with rms slope m (one component). Facets with a normal half way between
+Surface heights are Gaussian with RMS slope m (one component). Facets with a normal half way between
 radar and receiver reflect. The model equals a microfacet lobe with the Beckmann distribution,
-alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. All arguments broadcast.
+alpha = sqrt(2) m, and Roughness = sqrt(alpha) in Cycles. There are conversions between heights,
+slopes and roughness, backscatter (`sigma0`) and bistatic scattering (`facet_scattering`), and the
+limits of the model (`kirchhoff_limits`).
+
+Energy: a microfacet lobe reflects the albedo A(theta), the mean of Fresnel's F over the facets
+(`albedo`); a ray that passes straight through a face gets 1 - F(theta) of the smooth one. A exceeds
+F by up to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, and the sum exceeds 1.
+`transmission_factors` reduce the transmission by the excess.
+
+`directive_lobe` is the lobe of effective roughness around the mirrored direction instead. Per
+steradian the scattered power goes with ((1 + cos psi) / 2)^exponent, psi the angle to the direction
+of the mirrored wave. Over all directions above the surface the lobe adds up to 1, whatever the
+angle of incidence (V. Degli-Esposti, F. Fuschini, E. M. Vitucci, G. Falciasecca, Measurement and
+modelling of scattering from buildings, IEEE Trans. Antennas Propag. 55 (2007) 143-153, eq. 9 to
+12).
+
+In all functions slope is the RMS slope m, index n + jk, and cos_incidence the cosine of the angle
+of incidence.
 """
 
 from __future__ import annotations
@@ -15,7 +32,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Real, dots, norms
+from ..arrays import Real, dots, norms, reals
 from ..errors import ConfigError
 from ..findings import Finding, finding
 from .checks import direction_cosine, passive_index, real_array, require_one_shape
@@ -40,17 +57,15 @@ def rms_slope(rms_height_m: ArrayLike, correlation_length_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m
-        h and l [m].
+    rms_height_m, correlation_length_m : h and l [m]
 
     Returns
     -------
     ndarray
-        Rms slope.
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     length = real_array("Correlation length", correlation_length_m, "m", above=0.0)
-    return np.asarray(np.sqrt(2) * height / length, dtype=np.float64)
+    return np.asarray(np.sqrt(2) * height / length)
 
 
 def cycles_roughness(slope: ArrayLike) -> Real:
@@ -58,17 +73,15 @@ def cycles_roughness(slope: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope
-        Rms slope m.
+    slope : up to 1/sqrt(2), a roughness of 1
 
     Returns
     -------
-    ndarray : 0 to 1; Cycles clamps larger values
+    ndarray : 0 to 1
 
     Raises
     ------
-    ConfigError
-        For slopes above 1/sqrt(2), beyond a roughness of 1.
+    ConfigError : slope beyond that
     """
     roughness = np.sqrt(np.sqrt(2) * real_array("Rms slope", slope, "", minimum=0.0))
     if np.any(roughness > 1 + 1e-9):
@@ -76,28 +89,26 @@ def cycles_roughness(slope: ArrayLike) -> Real:
             f"Rms slope {np.max(np.asarray(slope)):g} needs a roughness of {roughness.max():g}; "
             "Cycles allows at most 1 (slope 0.7071). Model such a surface by its geometry."
         )
-    return np.asarray(np.minimum(roughness, 1.0), dtype=np.float64)
+    return np.asarray(np.minimum(roughness, 1.0))
 
 
 def slope_from_roughness(roughness: ArrayLike) -> Real:
-    """Return the rms slope of a Cycles roughness, r^2 / sqrt(2).
+    """Return the RMS slope of a Cycles roughness, r^2 / sqrt(2).
 
     Parameters
     ----------
-    roughness
-        r, 0 to 1.
+    roughness : r, 0 to 1
 
     Returns
     -------
     ndarray
-        Rms slope.
     """
     value = real_array("Roughness", roughness, "", 0.0, 1.0)
-    return np.asarray(value**2 / np.sqrt(2), dtype=np.float64)
+    return np.asarray(value**2 / np.sqrt(2))
 
 
 def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
-    """Return m lambda / sqrt(2), the least RMS height that a slope can stand for.
+    """Return m lambda / sqrt(2), the least RMS height that a slope can stand for [m].
 
     It is that of a correlation length of one wavelength. The Kirchhoff model does not hold for
     much shorter ones (`kirchhoff_limits`: k l > 6), and longer ones have larger heights. Slopes
@@ -106,15 +117,11 @@ def least_rms_height_m(slope: ArrayLike, wavelength_m: ArrayLike) -> Real:
 
     Parameters
     ----------
-    slope
-        RMS slope m.
-    wavelength_m
-        lambda [m].
+    slope, wavelength_m : m and lambda [m]
 
     Returns
     -------
     ndarray
-        RMS height [m].
     """
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     return np.asarray(real_array("Rms slope", slope, "", minimum=0.0) * wavelength / np.sqrt(2))
@@ -129,20 +136,16 @@ def coherent_fraction(
 
     Parameters
     ----------
-    rms_height_m, wavelength_m
-        h and wavelength [m].
-    cos_incidence
-        Cosine of the angle of incidence.
+    rms_height_m, wavelength_m, cos_incidence : h and lambda [m], and cosine of incidence
 
     Returns
     -------
     ndarray
-        Fraction, 0 to 1.
     """
     height = real_array("Rms height", rms_height_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
     rayleigh = 4 * np.pi * height / wavelength * direction_cosine(cos_incidence)
-    return np.asarray(np.exp(-(rayleigh**2)), dtype=np.float64)
+    return np.asarray(np.exp(-(rayleigh**2)))
 
 
 def kirchhoff_limits(
@@ -160,15 +163,12 @@ def kirchhoff_limits(
 
     Parameters
     ----------
-    rms_height_m, correlation_length_m, wavelength_m
-        h, l and lambda [m].
-    cos_incidence
-        Cosine of the angle of incidence.
+    rms_height_m, correlation_length_m, wavelength_m : h, l and lambda [m]
+    cos_incidence : cosine of incidence
 
     Returns
     -------
-    tuple of Finding
-        Without subjects; empty if the model is valid.
+    tuple of Finding : without subjects; empty if the model is valid
     """
     height = float(real_array("Rms height", rms_height_m, "m", minimum=0.0))
     length = float(real_array("Correlation length", correlation_length_m, "m", above=0.0))
@@ -199,25 +199,20 @@ def sigma0(
     cos_incidence: ArrayLike,
     masking: Masking = "none",
 ) -> Real:
-    """Return the backscatter coefficient of a rough surface, both like polarisations.
+    """Return the backscatter coefficient of a rough surface, both like polarisations [m^2/m^2].
 
     |Gamma(0)|^2 exp(-tan^2/alpha^2) / (alpha^2 cos^4), alpha = sqrt(2) m (Ulaby, Moore, Fung II,
     eq. 12.55; Valenzuela 1978), Gamma(0) at normal incidence on the facet. Times G with masking.
 
     Parameters
     ----------
-    index
-        Complex index n + jk.
-    slope
-        Rms slope m, more than 0.
-    cos_incidence
-        Cosine of the incidence angle; at 0 the coefficient is 0.
-    masking : 'none', 'smith' or 'cycles'; see `masking_lambda`
+    index, slope : of the surface; the slope is more than 0
+    cos_incidence : at 0 the coefficient is 0
+    masking : see `masking_lambda`
 
     Returns
     -------
     ndarray
-        sigma_0 [m^2/m^2].
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     cosine = direction_cosine(cos_incidence)
@@ -230,8 +225,8 @@ def sigma0(
     log_value = -tan2 / alpha**2 - 2 * np.log(alpha) - 4 * np.log(safe)
     value = np.where(cosine > 0, reflectance * np.exp(log_value), 0.0)
     if _masking(masking) == "none":
-        return np.asarray(value, dtype=np.float64)
-    return np.asarray(value / (1 + 2 * masking_lambda(alpha, safe, masking)), dtype=np.float64)
+        return np.asarray(value)
+    return np.asarray(value / (1 + 2 * masking_lambda(alpha, safe, masking)))
 
 
 def facet_brightness(
@@ -246,24 +241,21 @@ def facet_brightness(
 
     Parameters
     ----------
-    slope
-        Rms slope m, more than 0.
+    slope : more than 0
     cos_in, cos_out
         Cosines of the angles from the normal to transmitter and receiver; 0 behind either.
-    cos_facet
-        Cosine of the angle from the normal to the facet half way.
+    cos_facet : cosine of the angle from the normal to the facet half way
 
     Returns
     -------
-    ndarray
-        Brightness [m^2/m^2].
+    ndarray : [m^2/m^2]
     """
     alpha = np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0)
     ahead = (np.asarray(cos_in) > 0) & (np.asarray(cos_out) > 0)
     enters, leaves = (np.where(ahead, cosine, 1.0) for cosine in (cos_in, cos_out))
     masking = sum(masking_lambda(alpha, cosine, "cycles") for cosine in (enters, leaves))
     single = sigma0(_CONDUCTOR, slope, cos_facet) / (1 + masking) / leaves
-    return np.asarray(np.where(ahead, single, 0.0), dtype=np.float64)
+    return np.asarray(np.where(ahead, single, 0.0))
 
 
 def _masking(masking: str) -> str:
@@ -277,10 +269,8 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Parameters
     ----------
-    alpha
-        Width of the Beckmann distribution.
-    cosine
-        Cosine of the angle from the normal.
+    alpha : width of the Beckmann distribution
+    cosine : cosine of the angle from the normal
     masking
         'smith': exact, (exp(-a^2)/(a sqrt(pi)) - erfc(a))/2 with a = 1/(alpha tan) (Smith 1967).
         'cycles': the rational approximation of Walter et al. 2007 eq. 27 that renderers use, with
@@ -288,11 +278,9 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
 
     Returns
     -------
-    ndarray
-        Lambda, 0 or more.
+    ndarray : 0 or more
     """
-    width = np.asarray(alpha, dtype=np.float64)
-    c = np.asarray(cosine, dtype=np.float64)
+    width, c = reals(alpha, cosine)
     if _masking(masking) == "none":
         return np.zeros(np.broadcast_shapes(width.shape, c.shape))
     tangent = np.sqrt(np.maximum((1 - c) * (1 + c), 0)) / np.maximum(c, 1e-300)
@@ -300,10 +288,8 @@ def masking_lambda(alpha: ArrayLike, cosine: ArrayLike, masking: Masking = "smit
     a = np.clip(1 / np.maximum(width * tangent, 1e-300), 1e-12, 30.0)
     if masking == "cycles":
         rational = (1 - 1.259 * a + 0.396 * a**2) / (3.535 * a + 2.181 * a**2)
-        return np.asarray(np.where(a < 1.6, rational, 0.0), dtype=np.float64)
-    return np.asarray(
-        np.maximum((np.exp(-(a**2)) / (a * np.sqrt(np.pi)) - _erfc(a)) / 2, 0.0), dtype=np.float64
-    )
+        return np.asarray(np.where(a < 1.6, rational, 0.0))
+    return np.asarray(np.maximum((np.exp(-(a**2)) / (a * np.sqrt(np.pi)) - _erfc(a)) / 2, 0.0))
 
 
 def albedo(
@@ -322,25 +308,18 @@ def albedo(
 
     Parameters
     ----------
-    slope
-        Rms slope m, more than 0.
-    cos_incidence
-        Cosine of the incidence angle, more than 0.
-    index
-        Complex index; None is a perfect conductor, F = 1.
-    masking : 'smith' (exact) or 'cycles' (rational approximation)
-    steps
-        Cells per direction.
+    slope, cos_incidence : more than 0
+    index : None is a perfect conductor, F = 1
+    masking : 'smith' or 'cycles', see `masking_lambda`
+    steps : cells per direction
 
     Returns
     -------
-    float
-        Fraction, 0 to 1.
+    float : 0 to 1
 
     Raises
     ------
-    ConfigError
-        Slope or cosine out of bounds, amplifying index, or no masking.
+    ConfigError : no masking
     """
     alpha = float(np.sqrt(2) * real_array("Rms slope", slope, "", above=0.0))
     cos_i = float(real_array("Cosine of the angle of incidence", cos_incidence, "", None, 1.0, 0.0))
@@ -367,15 +346,7 @@ def albedo(
     return float(np.mean(np.where(used, value, 0.0)))
 
 
-# -------------------------------------------------------------------------------------------------
-# Bound on the transmission of a rough surface, so that it conserves energy.
-#
-# A microfacet lobe reflects the albedo A(theta), the mean of Fresnel's F over the facets; a ray
-# that passes straight through a face gets 1 - F(theta) of the smooth one. A exceeds F by up
-# to 3e-3 for dielectrics and 0.1 for wet media near grazing incidence, and the sum exceeds 1. The
-# factors of this module reduce the transmission by the excess.
-# -------------------------------------------------------------------------------------------------
-
+# -- transmission that conserves energy ------------------------------------------------------------
 
 RAMP_BELOW = 0.5
 """Cosine of incidence below which the factor runs linearly from the first to the second."""
@@ -397,23 +368,14 @@ def transmission_factors(
 
     Parameters
     ----------
-    index
-        Complex index n + jk.
-    slope
-        Rms slope m, 0 for a smooth surface.
-    facet_fresnel
-        Each facet reflects by Fresnel's equations; False: as at normal incidence.
+    index, slope : of the surface; slope 0: smooth
+    facet_fresnel : each facet reflects by Fresnel's equations; False: as at normal incidence
 
     Returns
     -------
     flat, grazing
         Factor for cosines from `RAMP_BELOW` up, and at grazing incidence (cosine 0); linear in the
         cosine between.
-
-    Raises
-    ------
-    ConfigError
-        Negative slope, amplifying index.
     """
     if slope == 0:
         return 1.0, 1.0
@@ -435,9 +397,7 @@ def transmission_factors(
     return flat, min(max(grazing, 0.0), 1.0)
 
 
-# -------------------------------------------------------------------------------------------------
-# Scattering of a rough surface from one direction into another: Kirchhoff's model, bistatic.
-# -------------------------------------------------------------------------------------------------
+# -- from one direction into another ---------------------------------------------------------------
 
 
 def facet_scattering(
@@ -446,23 +406,18 @@ def facet_scattering(
     """Return F D G / (4 cos cos): scattered radiance over incident irradiance, per steradian.
 
     Facets have Beckmann's distribution and Smith's masking in the approximation that Cycles uses
-    (Walter et al. 2007, eq. 20, 25 and 27). In backscatter 4 pi cos^2 times this is sigma0.
+    (Walter et al. 2007, eq. 20, 25 and 27). In backscatter 4 pi cos^2 times this is `sigma0`.
 
     Parameters
     ----------
-    index
-        n + jk.
-    alpha
-        sqrt(2) times the RMS slope, above 0.
+    index, alpha : of the surface; sqrt(2) m, above 0
     normal, to_one, to_other
         Unit vectors: of the surface, and from it towards both ends, on its side, (n, 3).
-    exact
-        Fresnel's equations at each facet; False: at normal incidence on it.
+    exact : Fresnel's equations at each facet; False: at normal incidence on it
 
     Returns
     -------
-    ndarray
-        (n,); 0 where an end is below the surface.
+    ndarray : (n,); 0 where an end is below the surface
     """
     half = to_one + to_other
     half = half / np.maximum(norms(half), 1e-300)[:, None]
@@ -476,22 +431,10 @@ def facet_scattering(
     masked = 1 + sum(masking_lambda(alpha, cosine, "cycles") for cosine in (one, other))
     seen = np.clip(dots(half, to_one), 0.0, 1.0) if exact else 1.0
     found = unpolarised_reflectance(index, seen) * density / masked / (4 * one * other)
-    return np.asarray(np.where(above, found, 0.0), dtype=np.float64)
+    return np.asarray(np.where(above, found, 0.0))
 
 
-# -------------------------------------------------------------------------------------------------
-# Scattering around the mirrored direction: the directive lobe of effective roughness.
-#
-# A surface scatters a fraction of the power that it reflects. Per steradian the scattered power
-# goes with ((1 + cos psi) / 2)^exponent, psi the angle to the direction of the mirrored wave. Over
-# all directions above the surface the lobe adds up to 1, whatever the angle of incidence.
-#
-# References
-# ----------
-# V. Degli-Esposti, F. Fuschini, E. M. Vitucci, G. Falciasecca, Measurement and modelling of
-# scattering from buildings, IEEE Trans. Antennas Propag. 55 (2007) 143-153, eq. 9 to 12.
-# -------------------------------------------------------------------------------------------------
-
+# -- directive lobes -------------------------------------------------------------------------------
 
 #: Largest exponent of a lobe: half of its power lies within 2.4 degrees there.
 MOST_EXPONENT = 1000
@@ -500,22 +443,19 @@ _COSINES = 4097
 
 
 def lobe_exponent(value: Any) -> int:
-    """Return an exponent as a whole number.
+    """Return an exponent as a whole number, 1 to `MOST_EXPONENT`.
 
     Parameters
     ----------
-    value
-        Number.
+    value : number
 
     Returns
     -------
     int
-        1 to `MOST_EXPONENT`.
 
     Raises
     ------
-    ConfigError
-        It is no such number.
+    ConfigError : it is no such number
     """
     is_number = isinstance(value, int | float | np.integer | np.floating)
     if (
@@ -536,15 +476,11 @@ def lobe_integral(exponent: int, cosine: Real) -> Real:
 
     Parameters
     ----------
-    exponent
-        See `lobe_exponent`.
-    cosine
-        Cosines of angles of incidence.
+    exponent, cosine : see `lobe_exponent`; cosines of angles of incidence
 
     Returns
     -------
-    ndarray
-        Solid angles [sr].
+    ndarray : solid angles [sr]
     """
     cosine = np.asarray(cosine, dtype=np.float64)
     sine2 = (1 - cosine) * (1 + cosine)
@@ -578,15 +514,13 @@ def directive_lobe(exponent: int, normal: Real, to_source: Real, to_observer: Re
 
     Parameters
     ----------
-    exponent
-        See `lobe_exponent`.
+    exponent : see `lobe_exponent`
     normal, to_source, to_observer
         Unit vectors: of the surface, and from it towards both, on its side, (n, 3).
 
     Returns
     -------
-    ndarray
-        (n,). Its integral over the observer's directions, times their cosines, is 1.
+    ndarray : (n,); its integral over the observer's directions, times their cosines, is 1
     """
     cosine = dots(normal, to_source)
     mirrored = 2 * cosine * dots(normal, to_observer) - dots(to_source, to_observer)

@@ -3,6 +3,11 @@
 
 Refraction of the standard atmosphere is that of straight rays over an Earth of 4/3 of its radius.
 Heights are above the ground, distances along it.
+
+At the point of reflection both grazing angles are equal. Their difference falls along the ground,
+so that Newton's method within a shrinking interval always finds the point. The divergence is that
+of a narrow tube of rays at a sphere, both of its main curvatures kept (D. E. Kerr, Propagation of
+Short Radio Waves, 1951, 5.2).
 """
 
 from __future__ import annotations
@@ -13,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Real
+from ..arrays import Real, reals
 from .constants import STANDARD_EARTH_RADIUS_M
 
 #: Steps of the search for the point of reflection; most points take less than eight.
@@ -27,16 +32,12 @@ class GroundPath(NamedTuple):
 
     Attributes
     ----------
-    direct_m
-        Length of the direct path [m].
-    leg_m
-        Lengths from the antenna to the point of reflection, and on from there, (2, ...) [m].
-    grazing_rad
-        Grazing angle at the point of reflection [rad]; below 0: the Earth is in the way.
+    direct_m : length of the direct path [m]
+    leg_m : lengths from the antenna to the point of reflection, and on from there, (2, ...) [m]
+    grazing_rad : grazing angle at the point of reflection [rad]; below 0: the Earth is in the way
     direct_elevation_rad, ground_elevation_rad
         Elevations of the target and of the point of reflection, seen from the antenna [rad].
-    divergence
-        Factor of the Earth's curvature on the amplitude that is reflected, at most 1.
+    divergence : factor of the Earth's curvature on the amplitude that is reflected, at most 1
     """
 
     direct_m: Real
@@ -69,30 +70,16 @@ def ground_path(
 
     Parameters
     ----------
-    antenna_m
-        Height of the antenna, above 0 [m].
-    target_m
-        Heights of targets, 0 or more [m].
-    distance_m
-        Distances along the ground, above 0 [m]; broadcast with `target_m`.
-    radius_m
-        Radius of the Earth with its refraction [m]; ``math.inf``: flat.
+    antenna_m : height of the antenna, above 0 [m]
+    target_m : heights of targets, 0 or more [m]
+    distance_m : distances along the ground, above 0 [m]
+    radius_m : radius of the Earth with its refraction [m]; ``math.inf``: flat
 
     Returns
     -------
     GroundPath
-        Of the broadcast shape.
-
-    Notes
-    -----
-    At the point of reflection both grazing angles are equal. Their difference falls along the
-    ground, so that Newton's method within a shrinking interval always finds it. The divergence is
-    that of a narrow tube of rays at a sphere, both of its main curvatures kept (D. E. Kerr,
-    Propagation of Short Radio Waves, 1951, 5.2).
     """
-    height, x = np.broadcast_arrays(
-        np.asarray(target_m, dtype=np.float64), np.asarray(distance_m, dtype=np.float64)
-    )
+    height, x = np.broadcast_arrays(*reals(target_m, distance_m))
     curvature = 0.0 if math.isinf(radius_m) else 1 / radius_m
     first = _reflection_distance(antenna_m, height, x, curvature)
     up_1, out_1 = _seen(antenna_m, first, curvature)
@@ -123,13 +110,11 @@ def horizon_m(antenna_m: float, target_m: ArrayLike, radius_m: float) -> Real:
 
     Parameters
     ----------
-    antenna_m, target_m, radius_m
-        As for `ground_path`.
+    antenna_m, target_m, radius_m : as for `ground_path`
 
     Returns
     -------
-    ndarray
-        Distances [m]; infinite over a flat Earth.
+    ndarray : distances [m]; infinite over a flat Earth
     """
     height = np.asarray(target_m, dtype=np.float64)
     if math.isinf(radius_m):
@@ -145,18 +130,15 @@ def horizon_m(antenna_m: float, target_m: ArrayLike, radius_m: float) -> Real:
 def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
     """Return the grazing angle below which rays do not describe the field over a round Earth.
 
+    (lambda / (2 pi a))^(1/3): where the divergence of rays ends (Kerr, 2.2).
+
     Parameters
     ----------
-    wavelength_m
-        Wavelength [m].
-    radius_m
-        As for `ground_path`.
+    wavelength_m, radius_m : lambda and a [m]
 
     Returns
     -------
-    float
-        (lambda / (2 pi a))^(1/3) [rad]: where the divergence of rays ends (Kerr, 2.2); 0 over a
-        flat Earth.
+    float : [rad]; 0 over a flat Earth
     """
     return float((wavelength_m / (2 * math.pi * radius_m)) ** (1 / 3))
 

@@ -1,30 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Points where smooth surfaces reflect waves between two places: found by Newton's method.
 
-A tree over the patches of a surface holds the directions of normals below each node. A node is left
-out where no normal below halves the angle between the two places.
+The surface is that of a mesh with a normal at each corner (`SmoothPatches`). Over each triangle,
+normals are interpolated as for smooth shading, and the surface is lifted off the triangle as far as
+these normals say. Neighbours with common corners meet without a gap. Spheres and cylinders with
+exact normals are met exactly, other surfaces up to the fourth order of the triangle's size.
+
+`SpecularSearch` finds where the normal halves the angle between an antenna and a place:
+
+1. A tree over the patches holds the directions of normals below each node. A node is left out where
+   no normal below can halve the angle.
+2. Patches that are large as seen from the place are halved until the mismatch (the part of the
+   bisector that is across the normal) is nearly linear over them.
+3. Newton's method begins where the linear mismatch vanishes, and must end within the patch.
+
+A reflection on an edge is found in both of its triangles, and counted once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
 
 from ..arrays import Indices, Integers, Mask, Real, distances, dots, norms
-
-# -------------------------------------------------------------------------------------------------
-# Smooth surfaces of meshes: curved patches over triangles with a normal at each corner.
-#
-# A patch has the places and normals of its corners. Between them, normals are interpolated as for
-# smooth shading, and the surface is lifted off the triangle as far as these normals say. Neighbours
-# with common corners meet without a gap. Spheres and cylinders with exact normals are met exactly,
-# other surfaces up to the fourth order of the triangle's size.
-# -------------------------------------------------------------------------------------------------
-
 
 #: Largest angle between normals of one triangle, as a cosine: 30 degrees.
 _LEAST_COSINE = np.cos(np.radians(30.0))
@@ -41,15 +43,11 @@ class SmoothPatches:
 
     Attributes
     ----------
-    corners_m
-        Places of corners, (k, 3, 3) [m].
-    normals
-        Unit normals at corners, (k, 3, 3).
+    corners_m, normals : places [m] and unit normals of corners, (k, 3, 3)
     shape
         Shape operators at corners, (k, 3, 3, 3) [1/m]: they turn a step on the surface into the
         change of the normal. Positive where the surface is convex.
-    slope_m
-        How far corner j is below the tangent plane of corner i, (k, i, j) [m].
+    slope_m : how far corner j is below the tangent plane of corner i, (k, i, j) [m]
     """
 
     corners_m: Real
@@ -59,19 +57,10 @@ class SmoothPatches:
 
     @classmethod
     def of_mesh(cls, corners_m: Real, normals: Real, vertices: Integers) -> tuple[Self, Real]:
-        """Return the patches over triangles, and how far each may be off the surface.
+        """Return the patches over triangles, and how far each may be off the surface, (k,) [m].
 
-        Parameters
-        ----------
-        corners_m, normals
-            As the attributes.
-        vertices
-            Numbers of the corners' vertices in the mesh, (k, 3).
-
-        Returns
-        -------
-        patches, error_m
-            The error is (k,) [m]; infinite where normals differ too much to tell the surface.
+        `vertices` are the numbers of the corners' vertices in the mesh, (k, 3). The error is
+        infinite where normals differ too much to tell the surface.
         """
         own = _corner_shapes(corners_m, normals)
         area = norms(np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]))
@@ -196,16 +185,13 @@ GRAZING = 0.02
 
 @dataclass(frozen=True)
 class SpecularPoints:
-    """Reflections found: the number of the place, the patch and the weights on it of each.
+    """Reflections, sorted by place.
 
     Attributes
     ----------
-    place, patch
-        Numbers, (n,), sorted by place.
-    weights
-        Barycentric weights, (n, 3).
-    points_m, normals
-        Points of reflection [m] and unit normals there, (n, 3).
+    place, patch : numbers of the place and of the patch, (n,)
+    weights : barycentric weights on the patch, (n, 3)
+    points_m, normals : points of reflection [m] and unit normals there, (n, 3)
     """
 
     place: Indices
@@ -216,13 +202,7 @@ class SpecularPoints:
 
     def select(self, chosen: Indices | Mask) -> SpecularPoints:
         """Return some of the reflections."""
-        return SpecularPoints(
-            self.place[chosen],
-            self.patch[chosen],
-            self.weights[chosen],
-            self.points_m[chosen],
-            self.normals[chosen],
-        )
+        return SpecularPoints(*(getattr(self, one.name)[chosen] for one in fields(self)))
 
 
 class SpecularSearch:
@@ -230,10 +210,8 @@ class SpecularSearch:
 
     Parameters
     ----------
-    patches
-        Surface, on its reflecting side.
-    antenna_m
-        Place of the antenna, (3,) [m].
+    patches : surface, on its reflecting side
+    antenna_m : place of the antenna, (3,) [m]
     """
 
     def __init__(self, patches: SmoothPatches, antenna_m: Real) -> None:
@@ -250,12 +228,10 @@ class SpecularSearch:
 
     def find(self, places_m: Real) -> SpecularPoints:
         """Return all reflections on ways from places (n, 3) to the antenna, nothing in between."""
-        starts = range(0, len(places_m), _CHUNK)
+        starts = range(0, max(len(places_m), 1), _CHUNK)
         parts = [self._find(places_m[start : start + _CHUNK], start) for start in starts]
-        names = ("place", "patch", "weights", "points_m", "normals")
-        if not parts:
-            parts = [self._find(np.zeros((0, 3)), 0)]
-        return SpecularPoints(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
+        columns = ([getattr(part, one.name) for part in parts] for one in fields(SpecularPoints))
+        return SpecularPoints(*map(np.concatenate, columns))
 
     def _find(self, places_m: Real, first: int) -> SpecularPoints:
         place, patch, weights = self._guesses(places_m, *self._candidates(places_m))
@@ -273,9 +249,7 @@ class SpecularSearch:
         order = np.argsort(found.place, kind="stable")
         found = found.select(order)
         found = found.select(_first_of_each(found))
-        return SpecularPoints(
-            found.place + first, found.patch, found.weights, found.points_m, found.normals
-        )
+        return replace(found, place=found.place + first)
 
     def _mismatch(self, edges: Real, ends_m: Real, points_m: Real, normals: Real) -> Real:
         """Part of the bisector that is across the normal, along edges (n, 2, 3): (n, 2)."""
@@ -286,11 +260,7 @@ class SpecularSearch:
     def _guesses(
         self, places_m: Real, place: Indices, patch: Indices
     ) -> tuple[Indices, Indices, Real]:
-        """Pairs of places and patches, and weights from which to search, (n,), (n,), (n, 3).
-
-        Parts of patches that are large as seen from a place are halved until the mismatch is nearly
-        linear between their corners. The guess is where it vanishes then.
-        """
+        """Pairs of places and patches, and weights from which to search, (n,), (n,), (n, 3)."""
         parts = np.broadcast_to(np.eye(3), (patch.size, 3, 3))
         found = []
         for halvings in range(_HALVINGS + 1):
@@ -437,10 +407,8 @@ def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tup
 
     Parameters
     ----------
-    centre_m, radius_m
-        Of the spheres, (n, 3) and (n,) [m].
-    one_m, other_m
-        Places, (3,) or (n, 3) [m].
+    centre_m, radius_m : of the spheres, (n, 3) and (n,) [m]
+    one_m, other_m : places, (3,) or (n, 3) [m]
 
     Returns
     -------

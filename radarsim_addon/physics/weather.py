@@ -1,9 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Attenuation of waves by rain, fog and the gases of the air, per kilometre of path.
+"""Attenuation of waves by rain, fog and the gases of the air, and what rain scatters back.
 
-Rain: ITU-R P.838-3. Gases: the sum over spectral lines of ITU-R P.676-12, annex 1. Fog: droplets
-small against the wavelength, ITU-R P.840-8. All are one way: a radar's two-way path of length L
-loses 10^(-gamma L / 10^4) of its power, with L in metres and gamma in dB/km.
+Attenuation is in dB per kilometre of path, one way: a radar's two-way path of length L loses
+10^(-gamma L / 10^4) of its power, with L in metres and gamma in dB/km.
+
+- Rain: gamma = k R^alpha, R the rain rate [mm/h] (ITU-R P.838-3).
+- Fog: droplets small against the wavelength (ITU-R P.840-8).
+- Gases: the sum over the spectral lines of oxygen and water vapour, and a continuum (ITU-R
+  P.676-12, annex 1).
+
+Rain's echo is the Mie series of its drops, spheres of pure water, summed over the sizes of
+Marshall and Palmer (J. Meteorol. 5, 165, 1948): N(D) = 8000 exp(-4.1 R^-0.21 D) drops per m^3 and
+mm
+of diameter D [mm].
 """
 
 from __future__ import annotations
@@ -19,13 +28,8 @@ from .checks import passive_index, real_array
 from .constants import SPEED_OF_LIGHT_MPS, ZERO_CELSIUS_K
 from .materials_water import liebe_permittivity
 
-# -------------------------------------------------------------------------------------------------
-# Spectral lines of oxygen and water vapour up to 1 THz: ITU-R P.676-12, tables 1 and 2.
-#
-# A row: line frequency [GHz], then the six coefficients a1 to a6 or b1 to b6 of the tables.
-# -------------------------------------------------------------------------------------------------
-
-
+# Spectral lines up to 1 THz, ITU-R P.676-12, tables 1 and 2. A row: line frequency [GHz], then the
+# six coefficients a1 to a6 or b1 to b6 of the tables.
 # fmt: off
 OXYGEN_LINES = np.array([
     (50.474214, 0.975, 9.651, 6.69, 0, 2.566, 6.85),
@@ -146,24 +150,22 @@ def rain_coefficients(frequency_hz: ArrayLike, polarisation: Polarisation) -> tu
 
     Parameters
     ----------
-    frequency_hz
-        1 GHz to 1 THz.
+    frequency_hz : 1 GHz to 1 THz
     polarisation
         "horizontal", "vertical", or "average": circular, or linear at 45 degrees (eq. 4 and 5).
 
     Returns
     -------
-    tuple of ndarray
-        k [dB/km at 1 mm/h] and alpha, in the shape of `frequency_hz`.
+    tuple of ndarray : k [dB/km at 1 mm/h] and alpha
 
     Raises
     ------
-    ConfigError
-        A frequency out of the band, an unknown polarisation.
+    ConfigError : an unknown polarisation
     """
     log_ghz = np.log10(_in_band("Rain", frequency_hz, _RAIN_BAND_HZ) / 1e9)
     if polarisation == "average":
-        horizontal, vertical = (rain_coefficients(frequency_hz, one) for one in _sides())
+        horizontal = rain_coefficients(frequency_hz, "horizontal")
+        vertical = rain_coefficients(frequency_hz, "vertical")
         k = (horizontal[0] + vertical[0]) / 2
         product = horizontal[0] * horizontal[1] + vertical[0] * vertical[1]
         return k, np.asarray(product / (2 * k))
@@ -173,10 +175,6 @@ def rain_coefficients(frequency_hz: ArrayLike, polarisation: Polarisation) -> tu
         )
     k = 10 ** _gaussians(log_ghz, *_RAIN_K[polarisation])
     return np.asarray(k), _gaussians(log_ghz, *_RAIN_ALPHA[polarisation])
-
-
-def _sides() -> tuple[Polarisation, Polarisation]:
-    return "horizontal", "vertical"
 
 
 def _gaussians(
@@ -190,61 +188,43 @@ def _gaussians(
     """P.838-3, eq. (2) and (3): a sum of Gaussians and a line over lg f."""
     steps = (log_ghz[..., None] - np.array(centre)) / np.array(width)
     total = np.sum(np.array(height) * np.exp(-(steps**2)), axis=-1)
-    return np.asarray(total + slope * log_ghz + constant, dtype=np.float64)
+    return np.asarray(total + slope * log_ghz + constant)
 
 
 def rain_attenuation_db_per_km(
     frequency_hz: ArrayLike, rain_mm_per_h: ArrayLike, polarisation: Polarisation = "average"
 ) -> Real:
-    """Return the attenuation by rain, k R^alpha (ITU-R P.838-3), one way.
+    """Return the attenuation by rain, k R^alpha (ITU-R P.838-3).
 
     Parameters
     ----------
-    frequency_hz
-        1 GHz to 1 THz.
-    rain_mm_per_h
-        Rain rate R, 0 or more [mm/h].
-    polarisation
-        See `rain_coefficients`.
+    frequency_hz, polarisation : as for `rain_coefficients`
+    rain_mm_per_h : rain rate R, 0 or more
 
     Returns
     -------
     ndarray
-        Of the broadcast shape [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range, an unknown polarisation.
     """
     rate = real_array("Rain rate", rain_mm_per_h, "mm/h", minimum=0.0)
     k, alpha = rain_coefficients(frequency_hz, polarisation)
-    return np.asarray(k * rate**alpha, dtype=np.float64)
+    return np.asarray(k * rate**alpha)
 
 
 def fog_attenuation_db_per_km(
     frequency_hz: ArrayLike, liquid_water_g_per_m3: ArrayLike, temperature_c: ArrayLike = 15.0
 ) -> Real:
-    """Return the attenuation by fog or cloud (ITU-R P.840-8, eq. 1 and 2), one way.
+    """Return the attenuation by fog or cloud (ITU-R P.840-8, eq. 1 and 2).
 
     Parameters
     ----------
-    frequency_hz
-        Up to 200 GHz.
+    frequency_hz : up to 200 GHz
     liquid_water_g_per_m3
         Liquid water, 0 or more: about 0.05 in medium fog (300 m of sight), 0.5 in thick fog (50 m).
-    temperature_c
-        Of the droplets, -20 to 50 degC.
+    temperature_c : of the droplets, -20 to 50 degC
 
     Returns
     -------
     ndarray
-        Of the broadcast shape [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
     """
     f_hz = _in_band("Fog", frequency_hz, _FOG_BAND_HZ)
     water = real_array("Liquid water", liquid_water_g_per_m3, "g/m^3", minimum=0.0)
@@ -260,28 +240,18 @@ def gas_attenuation_db_per_km(
     temperature_c: ArrayLike = 15.0,
     vapour_g_per_m3: ArrayLike = 7.5,
 ) -> Real:
-    """Return the attenuation by oxygen and water vapour (ITU-R P.676-12, annex 1), one way.
+    """Return the attenuation by oxygen and water vapour (ITU-R P.676-12, annex 1).
 
     Parameters
     ----------
-    frequency_hz
-        1 GHz to 1 THz.
-    pressure_hpa
-        Pressure of the dry air [hPa].
-    temperature_c
-        Of the air, -100 to 60 degC.
-    vapour_g_per_m3
-        Density of water vapour, 0 or more [g/m^3].
+    frequency_hz : 1 GHz to 1 THz
+    pressure_hpa : pressure of the dry air
+    temperature_c : of the air, -100 to 60 degC
+    vapour_g_per_m3 : density of water vapour, 0 or more
 
     Returns
     -------
     ndarray
-        Of the broadcast shape [dB/km].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
     """
     f_ghz = _in_band("Gases", frequency_hz, _GAS_BAND_HZ) / 1e9
     dry = real_array("Pressure", pressure_hpa, "hPa", minimum=0.0)
@@ -296,7 +266,7 @@ def gas_attenuation_db_per_km(
         + _dry_continuum(f_ghz, dry, vapour, theta)
         + _vapour(f_ghz[..., None], dry[..., None], vapour[..., None], theta[..., None])
     )
-    return np.asarray(0.1820 * f_ghz * total, dtype=np.float64)
+    return np.asarray(0.1820 * f_ghz * total)
 
 
 def _oxygen(f_ghz: Real, dry_hpa: Real, vapour_hpa: Real, theta: Real) -> Real:
@@ -343,13 +313,7 @@ def _in_band(subject: str, frequency_hz: ArrayLike, band_hz: tuple[float, float]
         raise ConfigError(f"{subject}: {error}") from None
 
 
-# -------------------------------------------------------------------------------------------------
-# What rain scatters back: Mie series of the drops, summed over a drop size distribution.
-#
-# Sizes after Marshall and Palmer (J. Meteorol. 5, 165, 1948): N(D) = 8000 exp(-4.1 R^-0.21 D) drops
-# per m^3 and mm of diameter D [mm], R in mm/h. Drops are spheres of pure water.
-# -------------------------------------------------------------------------------------------------
-
+# -- echo ------------------------------------------------------------------------------------------
 
 #: Diameters of drops [mm]: larger ones break up; the trapezoidal rule over them is good to 1e-4.
 _DIAMETERS_MM = np.linspace(0.0, 8.0, 401)[1:]
@@ -365,20 +329,16 @@ def sphere_backscatter_m2(radius_m: ArrayLike, wavelength_m: ArrayLike, index: A
 
     Parameters
     ----------
-    radius_m, wavelength_m
-        [m], broadcast.
-    index
-        n + jk relative to the medium around, k >= 0.
+    radius_m, wavelength_m : [m]
+    index : n + jk relative to the medium around
 
     Returns
     -------
-    ndarray
-        Of the broadcast shape [m^2].
+    ndarray : [m^2]
 
     Raises
     ------
-    ConfigError
-        A number out of range; a sphere of more than 16 000 wavelengths around, inside it.
+    ConfigError : a sphere of more than 16 000 wavelengths around, inside it
     """
     radius = real_array("Radius", radius_m, "m", minimum=0.0)
     wavelength = real_array("Wavelength", wavelength_m, "m", above=0.0)
@@ -432,24 +392,15 @@ def rain_reflectivity_per_m(
 ) -> float:
     """Return the radar cross section of a unit of volume of rain, eta [m^2/m^3 = 1/m].
 
+    eta = sum of sigma_b(D) N(D) dD.
+
     Parameters
     ----------
-    frequency_hz
-        Above 0 [Hz].
-    rain_mm_per_h
-        Rain rate R, 0 or more [mm/h].
-    temperature_c
-        Of the drops [degC].
+    frequency_hz, rain_mm_per_h, temperature_c : carrier, rain rate, temperature of the drops
 
     Returns
     -------
     float
-        eta = sum of sigma_b(D) N(D) dD [1/m].
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
     """
     weight = _drop_densities(rain_mm_per_h)
     return float(np.sum(weight * _drop_sections_m2(frequency_hz, temperature_c)))
@@ -470,13 +421,7 @@ def rain_fall_speeds(
 
     Returns
     -------
-    tuple of float
-        Mean and standard deviation [m/s]; downwards is positive.
-
-    Raises
-    ------
-    ConfigError
-        A number out of range.
+    tuple of float : mean and standard deviation [m/s]; downwards is positive
     """
     real_array("Rain rate", rain_mm_per_h, "mm/h", above=0.0)
     weight = _drop_densities(rain_mm_per_h) * _drop_sections_m2(frequency_hz, temperature_c)
