@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node groups as data-blocks: make, find and update them.
+"""Node groups as data-blocks: make, find and update them, and find those of a material.
 
 Two custom properties, kind and version, identify a radarsim group. The name does not: a user's
-group with the name "Radar Material" is not changed.
+group with the name "Radar Material" is not changed. A material's group may be at its output or
+nested in groups.
 """
 
 from __future__ import annotations
@@ -22,24 +23,14 @@ from .radar_material import KIND, RADAR_MATERIAL, RING_EMITTER
 KIND_PROPERTY = "radarsim_kind"
 VERSION_PROPERTY = "radarsim_version"
 
+#: Every node group that radarsim makes, by kind.
 DEFINITIONS: dict[str, GroupDefinition] = {
     d.kind: d for d in (RADAR_MATERIAL, RADAR_PHYSICAL, RADAR_SHEET, RING_EMITTER)
 }
-"""Every node group that radarsim makes, by kind."""
 
 
 def group_version(tree: Any) -> int | None:
-    """Return the version of a radarsim group.
-
-    Parameters
-    ----------
-    tree : bpy.types.NodeTree
-
-    Returns
-    -------
-    int or None
-        None for other groups.
-    """
+    """Return the version of a radarsim group; None for other groups."""
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
         return None
@@ -47,18 +38,7 @@ def group_version(tree: Any) -> int | None:
 
 
 def find_groups(kind: str) -> list[Any]:
-    """Return all editable groups of a kind in this file.
-
-    Parameters
-    ----------
-    kind
-        Key of `DEFINITIONS`.
-
-    Returns
-    -------
-    list of bpy.types.NodeTree
-        Newest version first.
-    """
+    """Return all editable groups of a kind in this file, newest version first."""
     groups = [
         tree
         for tree in bpy.data.node_groups
@@ -110,21 +90,9 @@ def _group_nodes(tree: Any) -> Iterator[Any]:
 
 
 def ensure_group(kind: str) -> Any:
-    """Return the group of a kind; make or rebuild it if necessary.
+    """Return the group of a kind, a key of `DEFINITIONS`; make or rebuild it if necessary.
 
-    Parameters
-    ----------
-    kind
-        ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``.
-
-    Returns
-    -------
-    bpy.types.ShaderNodeTree
-
-    Raises
-    ------
-    SceneError
-        The file contains a group of this kind from a newer radarsim.
+    Raises SceneError if the file contains a group of this kind from a newer radarsim.
     """
     definition = DEFINITIONS[kind]
     groups = find_groups(kind)
@@ -141,14 +109,9 @@ def ensure_group(kind: str) -> Any:
 
 
 def refresh_groups() -> list[str]:
-    """Rebuild all stale groups in the file.
+    """Rebuild all stale groups in the file; return their names.
 
     Groups that are linked from another file are rebuilt in memory; that file is not changed.
-
-    Returns
-    -------
-    list of str
-        Names of the rebuilt groups.
     """
     stale = [
         tree
@@ -171,13 +134,8 @@ def _version_of(kind: Any) -> int:
     return 0 if definition is None else definition.version
 
 
-# -------------------------------------------------------------------------------------------------
-# Search for the Radar Material group of a material, at its output or nested in groups.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Groups that encode the range, choose lobes by the path class, and have the inputs of an index.
 MATERIAL_KINDS = (KIND, PHYSICAL_KIND, SHEET_KIND)
-"""Groups that encode the range, choose lobes by the path class, and have the inputs of an index."""
 #: Maximum number of groups and reroutes that are followed, to stop at a loop.
 _MAX_STEPS = 64
 
