@@ -39,7 +39,7 @@ from ...physics.clutter import (
     clutter_model,
 )
 from ...physics.materials import TABLE
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.groups import group_input, group_kind
 from ..nodes.physical_material import CLUTTER_ROW, PHYSICAL_KIND
 from .physical_materials import MEDIUM
 from .physical_materials import PATH as MEDIUM_PATH
@@ -143,8 +143,7 @@ def set_clutter(material: Any, name: str, *, path: str | None = None, **paramete
         Not such a material, an unknown model or parameter, a number out of range, or a table that
         cannot be used. The material stays as it was.
     """
-    node = group_node(material)
-    if node is None or node.node_tree.get(KIND_PROPERTY) != PHYSICAL_KIND:
+    if group_kind(material) != PHYSICAL_KIND:
         raise ConfigError(
             f"Material {material.name!r} has no physical Radar Material at its output, which a "
             "clutter model needs. Choose Use Physical Inputs in the Material tab, without a "
@@ -176,8 +175,7 @@ def set_clutter_fluctuation(material: Any, **values: Any) -> None:
     **values
         texture ("none", "k", "lognormal", "weibull"), texture_shape, texture_length_m; motion
         ("none", "exponential", "gaussian", "sea"), motion_speed_mps, motion_fraction: see
-        `physics.clutter_statistics.texture` and `clutter_velocities`. What is left out is taken
-        away.
+        `physics.clutter.texture` and `clutter_velocities`. What is left out is taken away.
 
     Raises
     ------

@@ -24,8 +24,13 @@ from ...arrays import Mask, Real, norms
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ..nodes import attributes
-from ..nodes.groups import group_input, group_node
-from ..nodes.materials import TRANSMISSIONS, has_interior, lets_nothing_through, volume_link
+from ..nodes.groups import group_input, input_value
+from ..nodes.materials import (
+    has_interior,
+    lets_nothing_through,
+    transmission_inputs,
+    volume_link,
+)
 from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS
 from ..state import (
@@ -80,11 +85,7 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
 
 
 def _transmissions(material: Any) -> list[Any]:
-    """Return the sockets that scale the transmitted power, except linked ones."""
-    node = group_node(material)
-    names = [] if node is None else [name for name in TRANSMISSIONS if name in node.inputs]
-    sockets = [group_input(material, name) for name in names]
-    return [socket for socket in sockets if socket is not None]
+    return [socket for socket in transmission_inputs(material) if socket is not None]
 
 
 def _unlink(recorder: SettingsRestorer, material: Any, link: Any) -> None:
@@ -327,16 +328,16 @@ def settle_interiors_far_away(
         error = _rounding(per, depth, nepers * loss_db)
         errors[one.item.name_full] = one.item, error
         plate = len(set(one.materials)) == 1 and is_whole(one.materials[0])
-        if plate and _matters(error, wavelength) and _is_wall(one.item, depsgraph, loss_db):
-            walls.append(one.item)
+        if plate and _matters(error, wavelength) and loss_db <= FACES_LOSS_DB:
+            middle = _middle_of_plate(one.item, depsgraph)
+            if not math.isnan(middle):
+                walls.append((one.item, middle))
     rims = []
     if walls:
         boxes = _Boxes(depsgraph)
-        for item in walls:
+        for item, middle in walls:
             if boxes.empty_inside(item, antennas):
-                recorder.set_item(
-                    item, attributes.OBJECT_LAYER_AT_FACES, [1.0, _middle(item, depsgraph), 0.0]
-                )
+                recorder.set_item(item, attributes.OBJECT_LAYER_AT_FACES, [1.0, middle, 0.0])
                 item.update_tag()
                 del errors[item.name_full]
                 if _echoes_from_its_rim(item, depsgraph):
@@ -373,7 +374,7 @@ def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
 
 def _lengths(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
     """Loss [dB] and delay [Blender units] of a material, for each Blender unit of depth."""
-    kappa, index = (_value(material, name) for name in (EXTINCTION, INDEX))
+    kappa, index = (input_value(material, name, 0.0) for name in (EXTINCTION, INDEX))
     per = wavelength if is_entered(material) else extinction_length
     return 4 * math.pi * kappa / per * 10 / math.log(10), index - 1
 
@@ -387,23 +388,18 @@ def _rounding(
     return _Rounding(power * both_ways, length * both_ways, by_absorption)
 
 
-def _value(material: Any, name: str) -> float:
-    socket = group_input(material, name)
-    return 0.0 if socket is None else float(socket.default_value)
-
-
-def _is_wall(item: Any, depsgraph: Any, loss_db: float) -> bool:
-    """Whether an object of one physical material is a plate whose faces can hold its absorption."""
+def _middle_of_plate(item: Any, depsgraph: Any) -> float:
+    """Return the place of a plate's middle along its normal, in own units; NaN for others."""
     if attributes.OBJECT_LAYER_THICKNESS not in item:
-        return False
+        return math.nan
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    low, _ = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
-    return loss_db <= FACES_LOSS_DB and not np.isnan(low[0])
+    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
+    return float(low[0] + high[0]) / 2
 
 
 def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
     """Whether a rough wall has a rim that counts: waves inside it come back from there."""
-    roughness = (_value(slot.material, ROUGHNESS) for slot in item.material_slots)
+    roughness = (input_value(slot.material, ROUGHNESS, 0.0) for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
         LayerFaces.read([item], depsgraph).rim_fractions(normal[None])[0] > _LEAST_RIM
@@ -413,13 +409,6 @@ def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
 def _is_flat(item: Any) -> bool:
     """Whether an object lies in one plane, normal to an axis of its own."""
     return bool(min(item.dimensions) <= _FLAT * max(item.dimensions))
-
-
-def _middle(item: Any, depsgraph: Any) -> float:
-    """Place of a layer's middle along its normal, in the object's own units."""
-    normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
-    return float(low[0] + high[0]) / 2
 
 
 class _Boxes:

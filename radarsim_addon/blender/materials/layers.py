@@ -20,12 +20,11 @@ import numpy as np
 from ...arrays import Real
 from ...findings import Finding, finding, finding_about
 from ..nodes import attributes
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.groups import group_input, group_kind
 from ..nodes.materials import has_interior
 from ..nodes.physical_material import PHYSICAL_KIND
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
 from ..nodes.radar_material import EXTINCTION
-from ..state import SettingsRestorer, evaluated_mesh, read_numbers
+from ..state import SettingsRestorer, read_numbers
 from .physical_materials import SHEET_THICKNESS, assigned_materials, is_sheet
 from .wall_faces import (
     LAYER_SHARE,
@@ -33,9 +32,10 @@ from .wall_faces import (
     LayerFaces,
     WallFaces,
     convex_parts,
-    depths_behind,
+    depths_of,
     find_walls,
     least_depths,
+    linear_of,
 )
 
 _NAME = "radarsim walls"
@@ -250,8 +250,7 @@ def _set_what_is_found(
     """Set the walls of an object that is no single plate; returns whether these are all right."""
     several = walls is not None and bool(walls.wall.any())
     if walls is not None and several and normal is not None:
-        linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
-        across = normal @ np.linalg.inv(linear)
+        across = normal @ np.linalg.inv(linear_of(item.evaluated_get(depsgraph)))
         several = walls.across(across / np.linalg.norm(across)) > _MOST_ACROSS
     if walls is not None and several and walls.share >= _WALL_SHARE:
         one = walls.one_thickness
@@ -278,19 +277,12 @@ def _set_thickness(recorder: SettingsRestorer, item: Any, thickness: float) -> N
 
 def is_entered(material: Any) -> bool:
     """Return whether waves enter objects of a physical material: its Volume is connected."""
-    node = group_node(material)
-    return (
-        node is not None
-        and node.node_tree.get(KIND_PROPERTY) == PHYSICAL_KIND
-        and has_interior(material)
-    )
+    return group_kind(material) == PHYSICAL_KIND and has_interior(material)
 
 
 def passes_by_polarisation(material: Any) -> bool:
     """Return whether waves pass a material by Fresnel's equations for each polarisation."""
-    node = group_node(material)
-    sheet = node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
-    return sheet or is_entered(material)
+    return is_sheet(material) or is_entered(material)
 
 
 def delays(material: Any) -> bool:
@@ -303,18 +295,16 @@ def thinnest(item: Any, depsgraph: Any) -> float:
 
     0 for a mesh that is open behind all of them.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return 0.0
-        depth = depths_behind(mesh, linear).depth
-    return float(np.nanmin(depth)) if np.isfinite(depth).any() else 0.0
+    depths = depths_of(item, depsgraph)
+    if depths is None or not np.isfinite(depths.depth).any():
+        return 0.0
+    return float(np.nanmin(depths.depth))
 
 
 def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
-    """Return the two-way absorption of objects of physical materials where they are thinnest [dB],
-    by full name; `wavelength` in Blender units.
+    """Return the two-way absorption [dB] of objects of physical materials, by full name.
+
+    It is across each where it is thinnest; `wavelength` is in Blender units.
     """
     is_inside, input_of = cache(is_entered), cache(group_input)
     depths = least_depths(depsgraph)
@@ -333,10 +323,10 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
 
 
 def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
-    """Find objects whose absorption, from `interior_losses_db`, leaves nothing that a render can
-    hold.
+    """Find objects whose absorption leaves nothing that a render can hold.
 
-    Returns one ``absorption-below-float32`` for information and one as a caution, if any.
+    `losses_db` is from `interior_losses_db`. Returns one ``absorption-below-float32`` for
+    information and one as a caution, if any.
     """
     key = attributes.OBJECT_SHELL_THICKNESS
     information: dict[str, dict[str, float]] = {}
@@ -365,20 +355,15 @@ _LEAST_FRACTION = 0.1
 
 
 def doubled_panes(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
-    """Find objects whose thin sheets have another face of the object right behind them: such a pane
-    counts twice.
-    """
+    """Find objects whose thin sheets have another face right behind them: they count twice."""
     named, is_pane = [], cache(is_sheet)
     for item, materials in assigned_materials(depsgraph):
         sheets = [m for m in materials if m is not None and is_pane(m)]
         if item.type != "MESH" or not sheets:
             continue
-        evaluated = item.evaluated_get(depsgraph)
-        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-        with evaluated_mesh(evaluated) as mesh:
-            if mesh is None or not len(mesh.polygons):
-                continue
-            depths = depths_behind(mesh, linear)
+        depths = depths_of(item, depsgraph)
+        if depths is None:
+            continue
         thickness_m = max(float(m.get(SHEET_THICKNESS, 0.0)) for m in sheets)
         with np.errstate(invalid="ignore"):
             near = depths.parallel & (depths.depth * metres_per_unit <= _NEAR * thickness_m)

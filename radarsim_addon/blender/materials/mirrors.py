@@ -16,10 +16,8 @@ import bpy
 
 from ...errors import ConfigError, SceneError
 from ...physics.mirrors import MirrorMaterial
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
-from ..nodes.physical_material import PHYSICAL_KIND as PHYSICAL_KIND
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
-from ..nodes.physical_material import SMOOTH_BELOW, THICKNESS
+from ..nodes.groups import KIND_PROPERTY, group_input, group_kind, group_node
+from ..nodes.physical_material import PHYSICAL_KIND, SHEET_KIND, SMOOTH_BELOW, THICKNESS
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from .clutter import clutter_of
 from .physical_materials import inputs_at, surface_of
@@ -49,8 +47,7 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
     None if the material is too rough, has no specular part, or has an input that a node sets: the
     mirror may then vary over the surface.
     """
-    node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    kind = group_kind(material)
     if kind not in (KIND, PHYSICAL_KIND, SHEET_KIND):
         return None
     third = THICKNESS if kind == SHEET_KIND else ROUGHNESS
@@ -84,9 +81,8 @@ def ground_mirror(
     cannot be evaluated.
     """
     name = "none" if material is None else repr(material.name)
-    node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
-    values = inputs_at(material, carrier_hz, beyond_band) if kind == PHYSICAL_KIND else None
+    physical = group_kind(material) == PHYSICAL_KIND
+    values = inputs_at(material, carrier_hz, beyond_band) if physical else None
     if values:
         surface = surface_of(material)
         height_m = rms_height_m
@@ -113,10 +109,9 @@ def is_mirror_like(material: Any) -> bool:
 
     False where a node sets the roughness.
     """
-    node = group_node(material)
-    if node is None:
-        return any(_is_sharp(shader) for shader in _foreign_shaders(material))
-    kind = node.node_tree.get(KIND_PROPERTY)
+    kind = group_kind(material)
+    if kind is None:
+        return any(map(_is_sharp, _foreign_shaders(material)))
     if kind == SHEET_KIND:
         return True
     limit = SMOOTH_BELOW if kind == PHYSICAL_KIND else SHARP
@@ -201,15 +196,14 @@ def reciprocal_lobe(material: Any) -> float:
     """
     if material is not None and material.get(LOBE_EXPONENT) is not None:
         return 0.0
-    node = group_node(material)
-    if node is None:
+    kind = group_kind(material)
+    if kind is None:
         return _reciprocal_shader(material)
     sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
-    values = [float(one.default_value) for one in sockets if one is not None and not one.is_linked]
+    values = [float(one.default_value) for one in sockets if one is not None]
     if len(values) < len(sockets):
         return 0.0
     index, extinction, roughness = values
-    kind = node.node_tree.get(KIND_PROPERTY)
     if kind == PHYSICAL_KIND:
         smooth = roughness <= SMOOTH_BELOW
         if clutter_of(material) is not None:
@@ -239,13 +233,13 @@ def _reciprocal_shader(material: Any) -> float:
 
 def _lobe_width(material: Any) -> float:
     """Return the same as `lobe_width` without a scattered lobe."""
-    node = group_node(material)
-    if node is None:
+    kind = group_kind(material)
+    if kind is None:
         return _foreign_lobe_width(material)
     if clutter_of(material) is not None:  # scatters by the geometric mean of both angles
         return math.inf
     specularity, roughness = (group_input(material, name) for name in (SPECULARITY, ROUGHNESS))
-    if node.node_tree.get(KIND_PROPERTY) == KIND:
+    if kind == KIND:
         if specularity is None:
             return 0.0
         if specularity.default_value == 0:

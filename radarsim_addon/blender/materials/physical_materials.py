@@ -48,16 +48,21 @@ from ...physics.rough import (
     transmission_factors,
 )
 from ..nodes.groups import (
-    KIND_PROPERTY,
     ensure_group,
     find_group,
     group_input,
+    group_kind,
     group_node,
     holds_group,
 )
 from ..nodes.materials import is_conductor, link_group
-from ..nodes.physical_material import GRAZING_TRANSMISSION, PHYSICAL_KIND, SMOOTH_BELOW, THICKNESS
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
+from ..nodes.physical_material import (
+    GRAZING_TRANSMISSION,
+    PHYSICAL_KIND,
+    SHEET_KIND,
+    SMOOTH_BELOW,
+    THICKNESS,
+)
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS, TRANSMISSION
 from ..state import (
     SettingsRestorer,
@@ -233,7 +238,7 @@ def surface_of(material: Any) -> Surface | None:
 
 def is_physical(material: Any) -> bool:
     """Return whether a material has one of the physical groups: the material's, or the sheet's."""
-    return _kind_of(material) in (PHYSICAL_KIND, SHEET_KIND)
+    return group_kind(material) in (PHYSICAL_KIND, SHEET_KIND)
 
 
 def has_rough_facets(material: Any) -> bool:
@@ -241,7 +246,7 @@ def has_rough_facets(material: Any) -> bool:
 
     Then from order 2 on the world should encode the range.
     """
-    if not EXACT_FACETS or _kind_of(material) != PHYSICAL_KIND:
+    if not EXACT_FACETS or group_kind(material) != PHYSICAL_KIND:
         return False
     socket, surface = group_input(material, ROUGHNESS), surface_of(material)
     return (
@@ -252,12 +257,7 @@ def has_rough_facets(material: Any) -> bool:
 
 
 def is_sheet(material: Any) -> bool:
-    return _kind_of(material) == SHEET_KIND
-
-
-def _kind_of(material: Any) -> str | None:
-    node = group_node(material)
-    return None if node is None else node.node_tree.get(KIND_PROPERTY)
+    return group_kind(material) == SHEET_KIND
 
 
 def make_physical_material(

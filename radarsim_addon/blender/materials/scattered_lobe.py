@@ -4,7 +4,7 @@
 The custom property ``radarsim_lobe_exponent`` of a material holds the exponent of the lobe, which
 takes the place of the Lambert lobe of a simple material. A smooth physical material with an RMS
 height has no other lobe: a run renders one by the table of a clutter model. The rows of the path
-table are weighted, see `paths.surface_lobes`.
+table are weighted, see `paths.clutter_weights`.
 
 `set_clutter_tables` makes one image with a row for each material that renders a clutter model or
 such a lobe: sigma0 by grazing angle [dB], which the groups of the materials read (see
@@ -28,15 +28,15 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import lobe_exponent
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.groups import KIND_PROPERTY, group_input, group_kind
 from ..nodes.physical_material import (
     CLUTTER_ROW,
+    PHYSICAL_KIND,
     TABLE_NODE,
     TABLE_WIDTH,
     VANISHES_BELOW,
     table_angles_rad,
 )
-from ..nodes.physical_material import PHYSICAL_KIND as PHYSICAL_KIND
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from ..state import SettingsRestorer
 from .clutter import clutter_of
@@ -104,8 +104,7 @@ def _lobe(material: Any, exponent: int) -> ScatteredLobe:
             "It has a clutter model and a scattered lobe. Take one of the two away: "
             'set_clutter(material, "none") or set_scattered_lobe(material, None).'
         )
-    node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    kind = group_kind(material)
     sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
     if kind == KIND:
         sockets.append(group_input(material, SPECULARITY))

@@ -28,13 +28,13 @@ from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...findings import Finding, finding, finding_about
 from ...physics.fresnel import excess_path_m, slab_power
 from ..nodes import attributes
-from ..nodes.groups import group_input
+from ..nodes.groups import group_input, input_value
 from ..nodes.materials import has_interior
 from ..nodes.radar_material import EXTINCTION, INDEX
 from ..state import evaluated_mesh, read_triangles, take_snapshot
 from .layers import is_entered, passes_by_polarisation, thinnest
 from .physical_materials import assigned_materials
-from .wall_faces import ConvexBodies, convex_parts
+from .wall_faces import ConvexBodies, convex_parts, linear_of
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
@@ -122,10 +122,9 @@ def _said(
 
 def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
     """Index of a material, 1 at least, and its absorption of power [1 / Blender unit]."""
-    socket, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
     per = wavelength if is_entered(material) else extinction_length
-    absorption = 0.0 if kappa is None else 4 * math.pi * float(kappa.default_value) / per
-    return max(1.0, 1.0 if socket is None else float(socket.default_value)), absorption
+    absorption = 4 * math.pi * input_value(material, EXTINCTION, 0.0) / per
+    return max(1.0, input_value(material, INDEX, 1.0)), absorption
 
 
 def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> _Body:
@@ -136,7 +135,7 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
     layer = _NO_LAYER
     given = item.get(attributes.OBJECT_LAYER_NORMAL)
     if given is not None and np.any(given) and not shell:
-        linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+        linear = linear_of(item.evaluated_get(depsgraph))
         layer = np.array(given, dtype=np.float64) @ np.linalg.pinv(linear)
         layer /= np.linalg.norm(layer)
     return _Body(max(indices), min(absorptions), layer, at_most)
@@ -354,9 +353,7 @@ def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
 
 
 def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
-    """Return by how much a straight line through a layer and back is longer than the refracted wave
-    [m].
-    """
+    """Return what a straight line through a layer and back is longer than the refracted wave."""
     cosine = math.cos(math.radians(angle_deg))
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
@@ -418,7 +415,4 @@ def _loss_db(index: complex, angle_deg: float) -> float:
 
 
 def _index(material: Any) -> complex:
-    n, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
-    return complex(
-        1.0 if n is None else n.default_value, 0.0 if kappa is None else kappa.default_value
-    )
+    return complex(input_value(material, INDEX, 1.0), input_value(material, EXTINCTION, 0.0))

@@ -89,9 +89,24 @@ class WallFaces(NamedTuple):
         return float(self.area[other].sum() / max(self.area[self.wall].sum(), 1e-300))
 
 
+def linear_of(evaluated: Any) -> Real:
+    """Return the matrix from the axes of an evaluated object to the world's, (3, 3)."""
+    return np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+
+
+def depths_of(item: Any, depsgraph: Any) -> Depths | None:
+    """Look across the largest triangles of an object into it; None without faces."""
+    evaluated = item.evaluated_get(depsgraph)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return None
+        return depths_behind(mesh, linear_of(evaluated))
+
+
 def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> Depths:
-    """Look across the `most` largest triangles of a mesh into it; `linear` (3, 3) turns its axes to
-    the world's.
+    """Look across the `most` largest triangles of a mesh into it.
+
+    `linear` (3, 3) turns its axes to the world's.
     """
     mesh.calc_loop_triangles()
     corners = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
@@ -127,7 +142,7 @@ def find_walls(item: Any, depsgraph: Any) -> WallFaces | None:
     None for an object without faces or of no volume. Of a large mesh only some faces are known.
     """
     evaluated = item.evaluated_get(depsgraph)
-    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+    linear = linear_of(evaluated)
     if abs(np.linalg.det(linear)) < 1e-30:
         return None
     with evaluated_mesh(evaluated) as mesh:
@@ -443,9 +458,7 @@ def convex_parts(depsgraph: Any) -> list[ConvexBodies]:
 
 
 def convex_objects(depsgraph: Any) -> set[Any]:
-    """Return the original objects with an interior that are small closed convex meshes, faces
-    outwards.
-    """
+    """Return the original objects that have an interior and are small closed convex meshes."""
     return {item for part in convex_parts(depsgraph) for item in part.items}
 
 

@@ -15,9 +15,7 @@ import bpy
 
 from ...errors import SceneError
 from .build import GroupDefinition, draw_tree
-from .physical_material import PHYSICAL_KIND as PHYSICAL_KIND
-from .physical_material import RADAR_PHYSICAL, RADAR_SHEET
-from .physical_material import SHEET_KIND as SHEET_KIND
+from .physical_material import PHYSICAL_KIND, RADAR_PHYSICAL, RADAR_SHEET, SHEET_KIND
 from .radar_material import KIND, RADAR_MATERIAL, RING_EMITTER
 
 KIND_PROPERTY = "radarsim_kind"
@@ -165,6 +163,12 @@ def group_node(material: Any) -> Any | None:
     return None if found is None else found.node
 
 
+def group_kind(material: Any) -> str | None:
+    """Return the kind of the Radar Material group of a material; None without one."""
+    node = group_node(material)
+    return None if node is None else node.node_tree.get(KIND_PROPERTY)
+
+
 def group_input(material: Any, name: str) -> Any | None:
     """Return the socket that sets an input of the material's group, or of the groups around it.
 
@@ -186,6 +190,12 @@ def group_input(material: Any, name: str) -> Any | None:
         else:
             return None
     return None
+
+
+def input_value(material: Any, name: str, default: float) -> float:
+    """Return the number of such an input; `default` where `group_input` is None."""
+    socket = group_input(material, name)
+    return default if socket is None else float(socket.default_value)
 
 
 def holds_group(tree: Any) -> bool:

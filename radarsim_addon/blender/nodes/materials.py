@@ -28,8 +28,6 @@ from .radar_material import (
 
 _INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
-#: Inputs of material groups that scale the power that passes a face.
-TRANSMISSIONS = (TRANSMISSION, GRAZING_TRANSMISSION)
 #: Extinction from which power falls by 54 dB within a hundredth of a wavelength.
 _OPAQUE_KAPPA = 100.0
 #: Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
@@ -100,15 +98,20 @@ def lets_nothing_through(material: Any) -> bool:
 
     It is a conductor with constant inputs, or its transmission is 0.
     """
-    node = group_node(material)
-    names = [] if node is None else [name for name in TRANSMISSIONS if name in node.inputs]
-    passed = [group_input(material, name) for name in names]
+    passed = transmission_inputs(material)
     if passed and all(socket is not None and socket.default_value == 0 for socket in passed):
         return True
     index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
     if index is None or extinction is None:
         return False
     return is_conductor(complex(index.default_value, extinction.default_value))
+
+
+def transmission_inputs(material: Any) -> list[Any]:
+    """Return the sockets that scale the power passing a face, None where a node is linked."""
+    node = group_node(material)
+    names = () if node is None else (TRANSMISSION, GRAZING_TRANSMISSION)
+    return [group_input(material, name) for name in names if name in node.inputs]
 
 
 def is_conductor(index: complex) -> bool:

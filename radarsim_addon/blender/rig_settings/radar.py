@@ -227,7 +227,22 @@ _ALL: dict[str, Declared | Mapping[str, Declared]] = {
 
 
 def settings(radar: Any) -> Settings:
-    """Return the settings of a radar by their names; ConfigError if they are not registered."""
+    """Return the settings of a radar by their names, in SI and float64.
+
+    Parameters
+    ----------
+    radar : bpy.types.Object
+        The rig.
+
+    Returns
+    -------
+    Settings
+
+    Raises
+    ------
+    ConfigError
+        The properties are not registered.
+    """
     if not hasattr(radar, RADAR_PROPERTY):
         raise ConfigError("Radars have no settings yet. Call radarsim_addon.register() first.")
     return Settings(getattr(radar, RADAR_PROPERTY), _ALL)
