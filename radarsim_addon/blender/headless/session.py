@@ -154,14 +154,27 @@ def open_scene(
         with before_sorting(look):
             _open_file(arguments.blend)
     scene, radar = _find(arguments)
-    return scene, _view_layer_of(scene), radar
+    if scene == bpy.context.scene:
+        return scene, bpy.context.view_layer, radar
+    enabled = (layer for layer in scene.view_layers if layer.use)
+    return scene, next(enabled, scene.view_layers[0]), radar
 
 
 def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
-    """Return scene and radar of a command line."""
-    scene = _find_scene(arguments.scene)
-    radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
-    return scene, radar
+    """Return scene and radar of a command line, the active ones without names."""
+    scene = bpy.context.scene
+    if arguments.scene is not None:
+        if arguments.scene not in bpy.data.scenes:
+            found = ", ".join(repr(one.name) for one in bpy.data.scenes)
+            raise SceneError(f"The file has no scene {arguments.scene!r}; it has {found}.")
+        scene = bpy.data.scenes[arguments.scene]
+    if arguments.rig is None:
+        return scene, active_radar(scene)
+    by_name = {radar.name: radar for radar in radars(scene)}
+    if arguments.rig not in by_name:
+        known = ", ".join(map(repr, by_name)) or "none"
+        raise SceneError(f"The scene has no radar {arguments.rig!r}; it has {known}.")
+    return scene, by_name[arguments.rig]
 
 
 def open_job(arguments: argparse.Namespace) -> MeasurementJob:
@@ -275,31 +288,6 @@ def _open_file(path: Path) -> None:
 def _version(path: Path) -> tuple[int, int, int]:
     found = path.stat()
     return found.st_ino, found.st_mtime_ns, found.st_size
-
-
-def _find_scene(name: str | None) -> Any:
-    """Return the scene of that name, or the active one."""
-    if name is None:
-        return bpy.context.scene
-    if name not in bpy.data.scenes:
-        found = ", ".join(repr(scene.name) for scene in bpy.data.scenes)
-        raise SceneError(f"The file has no scene {name!r}; it has {found}.")
-    return bpy.data.scenes[name]
-
-
-def _view_layer_of(scene: Any) -> Any:
-    """Return the active view layer of the active scene, else the first enabled one."""
-    if scene == bpy.context.scene:
-        return bpy.context.view_layer
-    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
-
-
-def _find_radar(scene: Any, name: str) -> Any:
-    found = {radar.name: radar for radar in radars(scene)}
-    if name not in found:
-        known = ", ".join(map(repr, found)) or "none"
-        raise SceneError(f"The scene has no radar {name!r}; it has {known}.")
-    return found[name]
 
 
 def session_folder() -> Path | None:

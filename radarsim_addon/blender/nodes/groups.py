@@ -111,11 +111,11 @@ def refresh_groups() -> list[str]:
 
     Groups that are linked from another file are rebuilt in memory; that file is not changed.
     """
-    stale = [
-        tree
-        for tree in bpy.data.node_groups
-        if (group_version(tree) or 0) < _version_of(tree.get(KIND_PROPERTY))
-    ]
+    stale = []
+    for tree in bpy.data.node_groups:
+        definition = DEFINITIONS.get(str(tree.get(KIND_PROPERTY)))
+        if definition is not None and (group_version(tree) or 0) < definition.version:
+            stale.append(tree)
     names = [tree.name for tree in stale]
     for tree in stale:
         if tree.library is not None and group_version(tree) is not None:
@@ -124,12 +124,6 @@ def refresh_groups() -> list[str]:
         if find_groups(kind):
             ensure_group(kind)
     return names
-
-
-def _version_of(kind: Any) -> int:
-    """Return the version that this radarsim makes; 0 for an unknown kind."""
-    definition = DEFINITIONS.get(kind) if isinstance(kind, str) else None
-    return 0 if definition is None else definition.version
 
 
 #: Groups that encode the range, choose lobes by the path class, and have the inputs of an index.

@@ -317,20 +317,14 @@ def _powers(build: TreeBuilder, wave: Wave) -> tuple[_Power, _Power, Any]:
     enter_p = _quotient(build, "t_p", four_c, flux, sum_p)
     eps_q = math("MULTIPLY", "|epsilon q|", eps_abs, q_abs)
     both_p = _quotient(build, "d_p", four_c, eps_q, sum_p)
-    ratio = _ratio_p(build, wave)
-    power_p = math("MULTIPLY", "R_p", power_s, ratio)
-    return _Power(enter_s, both_s, power_s), _Power(enter_p, both_p, power_p), ratio
-
-
-def _ratio_p(build: TreeBuilder, wave: Wave) -> Any:
-    """Add nodes for |r_p|^2 / |r_s|^2 = |c q - s^2|^2 / |c q + s^2|^2."""
-    math = build.math
-    sine2 = math("SUBTRACT", "s^2", 1.0, math("MULTIPLY", "c^2", wave.cosine, wave.cosine))
-    cu = math("MULTIPLY", "c u", wave.cosine, wave.u)
-    cv = math("MULTIPLY", "c v", wave.cosine, wave.v)
+    sine2 = math("SUBTRACT", "s^2", 1.0, math("MULTIPLY", "c^2", c, c))
+    cu = math("MULTIPLY", "c u", c, u)
+    cv = math("MULTIPLY", "c v", c, v)
     top = build.sum_of_squares("|c q - s^2|^2", math("SUBTRACT", "c u - s^2", cu, sine2), cv)
     bottom = build.sum_of_squares("|c q + s^2|^2", math("ADD", "c u + s^2", cu, sine2), cv)
-    return math("DIVIDE", "R_p / R_s", top, bottom)
+    ratio = math("DIVIDE", "R_p / R_s", top, bottom)
+    power_p = math("MULTIPLY", "R_p", power_s, ratio)
+    return _Power(enter_s, both_s, power_s), _Power(enter_p, both_p, power_p), ratio
 
 
 def excess(build: TreeBuilder, wave: Wave) -> Any:

@@ -110,7 +110,9 @@ def lets_nothing_through(material: Any) -> bool:
 def transmission_inputs(material: Any) -> list[Any]:
     """Return the sockets that scale the power passing a face, None where a node is linked."""
     node = group_node(material)
-    names = () if node is None else (TRANSMISSION, GRAZING_TRANSMISSION)
+    if node is None:
+        return []
+    names = (TRANSMISSION, GRAZING_TRANSMISSION)
     return [group_input(material, name) for name in names if name in node.inputs]
 
 

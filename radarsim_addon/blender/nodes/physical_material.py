@@ -61,7 +61,6 @@ from ...physics.rough import RAMP_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
 from .interface import (
-    InterfacePower,
     Pair,
     Wave,
     cos_incidence,
@@ -161,14 +160,6 @@ class Wall(NamedTuple):
     passed: Any
     #: Depth for a ray that turns back inside, 0 in other objects.
     turned: Any
-
-
-def interior_at_faces(build: TreeBuilder) -> Any:
-    """Add nodes for 1 if the object's faces absorb and delay in place of its volume, or 0."""
-    shell = _first(build, "Shell", attributes.OBJECT_SHELL_THICKNESS)
-    layer = _first(build, "Layer at faces", attributes.OBJECT_LAYER_AT_FACES)
-    either = build.math("ADD", "shell or layer", shell, layer)
-    return build.math("GREATER_THAN", "interior at faces", either, 1e-30)
 
 
 def wall_at_face(build: TreeBuilder, face_cosine: Any) -> Wall:
@@ -340,11 +331,21 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     weight = math("MULTIPLY", "R of a mirror", power.reflected, is_smooth)
     weight = math("MULTIPLY", "R, or 0 before the gate", weight, reflects)
     mirror = build.glossy("Mirror", build.scale("Mirror colour", code, weight), 0.0)
-    weight = _facet_weight(build, power, reflects, is_rough)
+    # The factor on F of the rough lobes is 0 or 1, or R / F from inside.
+    back = build.node("ShaderNodeNewGeometry", "Side (lobes)").outputs["Backfacing"]
+    inside = math("DIVIDE", "R / F", power.reflected, power.reference, clamp=True)
+    ratio = build.select("1, or R / F from inside", back, 1.0, inside)
+    weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
+    weight = math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
     coded = math("GREATER_THAN", "coded by materials", inverse_k, 0.0)
     coded = math("MAXIMUM", "coded by channel", coded, in_shell)
     rough = _facet_lobes(build, n, kappa, roughness, code, weight, coded)
-    passed = build.scale("T, scaled", power.passed, _transmission(build, cosine))
+    # Below RAMP_BELOW the factor on T is linear in the cosine, to the grazing input.
+    ramp = math("MULTIPLY_ADD", "ramp", cosine, -1.0 / RAMP_BELOW, 1.0, clamp=True)
+    flat = math("SUBTRACT", "1 - ramp", 1.0, ramp)
+    low = math("MULTIPLY", "grazing part", build.group_input(GRAZING_TRANSMISSION), ramp)
+    factor = math("MULTIPLY_ADD", "factor on T", build.group_input(TRANSMISSION), flat, low)
+    passed = build.scale("T, scaled", power.passed, factor)
     passed = build.vector_math("MULTIPLY", "T, wall crossed", {0: passed, 1: crossed})
     passed = build.scale("T, or 0 at the gate", passed, transmits)
     through = build.transparent("Transmission", passed)
@@ -382,25 +383,6 @@ def _wall_crossed(
     coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: turned})
     inside = math("GREATER_THAN", "in a wall", wall.turned, 0.0)
     return coded, factor("passed", wall.passed), inside
-
-
-def _transmission(build: TreeBuilder, cosine: Any) -> Any:
-    """Add nodes for the factor on T: below RAMP_BELOW linear in the cosine to the grazing input."""
-    math = build.math
-    ramp = math("MULTIPLY_ADD", "ramp", cosine, -1.0 / RAMP_BELOW, 1.0, clamp=True)
-    flat = math("SUBTRACT", "1 - ramp", 1.0, ramp)
-    low = math("MULTIPLY", "grazing part", build.group_input(GRAZING_TRANSMISSION), ramp)
-    return math("MULTIPLY_ADD", "factor on T", build.group_input(TRANSMISSION), flat, low)
-
-
-def _facet_weight(build: TreeBuilder, power: InterfacePower, reflects: Any, is_rough: Any) -> Any:
-    """Add nodes for the factor on F of the rough lobes: 0 or 1, or R / F from inside."""
-    math = build.math
-    back = build.node("ShaderNodeNewGeometry", "Side (lobes)").outputs["Backfacing"]
-    inside = math("DIVIDE", "R / F", power.reflected, power.reference, clamp=True)
-    ratio = build.select("1, or R / F from inside", back, 1.0, inside)
-    weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
-    return math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
 
 
 def _facet_lobes(
@@ -468,7 +450,12 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     math = build.math
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
-        solid = math("SUBTRACT", "interior in the volume", 1.0, interior_at_faces(build))
+        # The object's faces absorb and delay in place of its volume if it has one of these.
+        shell = _first(build, "Shell", attributes.OBJECT_SHELL_THICKNESS)
+        layer = _first(build, "Layer at faces", attributes.OBJECT_LAYER_AT_FACES)
+        either = math("ADD", "shell or layer", shell, layer)
+        at_faces = math("GREATER_THAN", "interior at faces", either, 1e-30)
+        solid = math("SUBTRACT", "interior in the volume", 1.0, at_faces)
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)

@@ -293,12 +293,9 @@ def _set_fm_rate(group: Any, value: float) -> None:
     duration_us = RADAR_SETTINGS["chirp_duration_s"].to_shown(
         Settings(group, RADAR_SETTINGS).chirp_duration_s
     )
-    write(group, RADAR_SETTINGS["bandwidth_hz"], swept_hz(shortest_decimal(value), duration_us))
-
-
-def swept_hz(rate_mhz_per_us: float, duration_us: float) -> float:
-    """Return the bandwidth [Hz] of a chirp rate; MHz/us times us round less than Hz/s times s."""
-    return round(rate_mhz_per_us * duration_us * 1e6, 3)
+    # MHz/us times us round less than Hz/s times s.
+    bandwidth_hz = round(shortest_decimal(value) * duration_us * 1e6, 3)
+    write(group, RADAR_SETTINGS["bandwidth_hz"], bandwidth_hz)
 
 
 #: Values of the three choices of quality.
