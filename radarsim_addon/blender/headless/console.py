@@ -14,10 +14,7 @@ from typing import TextIO
 def quiet_blender() -> Iterator[TextIO]:
     """Send what Blender's C code prints (50 lines a render up to 4.5) to nowhere.
 
-    Yields
-    ------
-    TextIO
-        A stream to the real standard output.
+    Yields a stream to the real standard output.
     """
     sys.stdout.flush()
     try:

@@ -61,30 +61,10 @@ def scene_coverage(
 ) -> Coverage:
     """Compute the coverage diagram of a radar at the current frame.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    view_layer : bpy.types.ViewLayer
-    request
-        Heights, ranges and ground.
-    radar : bpy.types.Object
-        The rig; None: the scene's active one.
-    values
-        Values in place of the radar's settings, by their names, in SI.
-    link_budget_file
-        Link budget (JSON); None: the radar's own.
-
-    Returns
-    -------
-    Coverage
-        With its findings.
-
-    Raises
-    ------
-    SceneError
-        No radar, or no level ground below it that reflects.
-    ConfigError
-        Values that do not fit together.
+    Without a radar it is the scene's active one. `values` are in place of its settings, by their
+    names, in SI; `link_budget_file` (JSON) in place of its link budget. Raises SceneError without a
+    radar, or a level ground below it that reflects; ConfigError for values that do not fit
+    together.
     """
     radar = active_radar(scene) if radar is None else radar
     measurement = read_measurement(scene, radar, **(values or {}))
@@ -103,19 +83,20 @@ def scene_coverage(
     ):
         check_scale(item, item.matrix_world)
         pose = rigid_pose(item.matrix_world, units)
-        height_m = float(pose[2, 3]) - ground.height * units
-        mounts.append(Mount(antenna or ConstantGain(), height_m, pose))
+        above_m = float(pose[2, 3]) - ground.height * units
+        mounts.append(Mount(antenna or ConstantGain(), above_m, pose))
+    height_m = request.rms_height_m
+    if height_m is not None and not height_m >= 0:
+        raise ConfigError(f"--rms-height is {height_m:g} m; expected 0 or more.")
+    carrier_hz = measurement.waveform.carrier_hz
     setup = CoverageSetup(
         mounts[0],
         mounts[1],
-        ground_mirror(
-            ground.material, measurement.waveform.carrier_hz, measurement.beyond_band,
-            _rms_height_m(request),
-        ),
+        ground_mirror(ground.material, carrier_hz, measurement.beyond_band, height_m),
         wavelength_m,
         measurement.polarisation,
         math.inf if request.flat else STANDARD_EARTH_RADIUS_M,
-    )  # fmt: skip
+    )
     found = compute_coverage(setup, request.height_m, request.range_m)
     reach_m, last_m = _reach_m(ground, mounts[1].pose, units), float(request.range_m[-1])
     if reach_m < last_m:
@@ -124,15 +105,8 @@ def scene_coverage(
     return found
 
 
-def _rms_height_m(request: CoverageRequest) -> float | None:
-    height_m = request.rms_height_m
-    if height_m is not None and not height_m >= 0:
-        raise ConfigError(f"--rms-height is {height_m:g} m; expected 0 or more.")
-    return height_m
-
-
 def _reach_m(ground: GroundBelow, pose: Any, units: float) -> float:
-    """How far the ground goes in the direction that the radar looks along [m]."""
+    """Return how far the ground goes in the direction that the radar looks along."""
     ahead = -pose[:2, 2] / (np.linalg.norm(pose[:2, 2]) or 1.0)
     return float(((ground.corners[:, :2] * units - pose[:2, 3]) @ ahead).max())
 

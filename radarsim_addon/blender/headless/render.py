@@ -68,9 +68,9 @@ def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
 
 
 def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
-    """Measure what the command line asks for; KeyboardInterrupt: Ctrl-C, after the running step.
+    """Measure what the command line asks for; return the exit code.
 
-    Return the exit code.
+    Raises KeyboardInterrupt at Ctrl-C, after the running step.
     """
     with quiet_blender() as stream:
         job, share = open_job(arguments), share_of(arguments)
@@ -114,7 +114,6 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
 
 
 def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
-    """Print findings of `frames`, one line each."""
     for line in finding_lines(findings, frames):
         print(f"radarsim: {line}", file=stream, flush=True)
 
@@ -149,14 +148,8 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool 
 
 
 def _fail(line: str, code: int) -> int:
-    """Print a line on standard error and hand the exit code on."""
     print(line, file=sys.stderr, flush=True)
     return code
-
-
-# -------------------------------------------------------------------------------------------------
-# A run that stays open while frames of it are measured in any order, for a coordinator.
-# -------------------------------------------------------------------------------------------------
 
 
 #: Time after which a frame of another process is looked at again [s].
@@ -164,14 +157,10 @@ _PAUSE_S = 0.2
 
 
 class FrameRenderer:
-    """Measures frames of the run of a command line; see :class:`radarsim_addon.frame_worker`.
+    """A run that stays open while its frames are measured in any order; see `frame_worker`.
 
-    Parameters
-    ----------
-    arguments
-        Of ``radarsim render``, parsed.
-    joins
-        Whether the run's plan is there, written by the worker that was asked for `about`.
+    `arguments` are those of ``radarsim render``; `joins` says whether the run's plan is there,
+    written by the worker that was asked for `about`.
     """
 
     def __init__(self, arguments: argparse.Namespace, joins: bool) -> None:

@@ -59,14 +59,9 @@ from ..state import evaluated_depsgraph
 from .console import quiet_blender
 from .session import make_job
 
-# -------------------------------------------------------------------------------------------------
-# The interface for scripts: materials. See :mod:`.scripting`.
-# -------------------------------------------------------------------------------------------------
-
 
 def ensure_registered() -> None:
     """Register the settings of radars and materials, unless the extension has done so."""
-    # The extension, where it is enabled, has registered the settings already.
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
         register()
         # Blender 4.5 as a module hangs at exit with properties that have functions of Python.

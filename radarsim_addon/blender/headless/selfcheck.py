@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``radarsim selfcheck``: whether Cycles on a device gives what measurements stand on."""
+"""``radarsim selfcheck``: whether Cycles on a device gives what measurements stand on.
+
+Each fact is tested on a small scene of known answer: a function of `CASES` builds it in the
+current, empty file, renders it through the program's own `PathScene`, and yields the facts. The
+receiver is at the origin and looks along +Y; lengths are metres.
+"""
 
 from __future__ import annotations
 
@@ -41,14 +46,6 @@ from ..views.requests import Region, VertexMark
 from .console import quiet_blender
 from .session import leave_blender, make_job
 
-# -------------------------------------------------------------------------------------------------
-# Facts about Cycles that a measurement stands on, each tested on a small scene of known answer.
-#
-# The scenes are built in the current, empty file and rendered through the program's own
-# `PathScene`. The receiver is at the origin and looks along +Y; lengths are metres.
-# -------------------------------------------------------------------------------------------------
-
-
 _SIDE_PX = 24
 #: Half the width of the field of view, tangent.
 _TANGENT = 0.35
@@ -87,9 +84,6 @@ def measure_facts(folder: Path) -> Iterator[Fact]:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         bpy.context.scene.cycles.device = device
         yield from case(folder / str(number))
-
-
-# -- scenes ----------------------------------------------------------------------------------------
 
 
 def _corner(folder: Path) -> Iterator[Fact]:
@@ -238,11 +232,11 @@ def _shader(name: str, kind: str, socket: str, value: Any) -> Any:
     return material
 
 
-# -- what is expected ------------------------------------------------------------------------------
+# Expected values.
 
 
 def _first_surfaces(rays: PixelRays) -> tuple[Real, Any, Real]:
-    """Where rays meet wall or floor, which of both, and the cosine of incidence there."""
+    """Return where rays meet wall or floor, which of both, and the cosine of incidence there."""
     direction = rays.direction
     wall = _WALL_M / direction[..., 1]
     with np.errstate(divide="ignore"):
@@ -253,13 +247,15 @@ def _first_surfaces(rays: PixelRays) -> tuple[Real, Any, Real]:
 
 
 def _on_corner(points_m: Real) -> Real:
-    """Distance of points from the wall or the floor."""
+    """Return the distance of points from the wall or the floor."""
     off = np.abs(points_m[..., 1] - _WALL_M), np.abs(points_m[..., 2] - _FLOOR_M)
     return np.asarray(np.minimum(*off))
 
 
 def _clear(first_m: Real) -> Real:
-    """Where the way to the transmitter is: 1 past the shade by a margin, -1 behind it, else 0."""
+    """Return 1 where the way to the transmitter is past the shade by a margin, -1 behind it, else
+    0.
+    """
     start = np.array(_TRANSMITTER_M)
     along = (_SHADE[0][1] - start[1]) / (first_m[..., 1] - start[1])
     x, z = (start[axis] + along * (first_m[..., axis] - start[axis]) for axis in (0, 2))
@@ -270,7 +266,7 @@ def _clear(first_m: Real) -> Real:
 
 
 def _lambert(first_m: Real, on_wall: Any, cosine: Real) -> Real:
-    """Radiance of the metal, lit by the transmitter, towards the receiver."""
+    """Return the radiance of the metal, lit by the transmitter, towards the receiver."""
     to_m = np.array(_TRANSMITTER_M) - first_m
     distance_m = np.linalg.norm(to_m, axis=-1)
     lit = np.where(on_wall, -to_m[..., 1], to_m[..., 2]) / distance_m
@@ -323,7 +319,6 @@ class _Looking:
         return int(self._job.path_scene.objects.index(name)) + 1
 
     def render(self, path_class: PathClass, **request: Any) -> View:
-        """Render a path class."""
         scene = self._job.path_scene
         scene.begin(RenderRequest(path_class, **request), (np.zeros(3), 0.02))
         scene.render()
@@ -331,14 +326,15 @@ class _Looking:
         return view
 
     def last_vertex_m(self, vertex: View, view: View) -> Real:
-        """Last vertices from the transmitter's colours."""
+        """Return the last vertices from the transmitter's colours."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.moveaxis(vertex.channels() / view.channels() - 1, 0, -1) / 0.02)
 
     def marked(
         self, where: str, echoes: PathClass, other: PathClass, off: Callable[[Real], Real]
     ) -> Iterator[Fact]:
-        """Light of the surfaces themselves: it tells last vertices, and leaves echoes alone.
+        """Test the light of the surfaces themselves: it tells last vertices, and leaves echoes
+        alone.
 
         Its two halves come in renders of two path classes. `off` is how far points are from where
         they must be.
@@ -364,7 +360,7 @@ class _Looking:
     def encoding(
         self, what: str, view: View, length_m: Real, pixels: Any, bound_m: float = 1e-3
     ) -> Iterator[Fact]:
-        """Both range codes, as lengths against the true ones."""
+        """Compare both range codes, as lengths, with the true ones."""
         k_m = self._job.plan.range_encoding_length_m
         with np.errstate(divide="ignore", invalid="ignore"):
             red = -k_m * np.log(view.red / view.blue)

@@ -47,24 +47,10 @@ from ..scene import (
 )
 from ..views import ViewCamera
 
-# -------------------------------------------------------------------------------------------------
-# The camera that renders paths comes into a file before Blender sorts the objects of it.
-#
-# Blender sorts all objects of a scene after it has opened a file, and again when the scene gets
-# another camera. A camera that is there from the start spares the second time: 0.4 s for 5000
-# objects.
-# -------------------------------------------------------------------------------------------------
-
 
 @contextlib.contextmanager
 def before_sorting(function: Callable[[], None]) -> Iterator[None]:
-    """Have a function called when a file was read, before Blender sorts its objects.
-
-    Parameters
-    ----------
-    function
-        Called within the body, where this opens a file.
-    """
+    """Have a function called when a file is read, before Blender sorts its objects."""
 
     @persistent
     def call(*_: Any) -> None:
@@ -80,17 +66,12 @@ def before_sorting(function: Callable[[], None]) -> Iterator[None]:
 def add_early_camera(scene: Any, radar: Any) -> ViewCamera | None:
     """Add the camera that renders paths, if nothing notices it before they are measured.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    radar : bpy.types.Object
-        As `radar_of` returns it.
+    Blender sorts all objects of a scene after it has opened a file, and again when the scene gets
+    another camera. A camera that is there from the start spares the second time: 0.4 s for 5000
+    objects.
 
-    Returns
-    -------
-    ViewCamera or None
-        None where the receiver is chosen only because it is the scene's active camera, or where
-        something in the scene depends on the active camera; also without a radar that can measure.
+    Returns None where the receiver is chosen only because it is the scene's active camera, or where
+    something in the scene depends on the active camera; also without a radar that can measure.
     """
     with contextlib.suppress(RadarSimError):
         antennas = antennas_of(scene, radar)
@@ -105,11 +86,6 @@ def add_early_camera(scene: Any, radar: Any) -> ViewCamera | None:
     return None
 
 
-# -------------------------------------------------------------------------------------------------
-# The job that a scene's settings ask for: rings or paths.
-# -------------------------------------------------------------------------------------------------
-
-
 def make_job(
     scene: Any,
     view_layer: Any,
@@ -120,34 +96,12 @@ def make_job(
     given: Mapping[str, Any] | None = None,
     link_budget_file: Path | None = None,
 ) -> MeasurementJob:
-    """Make the job, unprepared.
+    """Make the job, rings or paths, that a scene's settings ask for; `prepare` is still to be
+    called.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    view_layer : bpy.types.ViewLayer
-    folder
-        Output folder.
-    radar : bpy.types.Object
-        The rig; None: the scene's active one.
-    overwrite
-        Replace any run in the folder.
-    given
-        Values in place of the radar's settings, by their names, in SI; see `read_measurement`.
-    link_budget_file
-        Link budget (JSON); None: the radar's own.
-
-    Returns
-    -------
-    MeasurementJob
-        Job of the chosen sampling mode. `prepare` is still to be called.
-
-    Raises
-    ------
-    ConfigError
-        The settings do not fit together.
-    SceneError
-        No radar, or several of which none is chosen.
+    Without a radar it is the scene's active one. `given` are values in place of its settings, by
+    their names, in SI; `link_budget_file` (JSON) in place of its link budget. `overwrite` replaces
+    any run in the folder.
     """
     radar = active_radar(scene) if radar is None else radar
     values = dict(given or {})
@@ -191,23 +145,36 @@ def open_scene(
         own_folder(own)
     remove_abandoned_folders()
     if arguments.blend is not None:
-        with before_sorting(lambda: _look_early(arguments, early)):
+
+        def look() -> None:
+            with contextlib.suppress(RadarSimError):  # raised again when the file is open
+                if early is not None:
+                    early(*_find(arguments))
+
+        with before_sorting(look):
             _open_file(arguments.blend)
     scene, radar = _find(arguments)
-    return scene, _view_layer_of(scene), radar
+    if scene == bpy.context.scene:
+        return scene, bpy.context.view_layer, radar
+    enabled = (layer for layer in scene.view_layers if layer.use)
+    return scene, next(enabled, scene.view_layers[0]), radar
 
 
 def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
-    """Scene and radar of a command line."""
-    scene = _find_scene(arguments.scene)
-    radar = active_radar(scene) if arguments.rig is None else _find_radar(scene, arguments.rig)
-    return scene, radar
-
-
-def _look_early(arguments: argparse.Namespace, early: Callable[[Any, Any], None] | None) -> None:
-    with contextlib.suppress(RadarSimError):  # raised again when the file is open
-        if early is not None:
-            early(*_find(arguments))
+    """Return scene and radar of a command line, the active ones without names."""
+    scene = bpy.context.scene
+    if arguments.scene is not None:
+        if arguments.scene not in bpy.data.scenes:
+            found = ", ".join(repr(one.name) for one in bpy.data.scenes)
+            raise SceneError(f"The file has no scene {arguments.scene!r}; it has {found}.")
+        scene = bpy.data.scenes[arguments.scene]
+    if arguments.rig is None:
+        return scene, active_radar(scene)
+    by_name = {radar.name: radar for radar in radars(scene)}
+    if arguments.rig not in by_name:
+        known = ", ".join(map(repr, by_name)) or "none"
+        raise SceneError(f"The scene has no radar {arguments.rig!r}; it has {known}.")
+    return scene, by_name[arguments.rig]
 
 
 def open_job(arguments: argparse.Namespace) -> MeasurementJob:
@@ -247,11 +214,8 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
 def changed_by_scripts(opened_here: bool) -> list[str]:
     """Return what may have changed the open file since it was opened; empty if nothing has.
 
-    Parameters
-    ----------
-    opened_here
-        Whether radarsim has opened the file, with its scripts disabled. Else the Blender program
-        has: then the words of its command line count.
+    If radarsim has opened the file, its scripts are disabled. Else the Blender program has: then
+    the words of its command line count.
     """
     found = foreign_handlers()
     if not opened_here:
@@ -264,7 +228,7 @@ def changed_by_scripts(opened_here: bool) -> list[str]:
 
 
 def _runs_one_script(own: list[str]) -> bool:
-    """Whether Blender's command line opens the file that is open, and runs one script, this one."""
+    """Return whether Blender's command line opens the open file, and runs one script, this one."""
     words, files, scripts = iter(own), 0, 0
     for word in words:
         if bpy.data.filepath and os.path.realpath(word) == os.path.realpath(bpy.data.filepath):
@@ -326,48 +290,15 @@ def _version(path: Path) -> tuple[int, int, int]:
     return found.st_ino, found.st_mtime_ns, found.st_size
 
 
-def _find_scene(name: str | None) -> Any:
-    """The scene of that name, or the active one."""
-    if name is None:
-        return bpy.context.scene
-    if name not in bpy.data.scenes:
-        found = ", ".join(repr(scene.name) for scene in bpy.data.scenes)
-        raise SceneError(f"The file has no scene {name!r}; it has {found}.")
-    return bpy.data.scenes[name]
-
-
-def _view_layer_of(scene: Any) -> Any:
-    """The view layer to measure: the active one of the active scene, else the first enabled one."""
-    if scene == bpy.context.scene:
-        return bpy.context.view_layer
-    return next((layer for layer in scene.view_layers if layer.use), scene.view_layers[0])
-
-
-def _find_radar(scene: Any, name: str) -> Any:
-    """Return the radar of that name."""
-    found = {radar.name: radar for radar in radars(scene)}
-    if name not in found:
-        known = ", ".join(map(repr, found)) or "none"
-        raise SceneError(f"The scene has no radar {name!r}; it has {known}.")
-    return found[name]
-
-
 def session_folder() -> Path | None:
-    """Blender's temporary folder of this session; None where it has none of its own."""
+    """Return Blender's temporary folder of this session; None where it has none of its own."""
     folder = Path(bpy.app.tempdir)
     return folder if folder.name.startswith("blender_") else None
 
 
 def leave_blender(code: int) -> None:
-    """Quit at once; all files are written and closed.
+    """Quit at once with an exit code; all files are written and closed.
 
-    Parameters
-    ----------
-    code
-        Exit code of the process.
-
-    Notes
-    -----
     sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
     would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
     registered or a driver that was refused.

@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Materials of objects, and their properties at the carrier.
 
-In: Blender's materials and the carrier [Hz]. Out: node inputs, layers, surface roughness [m].
+A material has one of the node groups of the room `nodes`. `physical_materials` reads a medium of
+the library and a rough surface from its custom properties and sets the group's inputs at the
+carrier; `clutter` and `scattered_lobe` add models of sigma0 and directive lobes, whose tables the
+group reads; `mirrors` tells what a smooth surface reflects. For interiors, `wall_faces` measures
+walls, `layers` stores their normals and thicknesses for the shaders, `interiors` chooses whether
+the volume or the faces absorb and delay, and `total_reflection` names what straight rays through
+interiors get wrong.
 """
 
 from .clutter import (

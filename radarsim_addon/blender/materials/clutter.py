@@ -9,7 +9,10 @@ The user's values are custom properties of a physical material:
 ``radarsim_clutter_path``          CSV file of the model "table"
 =================================  =================================================================
 
-A run evaluates the models at its carrier and polarisation, see :mod:`.clutter_tables`.
+A run evaluates the models at its carrier and polarisation, see `set_clutter_tables`.
+
+``radarsim_fluctuation_<field>`` are the fields of `contract.FluctuationRecord`: texture and motion
+of the clutter of any material. Echoes of its surfaces take them; expected powers do not change.
 """
 
 from __future__ import annotations
@@ -36,7 +39,7 @@ from ...physics.clutter import (
     clutter_model,
 )
 from ...physics.materials import TABLE
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.groups import group_input, group_kind
 from ..nodes.physical_material import CLUTTER_ROW, PHYSICAL_KIND
 from .physical_materials import MEDIUM
 from .physical_materials import PATH as MEDIUM_PATH
@@ -84,38 +87,13 @@ def _stamp(path: str) -> tuple[int, int] | None:
 
 
 def clutter_key(clutter: Clutter) -> str:
-    """Return a text that changes whenever sigma0 of a clutter model may.
-
-    Parameters
-    ----------
-    clutter
-        Model with its parameters or file.
-
-    Returns
-    -------
-    str
-    """
+    """Return a text that changes whenever sigma0 of a clutter model may."""
     stamp = _stamp(bpy.path.abspath(clutter.path)) if clutter.path else None
     return f"{clutter!r} {stamp}"
 
 
 def clutter_of(material: Any) -> Clutter | None:
-    """Return the clutter model of a material.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    Clutter or None
-        None without a model.
-
-    Raises
-    ------
-    ConfigError
-        An unknown model.
-    """
+    """Return the clutter model of a material or None. Raises ConfigError for an unknown model."""
     name = None if material is None else material.get(CLUTTER)
     if not isinstance(name, str) or name in ("", NO_CLUTTER):
         return None
@@ -130,22 +108,7 @@ def clutter_of(material: Any) -> Clutter | None:
 
 
 def clutter_name(materials: Iterable[Any]) -> str | None:
-    """Return the name of the clutter model of the first of some materials that renders one.
-
-    Parameters
-    ----------
-    materials : iterable of bpy.types.Material or None
-        Of an object, by slot.
-
-    Returns
-    -------
-    str or None
-
-    Raises
-    ------
-    ConfigError
-        An unknown model.
-    """
+    """Return the clutter model's name of the first of an object's materials that renders one."""
     for material in materials:
         clutter = clutter_of(material)
         if clutter is not None and group_input(material, CLUTTER_ROW) is not None:
@@ -154,16 +117,7 @@ def clutter_name(materials: Iterable[Any]) -> str | None:
 
 
 def table_files(material: Any) -> list[Path]:
-    """Return the CSV files that a material takes its medium and its clutter from.
-
-    Parameters
-    ----------
-    material : bpy.types.Material
-
-    Returns
-    -------
-    list of Path
-    """
+    """Return the CSV files that a material takes its medium and its clutter from."""
     keys = ((MEDIUM, TABLE, MEDIUM_PATH), (CLUTTER, CLUTTER_TABLE, PATH))
     names = [material.get(path) for key, table, path in keys if material.get(key) == table]
     return [Path(bpy.path.abspath(name)) for name in names if isinstance(name, str) and name]
@@ -189,8 +143,7 @@ def set_clutter(material: Any, name: str, *, path: str | None = None, **paramete
         Not such a material, an unknown model or parameter, a number out of range, or a table that
         cannot be used. The material stays as it was.
     """
-    node = group_node(material)
-    if node is None or node.node_tree.get(KIND_PROPERTY) != PHYSICAL_KIND:
+    if group_kind(material) != PHYSICAL_KIND:
         raise ConfigError(
             f"Material {material.name!r} has no physical Radar Material at its output, which a "
             "clutter model needs. Choose Use Physical Inputs in the Material tab, without a "
@@ -207,15 +160,8 @@ def set_clutter(material: Any, name: str, *, path: str | None = None, **paramete
         material[PARAMETER_PREFIX + key] = float(value)
 
 
-# -------------------------------------------------------------------------------------------------
-# Texture and motion of a material's clutter, as custom properties of the material.
-#
-# ``radarsim_fluctuation_<field>`` holds the field of `contract.FluctuationRecord`. Any material may
-# have them; echoes of its objects' surfaces take them, expected powers do not change.
-# -------------------------------------------------------------------------------------------------
+# Texture and motion.
 
-
-#: Of the custom properties.
 PREFIX = "radarsim_fluctuation_"
 _FIELDS = {item.name: item.default for item in dataclasses.fields(FluctuationRecord)}
 
@@ -229,8 +175,7 @@ def set_clutter_fluctuation(material: Any, **values: Any) -> None:
     **values
         texture ("none", "k", "lognormal", "weibull"), texture_shape, texture_length_m; motion
         ("none", "exponential", "gaussian", "sea"), motion_speed_mps, motion_fraction: see
-        `physics.clutter_statistics.texture` and `clutter_velocities`. What is left out is taken
-        away.
+        `physics.clutter.texture` and `clutter_velocities`. What is left out is taken away.
 
     Raises
     ------
@@ -251,21 +196,9 @@ def set_clutter_fluctuation(material: Any, **values: Any) -> None:
 
 
 def fluctuation_of(materials: Iterable[Any]) -> FluctuationRecord | None:
-    """Return the fluctuation of the first of some materials that has one.
+    """Return the fluctuation of the first of an object's materials that has one.
 
-    Parameters
-    ----------
-    materials : iterable of bpy.types.Material or None
-        Of an object, by slot.
-
-    Returns
-    -------
-    FluctuationRecord or None
-
-    Raises
-    ------
-    ConfigError
-        A material's numbers are out of range; the message names it.
+    Raises ConfigError, which names the material, for numbers out of range.
     """
     for material in materials:
         if material is None or not any(PREFIX + name in material for name in _FIELDS):

@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Interiors of objects for a run: where waves enter and come out again, and where they do not."""
+"""Interiors of objects for a run: where waves enter and come out again, and where they do not.
+
+`settle_interiors` makes materials opaque whose interior is not connected. `overlapping_shells` and
+`found_inside` name what lies inside walls: other parts of a mesh, other objects, antennas.
+
+`settle_interiors_far_away` is about rounding. Cycles takes a depth inside an object as the
+difference of two float32 distances from the start of the ray. Where this matters, plane-parallel
+walls absorb and delay at their faces, which know the thickness (see
+`nodes.physical_material.wall_at_face`). Others are named with the error.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +24,13 @@ from ...arrays import Mask, Real, norms
 from ...errors import ConfigError
 from ...findings import Finding, finding
 from ..nodes import attributes
-from ..nodes.groups import group_input, group_node
-from ..nodes.materials import TRANSMISSIONS, has_interior, lets_nothing_through, volume_link
+from ..nodes.groups import group_input, input_value
+from ..nodes.materials import (
+    has_interior,
+    lets_nothing_through,
+    transmission_inputs,
+    volume_link,
+)
 from ..nodes.physical_material import SMOOTH_BELOW
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS
 from ..state import (
@@ -37,23 +51,10 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
 
     Without the Volume of the Material Output, Cycles does not attenuate waves inside the object.
     The Volume of materials that are opaque anyway is disconnected, because it costs render time.
+    `materials` are those of the rendered objects, evaluated at the carrier.
 
-    Parameters
-    ----------
-    recorder
-        Records the changes, so that they can be restored.
-    materials
-        Materials of the rendered objects, evaluated at the carrier.
-
-    Returns
-    -------
-    list of Finding
-        Names the materials that the missing Volume makes opaque.
-
-    Raises
-    ------
-    ConfigError
-        Two materials, one with Volume, share the node that would be changed.
+    Returns a finding with the materials that the missing Volume makes opaque. Raises ConfigError if
+    two materials, one with Volume, share the node that would be changed.
     """
     closed: list[Any] = []
     opaque: list[Any] = []
@@ -84,11 +85,7 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
 
 
 def _transmissions(material: Any) -> list[Any]:
-    """Sockets that scale the transmitted power; none where a node is linked to them."""
-    node = group_node(material)
-    names = [] if node is None else [name for name in TRANSMISSIONS if name in node.inputs]
-    sockets = [group_input(material, name) for name in names]
-    return [socket for socket in sockets if socket is not None]
+    return [socket for socket in transmission_inputs(material) if socket is not None]
 
 
 def _unlink(recorder: SettingsRestorer, material: Any, link: Any) -> None:
@@ -97,46 +94,27 @@ def _unlink(recorder: SettingsRestorer, material: Any, link: Any) -> None:
     recorder.on_restore(f"Volume of {material.name}", lambda: links.new(source, target))
 
 
-# -------------------------------------------------------------------------------------------------
-# What lies inside walls: other parts of the same mesh, and other objects at a moment of a run.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Fraction of a surface inside another part of its mesh, and inside a wall, that is named.
 _LEAST_BURIED, _LEAST_INSIDE = 0.005, 0.1
 #: Error of spreading from which on an antenna in a medium is named [dB].
 _LEAST_DB = 0.02
 #: Triangles of an object that are looked at, the largest ones.
 _TRIANGLES = 500
-#: Points of an object that may lie in a wall, at most.
-_POINTS = 64
+#: Points of an object that may lie in a wall, and faces that a ray may pass, at most.
+_POINTS, _MOST_FACES = 64, 64
 #: Distance from a face at which a ray begins, relative to the size of the object.
 _OFF_FACE = 1e-5
-#: Faces that a ray may pass, at most.
-_MOST_FACES = 64
 
 
 def overlapping_shells(depsgraph: Any) -> list[Finding]:
-    """Find meshes with an interior that consist of parts which reach into one another.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of Finding
-        One ``shells-overlap`` per object.
-    """
+    """Find meshes with an interior that consist of parts which reach into one another."""
     found = []
     is_inside = cache(has_interior)
     for item, materials in assigned_materials(depsgraph):
         if item.type != "MESH" or not any(map(is_inside, materials)):
             continue
         with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-            # a box, or less, has no parts
-            if mesh is None or len(mesh.polygons) <= 6:
+            if mesh is None or len(mesh.polygons) <= 6:  # a box, or less, has no parts
                 continue
             vertices, corners = read_triangles(mesh)
         fraction = _buried(vertices.astype(np.float64), corners)
@@ -170,19 +148,10 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
 def found_inside(depsgraph: Any, antennas: Sequence[Real]) -> list[Finding]:
     """Find what is inside the material of walls and other interiors, in the evaluated frame.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date; materials and walls are set for the run.
-    antennas
-        Positions of receiver and transmitter, (3,) each [Blender units].
-
-    Returns
-    -------
-    list of Finding
-        One ``inside-a-wall`` that names each object and antenna with its wall, of the walls whose
-        absorption and delay are applied where a ray crosses a face. One ``antenna-in-medium`` per
-        object that holds an antenna, with its index and what spreading is off by at most.
+    One ``inside-a-wall`` names each object and antenna with its wall, of the walls whose absorption
+    and delay are applied where a ray crosses a face. One ``antenna-in-medium`` per object that
+    holds an antenna has its index and what spreading is off by at most. `antennas` are (3,) each
+    [Blender units].
     """
     snapshot, places = take_snapshot(depsgraph), np.asarray(antennas, dtype=np.float64)
     low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
@@ -276,14 +245,7 @@ class _Wall:
         return inside
 
 
-# -------------------------------------------------------------------------------------------------
 # Objects so far away that Cycles rounds the depths of waves inside them.
-#
-# Cycles takes a depth inside an object as the difference of two float32 distances from the start of
-# the ray. Where their rounding matters, plane-parallel walls absorb and delay at their faces (see
-# :func:`.nodes.layer.wall_at_face`), which know the thickness. Others are named with the error.
-# -------------------------------------------------------------------------------------------------
-
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Standard deviation of a depth, in float32 roundings of the distance (rms of walls at 5 and 20 km,
@@ -307,23 +269,15 @@ _FLAT = 1e-6
 
 
 class Interiors(NamedTuple):
-    """How interiors are computed in a run.
+    """How interiors are computed in a run."""
 
-    Attributes
-    ----------
-    delay
-        Whether anything that waves pass delays them.
-    sigma
-        Standard deviation of an echo's length from the rounding of depths, over the length.
-    absorption_sigma
-        The same from absorption, which shares the range encoding's exponent [Blender units].
-    findings
-        Objects whose echoes these spoil.
-    """
-
+    #: Whether anything that waves pass delays them.
     delay: bool = False
+    #: Standard deviation of an echo's length from the rounding of depths, over the length.
     sigma: float = 0.0
+    #: The same from absorption, which shares the range encoding's exponent [Blender units].
     absorption_sigma: float = 0.0
+    #: Objects whose echoes these spoil.
     findings: Sequence[Finding] = ()
 
 
@@ -351,27 +305,10 @@ def settle_interiors_far_away(
 ) -> Interiors:
     """Let faces stand for the interiors of walls, until restored, where Cycles would round these.
 
-    Parameters
-    ----------
-    recorder
-        Records the changes, so that they can be restored.
-    depsgraph : bpy.types.Depsgraph
-        Up to date; layer normals are set.
-    antennas
-        Positions of receiver and transmitter, (3,) each [Blender units].
-    reach
-        Distance of the farthest point that echoes from the antennas [Blender units].
-    wavelength, extinction_length
-        Of physical and of simple Radar Materials [Blender units].
-    range_encoding_length
-        k of exp(-l/k) [Blender units].
-    losses_db
-        Two-way absorption of objects by name.
-
-    Returns
-    -------
-    Interiors
-        What is rounded still.
+    Layer normals are set before. `antennas` are (3,) each, `reach` is the distance of the farthest
+    point that echoes from them, `wavelength` is for physical and `extinction_length` for simple
+    Radar Materials, `range_encoding_length` is k of exp(-l/k) [Blender units]. `losses_db` has the
+    two-way absorption of objects by name. Returns what is rounded still.
     """
     distance = reach + max(float(np.linalg.norm(place)) for place in antennas)
     depth = _DEPTH_ROUNDINGS * _EPS32 * distance
@@ -391,16 +328,16 @@ def settle_interiors_far_away(
         error = _rounding(per, depth, nepers * loss_db)
         errors[one.item.name_full] = one.item, error
         plate = len(set(one.materials)) == 1 and is_whole(one.materials[0])
-        if plate and _matters(error, wavelength) and _is_wall(one.item, depsgraph, loss_db):
-            walls.append(one.item)
+        if plate and _matters(error, wavelength) and loss_db <= FACES_LOSS_DB:
+            middle = _middle_of_plate(one.item, depsgraph)
+            if not math.isnan(middle):
+                walls.append((one.item, middle))
     rims = []
     if walls:
         boxes = _Boxes(depsgraph)
-        for item in walls:
+        for item, middle in walls:
             if boxes.empty_inside(item, antennas):
-                recorder.set_item(
-                    item, attributes.OBJECT_LAYER_AT_FACES, [1.0, _middle(item, depsgraph), 0.0]
-                )
+                recorder.set_item(item, attributes.OBJECT_LAYER_AT_FACES, [1.0, middle, 0.0])
                 item.update_tag()
                 del errors[item.name_full]
                 if _echoes_from_its_rim(item, depsgraph):
@@ -422,12 +359,11 @@ def settle_interiors_far_away(
 
 
 def _matters(error: _Rounding, wavelength: float) -> bool:
-    """Whether echoes are off by more than the tolerances."""
     return error.power_db > _TOLERANCE_DB or error.length > _TOLERANCE_WAVELENGTHS * wavelength
 
 
 def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
-    """The finding about an object: a caution only where its errors are more than negligible."""
+    """Return the finding about an object: a caution unless its errors are negligible."""
     wavelengths = error.length / wavelength
     said = finding(
         "interior-rounded", name, power_db=error.power_db, length_wavelengths=wavelengths
@@ -438,7 +374,7 @@ def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
 
 def _lengths(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
     """Loss [dB] and delay [Blender units] of a material, for each Blender unit of depth."""
-    kappa, index = (_value(material, name) for name in (EXTINCTION, INDEX))
+    kappa, index = (input_value(material, name, 0.0) for name in (EXTINCTION, INDEX))
     per = wavelength if is_entered(material) else extinction_length
     return 4 * math.pi * kappa / per * 10 / math.log(10), index - 1
 
@@ -452,23 +388,18 @@ def _rounding(
     return _Rounding(power * both_ways, length * both_ways, by_absorption)
 
 
-def _value(material: Any, name: str) -> float:
-    socket = group_input(material, name)
-    return 0.0 if socket is None else float(socket.default_value)
-
-
-def _is_wall(item: Any, depsgraph: Any, loss_db: float) -> bool:
-    """Whether an object of one physical material is a plate whose faces can hold its absorption."""
+def _middle_of_plate(item: Any, depsgraph: Any) -> float:
+    """Return the place of a plate's middle along its normal, in own units; NaN for others."""
     if attributes.OBJECT_LAYER_THICKNESS not in item:
-        return False
+        return math.nan
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    low, _ = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
-    return loss_db <= FACES_LOSS_DB and not np.isnan(low[0])
+    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
+    return float(low[0] + high[0]) / 2
 
 
 def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
     """Whether a rough wall has a rim that counts: waves inside it come back from there."""
-    roughness = (_value(slot.material, ROUGHNESS) for slot in item.material_slots)
+    roughness = (input_value(slot.material, ROUGHNESS, 0.0) for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
         LayerFaces.read([item], depsgraph).rim_fractions(normal[None])[0] > _LEAST_RIM
@@ -478,13 +409,6 @@ def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
 def _is_flat(item: Any) -> bool:
     """Whether an object lies in one plane, normal to an axis of its own."""
     return bool(min(item.dimensions) <= _FLAT * max(item.dimensions))
-
-
-def _middle(item: Any, depsgraph: Any) -> float:
-    """Place of a layer's middle along its normal, in the object's own units."""
-    normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
-    return float(low[0] + high[0]) / 2
 
 
 class _Boxes:

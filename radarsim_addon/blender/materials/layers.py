@@ -2,8 +2,10 @@
 """Find objects that are plane-parallel layers, and the direction of their faces.
 
 A wave that crosses a layer at an angle is refracted. Absorption and delay inside depend on the
-angle to the faces of the layer (see :mod:`.nodes.physical_material`). A shader does not know these
-faces inside an object, so the object has their normal as a custom property.
+angle to the faces of the layer (see `nodes.physical_material`). A shader does not know these faces
+inside an object, so `set_layer_normals` stores their normal as a custom property of the object, or,
+for walls in several directions, the thickness of each. The absorption across objects, and thin
+panes that are modelled by both of their sides, give findings.
 """
 
 from __future__ import annotations
@@ -18,12 +20,11 @@ import numpy as np
 from ...arrays import Real
 from ...findings import Finding, finding, finding_about
 from ..nodes import attributes
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.groups import group_input, group_kind
 from ..nodes.materials import has_interior
 from ..nodes.physical_material import PHYSICAL_KIND
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
 from ..nodes.radar_material import EXTINCTION
-from ..state import SettingsRestorer, evaluated_mesh, read_numbers
+from ..state import SettingsRestorer, read_numbers
 from .physical_materials import SHEET_THICKNESS, assigned_materials, is_sheet
 from .wall_faces import (
     LAYER_SHARE,
@@ -31,15 +32,11 @@ from .wall_faces import (
     LayerFaces,
     WallFaces,
     convex_parts,
-    depths_behind,
+    depths_of,
     find_walls,
     least_depths,
+    linear_of,
 )
-
-# -------------------------------------------------------------------------------------------------
-# What faces of walls have during a run, whatever modifiers make these.
-# -------------------------------------------------------------------------------------------------
-
 
 _NAME = "radarsim walls"
 
@@ -47,19 +44,8 @@ _NAME = "radarsim walls"
 def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> bool:
     """Give the faces of an object's evaluated mesh the thickness of their walls, until restored.
 
-    Parameters
-    ----------
-    recorder
-        Records the change.
-    item : bpy.types.Object
-        Changed in memory if it is linked from another file.
-    thickness
-        In the object's own units, by polygon, (n,).
-
-    Returns
-    -------
-    bool
-        False for a linked object whose faces modifiers make: it cannot have another modifier.
+    `thickness` is in the object's own units, by polygon. Returns False for a linked object whose
+    faces modifiers make: it cannot have another modifier.
     """
     if item.library is not None:
         return _store_in_mesh(recorder, item.data, thickness)
@@ -76,13 +62,15 @@ def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> b
 
 
 def _store_in_mesh(recorder: SettingsRestorer, mesh: Any, thickness: Real) -> bool:
-    """Give the faces of a linked mesh their thickness, in memory; returns whether these are all."""
+    """Give the faces of a linked mesh their thickness, in memory; False if others are there.
+
+    One by one: foreach_set leaves linked data as it is.
+    """
     name = attributes.FACE_WALL_THICKNESS
     if len(mesh.polygons) != len(thickness):
         return False
     if name not in mesh.attributes:  # else by another object of this mesh
         held = mesh.attributes.new(name, "FLOAT", "FACE")
-        # foreach_set leaves linked data as it is, without a word.
         for element, value in zip(held.data, thickness.tolist(), strict=True):
             element.value = value
         recorder.on_restore(name, lambda: mesh.attributes.remove(mesh.attributes[name]))
@@ -94,17 +82,8 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
     """Have an object's normals end at edges of more than an angle, until restored.
 
     Normals of its own that a mesh was imported with are left out. Objects that a scale by axes
-    distorts, whose angles are others, are shaded flat.
-
-    Parameters
-    ----------
-    recorder
-        Records the change.
-    item : bpy.types.Object
-        One linked from another file keeps its normals if it has modifiers or normals of its own;
-        else its mesh is changed in memory.
-    angle_deg
-        Between the faces on both sides of an edge.
+    distorts, whose angles are others, are shaded flat. One linked from another file keeps its
+    normals if it has modifiers or normals of its own; else its mesh is changed in memory.
     """
     if item.library is not None:
         if not item.modifiers and "custom_normal" not in item.data.attributes:
@@ -219,22 +198,10 @@ _WALL_SHARE = 0.75
 def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Finding]:
     """Set what is known of the walls of each object with a penetrable physical material.
 
-    Normal and thickness of a layer; or the common thickness of walls in several directions.
-
+    That is normal and thickness of a layer, or the common thickness of walls in several directions.
     Linked objects are changed in memory. Properties that the user has set do not change; a normal
-    of [0, 0, 0] means that the object is no layer.
-
-    Parameters
-    ----------
-    recorder
-        Records the changes.
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of Finding
-        Names the objects that are no layers.
+    of [0, 0, 0] means that the object is no layer. Returns a finding about the objects that are
+    none.
     """
     others: list[str] = []
     entered = cache(is_entered)
@@ -257,7 +224,8 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
             others += [] if known else [item.name_full]
         else:
             _set_layer(recorder, item, normal, thickness)
-        if _is_told(item):  # Cycles reads custom properties again only after a tag
+        if attributes.OBJECT_LAYER_NORMAL in item or attributes.OBJECT_SHELL_THICKNESS in item:
+            # Cycles reads custom properties again only after a tag
             item.update_tag(refresh={"OBJECT"})
     if not others:
         return []
@@ -272,11 +240,6 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
     ]
 
 
-def _is_told(item: Any) -> bool:
-    """Whether an object has a custom property that the shaders of walls read."""
-    return attributes.OBJECT_LAYER_NORMAL in item or attributes.OBJECT_SHELL_THICKNESS in item
-
-
 def _set_what_is_found(
     recorder: SettingsRestorer,
     item: Any,
@@ -284,13 +247,10 @@ def _set_what_is_found(
     normal: Real | None,
     walls: WallFaces | None,
 ) -> bool:
-    """Set what an object that is no single plate says of its walls; returns whether these are all
-    right.
-    """
+    """Set the walls of an object that is no single plate; returns whether these are all right."""
     several = walls is not None and bool(walls.wall.any())
     if walls is not None and several and normal is not None:
-        linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
-        across = normal @ np.linalg.inv(linear)
+        across = normal @ np.linalg.inv(linear_of(item.evaluated_get(depsgraph)))
         several = walls.across(across / np.linalg.norm(across)) > _MOST_ACROSS
     if walls is not None and several and walls.share >= _WALL_SHARE:
         one = walls.one_thickness
@@ -316,85 +276,35 @@ def _set_thickness(recorder: SettingsRestorer, item: Any, thickness: float) -> N
 
 
 def is_entered(material: Any) -> bool:
-    """Return whether waves enter objects of a physical material: its Volume is connected.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        False for None and for materials without the physical group.
-    """
-    node = group_node(material)
-    return (
-        node is not None
-        and node.node_tree.get(KIND_PROPERTY) == PHYSICAL_KIND
-        and has_interior(material)
-    )
+    """Return whether waves enter objects of a physical material: its Volume is connected."""
+    return group_kind(material) == PHYSICAL_KIND and has_interior(material)
 
 
 def passes_by_polarisation(material: Any) -> bool:
-    """Return whether waves pass a material by Fresnel's equations for each polarisation.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        True for thin panes, and for physical materials with an interior.
-    """
-    node = group_node(material)
-    sheet = node is not None and node.node_tree.get(KIND_PROPERTY) == SHEET_KIND
-    return sheet or is_entered(material)
+    """Return whether waves pass a material by Fresnel's equations for each polarisation."""
+    return is_sheet(material) or is_entered(material)
 
 
 def delays(material: Any) -> bool:
-    """Return whether waves that pass a material are delayed: by its interior, or as thin panes.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        False for None.
-    """
+    """Return whether waves that pass a material are delayed: by its interior, or as thin panes."""
     return has_interior(material) or passes_by_polarisation(material)
 
 
 def thinnest(item: Any, depsgraph: Any) -> float:
-    """Return the least depth behind a face of an object, across it, in Blender units.
+    """Return the least depth behind the largest faces of an object, across them [Blender units].
 
-    Tried are the largest faces; 0 for a mesh that is open behind all of them.
+    0 for a mesh that is open behind all of them.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return 0.0
-        depth = depths_behind(mesh, linear).depth
-    return float(np.nanmin(depth)) if np.isfinite(depth).any() else 0.0
+    depths = depths_of(item, depsgraph)
+    if depths is None or not np.isfinite(depths.depth).any():
+        return 0.0
+    return float(np.nanmin(depths.depth))
 
 
 def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
-    """Return the two-way absorption of objects of physical materials, across where they are thin.
+    """Return the two-way absorption [dB] of objects of physical materials, by full name.
 
-    Parameters
-    ----------
-    wavelength
-        Wavelength in Blender units.
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    dict of str to float
-        Absorption [dB] by object's full name.
+    It is across each where it is thinnest; `wavelength` is in Blender units.
     """
     is_inside, input_of = cache(is_entered), cache(group_input)
     depths = least_depths(depsgraph)
@@ -415,16 +325,8 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
 def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
     """Find objects whose absorption leaves nothing that a render can hold.
 
-    Parameters
-    ----------
-    losses_db
-        From `interior_losses_db`.
-
-    Returns
-    -------
-    list of Finding
-        One ``absorption-below-float32`` for information and one as a caution, if any, with the
-        losses of their objects and the limits [dB].
+    `losses_db` is from `interior_losses_db`. Returns one ``absorption-below-float32`` for
+    information and one as a caution, if any.
     """
     key = attributes.OBJECT_SHELL_THICKNESS
     information: dict[str, dict[str, float]] = {}
@@ -446,11 +348,6 @@ def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
     return said
 
 
-# -------------------------------------------------------------------------------------------------
-# Thin panes that are modelled with both of their sides, so that they count twice.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Distance of two sides, in thicknesses of the pane, within which they are those of one pane.
 _NEAR = 10.0
 #: Fraction of the surface with another side from which on an object is named.
@@ -458,31 +355,15 @@ _LEAST_FRACTION = 0.1
 
 
 def doubled_panes(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
-    """Find objects whose thin sheets have another face of the object right behind them.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-    metres_per_unit
-        Length of a Blender unit [m].
-
-    Returns
-    -------
-    list of Finding
-        One ``pane-counts-twice`` with all of them, if any.
-    """
+    """Find objects whose thin sheets have another face right behind them: they count twice."""
     named, is_pane = [], cache(is_sheet)
     for item, materials in assigned_materials(depsgraph):
         sheets = [m for m in materials if m is not None and is_pane(m)]
         if item.type != "MESH" or not sheets:
             continue
-        evaluated = item.evaluated_get(depsgraph)
-        linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-        with evaluated_mesh(evaluated) as mesh:
-            if mesh is None or not len(mesh.polygons):
-                continue
-            depths = depths_behind(mesh, linear)
+        depths = depths_of(item, depsgraph)
+        if depths is None:
+            continue
         thickness_m = max(float(m.get(SHEET_THICKNESS, 0.0)) for m in sheets)
         with np.errstate(invalid="ignore"):
             near = depths.parallel & (depths.depth * metres_per_unit <= _NEAR * thickness_m)

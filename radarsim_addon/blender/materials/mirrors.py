@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials that are mirrors at the carrier: what they reflect, read from their inputs."""
+"""Materials that are mirrors at the carrier: what they reflect, read from their inputs.
+
+Widths of lobes are alpha of a Beckmann lobe, sqrt(2) times the RMS slope: infinite for a Lambert
+surface, 0 for a mirror and where the width is not known.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +16,8 @@ import bpy
 
 from ...errors import ConfigError, SceneError
 from ...physics.mirrors import MirrorMaterial
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
-from ..nodes.physical_material import PHYSICAL_KIND as PHYSICAL_KIND
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
-from ..nodes.physical_material import SMOOTH_BELOW, THICKNESS
+from ..nodes.groups import KIND_PROPERTY, group_input, group_kind, group_node
+from ..nodes.physical_material import PHYSICAL_KIND, SHEET_KIND, SMOOTH_BELOW, THICKNESS
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from .clutter import clutter_of
 from .physical_materials import inputs_at, surface_of
@@ -42,18 +44,10 @@ _GLOSSY = {
 def mirror_of(material: Any) -> MirrorMaterial | None:
     """Return the mirror properties of a Radar Material, with its inputs set for the carrier.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    MirrorMaterial or None
-        None where the material is too rough, has no specular part, or has an input that a node
-        sets: the mirror may then vary over the surface.
+    None if the material is too rough, has no specular part, or has an input that a node sets: the
+    mirror may then vary over the surface.
     """
-    node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    kind = group_kind(material)
     if kind not in (KIND, PHYSICAL_KIND, SHEET_KIND):
         return None
     third = THICKNESS if kind == SHEET_KIND else ROUGHNESS
@@ -80,34 +74,15 @@ def mirror_of(material: Any) -> MirrorMaterial | None:
 def ground_mirror(
     material: Any, carrier_hz: float, beyond_band: str, rms_height_m: float | None = None
 ) -> MirrorMaterial:
-    """Return the coherent reflection of a ground, whose material may be rough.
+    """Return the coherent reflection of a ground at a carrier, whose material may be rough.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-    carrier_hz
-        Carrier [Hz]; the material is not changed.
-    beyond_band
-        What a medium does outside its band, see `update_materials`.
-    rms_height_m
-        RMS height in place of the material's [m].
-
-    Returns
-    -------
-    MirrorMaterial
-        At the carrier.
-
-    Raises
-    ------
-    SceneError
-        It is no Radar Material, or neither smooth nor of a known RMS height.
-    ConfigError
-        The medium cannot be evaluated.
+    The material is not changed. `rms_height_m` is in place of the material's. Raises SceneError if
+    it is no Radar Material, or neither smooth nor of a known RMS height; ConfigError if the medium
+    cannot be evaluated.
     """
     name = "none" if material is None else repr(material.name)
-    node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
-    values = inputs_at(material, carrier_hz, beyond_band) if kind == PHYSICAL_KIND else None
+    physical = group_kind(material) == PHYSICAL_KIND
+    values = inputs_at(material, carrier_hz, beyond_band) if physical else None
     if values:
         surface = surface_of(material)
         height_m = rms_height_m
@@ -130,22 +105,13 @@ def ground_mirror(
 
 
 def is_mirror_like(material: Any) -> bool:
-    """Return whether a material has a lobe that Cycles takes for a mirror.
+    """Return whether a material, any, has a lobe that Cycles takes for a mirror.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        Of any material: also of thin sheets, of Radar Materials with inputs that nodes set, and of
-        Blender's BSDFs. False where a node sets the roughness.
+    False where a node sets the roughness.
     """
-    node = group_node(material)
-    if node is None:
-        return any(_is_sharp(shader) for shader in _foreign_shaders(material))
-    kind = node.node_tree.get(KIND_PROPERTY)
+    kind = group_kind(material)
+    if kind is None:
+        return any(map(_is_sharp, _foreign_shaders(material)))
     if kind == SHEET_KIND:
         return True
     limit = SMOOTH_BELOW if kind == PHYSICAL_KIND else SHARP
@@ -155,7 +121,7 @@ def is_mirror_like(material: Any) -> bool:
 
 
 def _foreign_shaders(material: Any) -> list[Any]:
-    """Shader nodes that reach the output of a material, through mixes and groups."""
+    """Return the shader nodes that reach the output of a material, through mixes and groups."""
     if material is None or material.node_tree is None:
         return []
     output = material.node_tree.get_output_node("CYCLES")
@@ -176,7 +142,7 @@ def _foreign_shaders(material: Any) -> list[Any]:
 
 
 def _is_sharp(shader: Any) -> bool:
-    """Whether a BSDF of Blender mirrors, by those of its inputs that no node sets."""
+    """Return whether a BSDF of Blender mirrors, by those of its inputs that no node sets."""
 
     def below(name: str) -> bool:
         socket = shader.inputs[name]
@@ -193,35 +159,17 @@ def _is_sharp(shader: Any) -> bool:
 
 
 def lobe_width(material: Any) -> float:
-    """Return the width of the narrowest lobe in which a material scatters.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    float
-        alpha of a Beckmann lobe, sqrt(2) times the RMS slope; infinite for a Lambert surface, 0
-        where it is not known.
-    """
+    """Return the width of the narrowest lobe in which a material scatters."""
+    width = _lobe_width(material)
     exponent = None if material is None else material.get(LOBE_EXPONENT)
-    if exponent is not None:  # a facet turns the mirrored wave by twice its own angle
-        return min(1 / math.sqrt(exponent), _lobe_width(material))
-    return _lobe_width(material)
+    # a facet turns the mirrored wave by twice its own angle
+    return width if exponent is None else min(1 / math.sqrt(exponent), width)
 
 
 def glint_slope(material: Any) -> float:
     """Return the RMS slope of the narrowest lobe that can outshine the rest of a material.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    float
-        0 for diffuse surfaces, clutter models, mirrors, and where a node sets the roughness.
+    0 for diffuse surfaces, clutter models, mirrors, and where a node sets the roughness.
     """
     if group_node(material) is not None:
         width = lobe_width(material)
@@ -244,28 +192,18 @@ def glint_slope(material: Any) -> float:
 def reciprocal_lobe(material: Any) -> float:
     """Return the width of the lobe of a material that scatters alike in both directions.
 
-    Parameters
-    ----------
-    material
-        See `lobe_width`.
-
-    Returns
-    -------
-    float
-        As of `lobe_width`; 0 also for mirrors, and where Fresnel's equations are those of one of
-        the two directions.
+    0 also where Fresnel's equations are those of one of the two directions.
     """
     if material is not None and material.get(LOBE_EXPONENT) is not None:
         return 0.0
-    node = group_node(material)
-    if node is None:
+    kind = group_kind(material)
+    if kind is None:
         return _reciprocal_shader(material)
     sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
-    values = [float(one.default_value) for one in sockets if one is not None and not one.is_linked]
+    values = [float(one.default_value) for one in sockets if one is not None]
     if len(values) < len(sockets):
         return 0.0
     index, extinction, roughness = values
-    kind = node.node_tree.get(KIND_PROPERTY)
     if kind == PHYSICAL_KIND:
         smooth = roughness <= SMOOTH_BELOW
         if clutter_of(material) is not None:
@@ -278,7 +216,7 @@ def reciprocal_lobe(material: Any) -> float:
 
 
 def _reciprocal_shader(material: Any) -> float:
-    """The same of a material whose output is one BSDF of Blender's."""
+    """Return the width of such a lobe if the output of a material is one BSDF of Blender's."""
     shaders = [] if material is None else _foreign_shaders(material)
     if not shaders:
         return _foreign_lobe_width(material)
@@ -294,14 +232,14 @@ def _reciprocal_shader(material: Any) -> float:
 
 
 def _lobe_width(material: Any) -> float:
-    """The same without a scattered lobe."""
-    node = group_node(material)
-    if node is None:
+    """Return the same as `lobe_width` without a scattered lobe."""
+    kind = group_kind(material)
+    if kind is None:
         return _foreign_lobe_width(material)
     if clutter_of(material) is not None:  # scatters by the geometric mean of both angles
         return math.inf
     specularity, roughness = (group_input(material, name) for name in (SPECULARITY, ROUGHNESS))
-    if node.node_tree.get(KIND_PROPERTY) == KIND:
+    if kind == KIND:
         if specularity is None:
             return 0.0
         if specularity.default_value == 0:
@@ -310,7 +248,7 @@ def _lobe_width(material: Any) -> float:
 
 
 def _foreign_lobe_width(material: Any) -> float:
-    """The same of a material whose output is one Diffuse or Principled BSDF."""
+    """Return the width of the lobe if the output of a material is a Diffuse or Principled BSDF."""
     if material is None or material.node_tree is None:
         return math.inf  # Blender's default surface
     output = material.node_tree.get_output_node("CYCLES")
@@ -326,11 +264,9 @@ def _foreign_lobe_width(material: Any) -> float:
     return float(roughness.default_value) ** 2
 
 
-# -------------------------------------------------------------------------------------------------
-# Which objects a user has marked as mirrors, or as none, in the custom property of an object.
-# -------------------------------------------------------------------------------------------------
+# Objects that the user has marked as mirrors, or as none.
 
-
+#: Custom property of an object.
 MIRROR = "radarsim_mirror"
 #: Value, name and description of each choice, the first where nothing is chosen.
 MIRROR_CHOICES = (
@@ -342,17 +278,7 @@ _NAMES = tuple(name for name, _, _ in MIRROR_CHOICES)
 
 
 def mirror_choice(item: Any) -> str:
-    """Return whether an object gets images of the transmitter.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-
-    Returns
-    -------
-    str
-        'auto', 'first' or 'never'.
-    """
+    """Return whether an object gets images of the transmitter: 'auto', 'first' or 'never'."""
     found = item.get(MIRROR)
     return found if found in _NAMES else _NAMES[0]
 
@@ -379,20 +305,10 @@ def set_mirror(item: Any, choice: str = "first") -> None:
 
 
 def set_mirrors(scene: Any, patterns: str, choice: str) -> None:
-    """Mark the objects of a scene that a command line names.
+    """Mark the objects of a scene that a command line names, as `set_mirror` does.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    patterns
-        Names, which may contain * and ?, separated by commas.
-    choice
-        As for `set_mirror`.
-
-    Raises
-    ------
-    ConfigError
-        A name that no object has.
+    `patterns` are names, which may contain * and ?, separated by commas. Raises ConfigError for a
+    name that no object has.
     """
     items = list(scene.objects)
     for pattern in (one.strip() for one in patterns.split(",")):
@@ -407,12 +323,7 @@ def set_mirrors(scene: Any, patterns: str, choice: str) -> None:
 
 
 def mirror_property() -> Any:
-    """Return the choice as a property of objects, for the window.
-
-    Returns
-    -------
-    bpy.props.EnumProperty
-    """
+    """Return the choice as a property of objects, for the window."""
 
     def read(item: Any) -> int:
         return _NAMES.index(mirror_choice(item))

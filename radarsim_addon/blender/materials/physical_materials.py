@@ -16,7 +16,8 @@ in each Blender, with and without the add-on, and survive saving and appending:
 
 Any material can have the three properties of the surface; `surface_of` reads them.
 `update_material` computes the index n + jk at the carrier from the medium when the carrier changes
-and when a run starts.
+and when a run starts. `beyond_band` says what a medium does outside its band, see
+`MaterialModel.index`.
 """
 
 from __future__ import annotations
@@ -47,65 +48,55 @@ from ...physics.rough import (
     transmission_factors,
 )
 from ..nodes.groups import (
-    KIND_PROPERTY,
     ensure_group,
     find_group,
     group_input,
+    group_kind,
     group_node,
     holds_group,
 )
 from ..nodes.materials import is_conductor, link_group
-from ..nodes.physical_material import GRAZING_TRANSMISSION, PHYSICAL_KIND, SMOOTH_BELOW, THICKNESS
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
+from ..nodes.physical_material import (
+    GRAZING_TRANSMISSION,
+    PHYSICAL_KIND,
+    SHEET_KIND,
+    SMOOTH_BELOW,
+    THICKNESS,
+)
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS, TRANSMISSION
-from ..state import SettingsRestorer, Shape, Snapshot, read_numbers, take_snapshot
-
-# -------------------------------------------------------------------------------------------------
-# Materials that are assigned to the rendered objects.
-#
-# A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The object
-# may be linked, overridden, or a member of an instanced collection that is in no scene. The slots
-# of an evaluated object hold all of these.
-# -------------------------------------------------------------------------------------------------
-
+from ..state import (
+    SettingsRestorer,
+    Shape,
+    Snapshot,
+    read_numbers,
+    slot_materials,
+    take_snapshot,
+)
 
 #: Object types whose surface Cycles shades by material slots.
 SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD"}
 
 
 class MaterialAssignment(NamedTuple):
-    """An object with the materials of its slots.
+    """An original object with the original materials of its slots, None for an empty one.
 
-    Attributes
-    ----------
-    item : bpy.types.Object
-        The original object.
-    materials
-        Original materials by slot, then those of instances that it makes; None for an empty slot.
+    Materials of instances that it makes follow.
     """
 
     item: Any
     materials: tuple[Any, ...]
 
 
-#: Those of a snapshot, hidden ones too, once they were asked for.
+#: By snapshot, hidden objects too.
 _of_snapshots: WeakKeyDictionary[Snapshot, list[MaterialAssignment]] = WeakKeyDictionary()
 
 
 def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
-    """Return the materials of each rendered object with a surface.
+    """Return the materials of each rendered object with a surface, in the order of the depsgraph.
 
-    Members of instanced collections are included.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    list of MaterialAssignment
-        One per object, in the order of the depsgraph.
+    A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The
+    object may be linked, overridden, or a member of an instanced collection that is in no scene.
+    The slots of the evaluated object have all of these.
     """
     snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
@@ -148,41 +139,11 @@ def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
 
 
 def has_no_faces(item: Any) -> bool:
-    """Return whether an object is a mesh of points or edges alone, as those that carry instances.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-        Original; modifiers may add faces.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether an object is a mesh of points or edges, to which modifiers add no faces."""
     return bool(item.type == "MESH" and not item.modifiers and not len(item.data.polygons))
 
 
-def slot_materials(item: Any) -> tuple[Any, ...]:
-    """Return the original materials in the slots of an object; None for an empty slot.
-
-    Parameters
-    ----------
-    item : bpy.types.Object
-        If evaluated, the materials that Geometry Nodes set are included.
-
-    Returns
-    -------
-    tuple of bpy.types.Material or None
-        One per slot.
-    """
-    return tuple(
-        None if slot.material is None else slot.material.original for slot in item.material_slots
-    )
-
-
-# -------------------------------------------------------------------------------------------------
-# Parts of a physical material: a medium of the library, and a rough surface.
-# -------------------------------------------------------------------------------------------------
+# Parts of a physical material.
 
 
 @dataclass(frozen=True)
@@ -241,9 +202,6 @@ EXACT_FACETS = bpy.app.version >= (5, 0, 0)
 """Whether Cycles evaluates Fresnel's equations at each facet; see `ATTR_FACET_FRESNEL`."""
 
 
-# -- reading and writing ---------------------------------------------------------------------------
-
-
 def medium_of(material: Any) -> Medium | None:
     """Return the medium of a material; None for a simple or foreign one."""
     name = material.get(MEDIUM)
@@ -260,17 +218,9 @@ def medium_of(material: Any) -> Medium | None:
 
 
 def surface_of(material: Any) -> Surface | None:
-    """Return the surface of a material.
+    """Return the surface of a material, None if all three properties are missing.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    Surface or None
-        None if all three properties are missing. Without a slope, that of the Roughness of a Radar
-        Material is used.
+    Without a slope, that of the Roughness of a Radar Material is used.
     """
     keys = (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE)
     if material is None:
@@ -287,33 +237,16 @@ def surface_of(material: Any) -> Surface | None:
 
 
 def is_physical(material: Any) -> bool:
-    """Return whether a material has one of the physical groups: the material's, or the sheet's.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        False for None.
-    """
-    return _kind_of(material) in (PHYSICAL_KIND, SHEET_KIND)
+    """Return whether a material has one of the physical groups: the material's, or the sheet's."""
+    return group_kind(material) in (PHYSICAL_KIND, SHEET_KIND)
 
 
 def has_rough_facets(material: Any) -> bool:
     """Return whether a material has facets whose channels Cycles rounds separately.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        Then from order 2 on the world should encode the range.
+    Then from order 2 on the world should encode the range.
     """
-    if not EXACT_FACETS or _kind_of(material) != PHYSICAL_KIND:
+    if not EXACT_FACETS or group_kind(material) != PHYSICAL_KIND:
         return False
     socket, surface = group_input(material, ROUGHNESS), surface_of(material)
     return (
@@ -324,14 +257,7 @@ def has_rough_facets(material: Any) -> bool:
 
 
 def is_sheet(material: Any) -> bool:
-    """Return whether a material is a thin pane with interference."""
-    return _kind_of(material) == SHEET_KIND
-
-
-def _kind_of(material: Any) -> str | None:
-    """Return the kind of the radarsim group of a material; None without a group."""
-    node = group_node(material)
-    return None if node is None else node.node_tree.get(KIND_PROPERTY)
+    return group_kind(material) == SHEET_KIND
 
 
 def make_physical_material(
@@ -349,29 +275,14 @@ def make_physical_material(
 ) -> Any:
     """Make a material from a medium of the library and a rough or smooth surface.
 
-    Parameters
-    ----------
-    name
-        Name of the data-block. Blender adds a number if it is in use.
-    medium, path, parameters
-        As in `physics.materials.material`.
-    carrier_hz
-        Carrier for the first evaluation [Hz]. A run evaluates the medium at its own carrier.
-    rms_height_m, correlation_length_m, rms_slope
-        Surface. All 0: smooth.
-    penetrable
-        Link the interior. None: yes, unless the medium is a conductor at this carrier.
-    sheet_thickness_m
-        Above 0: a thin pane of smooth faces, modelled as one face with interference [m].
+    `medium`, `path` and `parameters` are those of `physics.materials.material`. The first
+    evaluation is at `carrier_hz`; a run evaluates the medium at its own carrier. A surface of zeros
+    is smooth. `penetrable` links the interior; None: unless the medium is a conductor at this
+    carrier. `sheet_thickness_m` above 0 makes a thin pane of smooth faces, modelled as one face
+    with interference.
 
-    Returns
-    -------
-    bpy.types.Material
-
-    Raises
-    ------
-    ConfigError
-        Unknown medium or parameter, carrier outside the band, or slope too steep.
+    Raises ConfigError for an unknown medium or parameter, a carrier outside the band, or a slope
+    that is too steep.
     """
     numbers = {
         RMS_HEIGHT: rms_height_m,
@@ -411,9 +322,6 @@ def make_physical(material: Any, penetrable: bool = True) -> None:
         link_group(material, ensure_group(SHEET_KIND), False)
     else:
         link_group(material, ensure_group(PHYSICAL_KIND), penetrable)
-
-
-# -- values at a carrier ---------------------------------------------------------------------------
 
 
 def inputs_at(material: Any, carrier_hz: float, beyond_band: str = "hold") -> dict[str, float]:
@@ -460,7 +368,6 @@ def _put(socket: Any, value: float, recorder: SettingsRestorer | None) -> None:
 
 
 def _inputs_to_set(material: Any, carrier_hz: float, beyond_band: str) -> list[tuple[Any, float]]:
-    """Return the sockets of a physical material and their values at a carrier."""
     node = group_node(material)
     if node is None or not is_physical(material):
         return []
@@ -486,35 +393,20 @@ def update_materials(
     assigned: Collection[Any] | None = None,
     beyond_band: str = "hold",
 ) -> list[Finding]:
-    """Evaluate all physical materials of the file at a carrier.
+    """Evaluate all physical materials of the file at a carrier, permanently without a recorder.
 
     Materials that are linked from another file are set in memory; that file is not changed.
+    `assigned` are the materials of rendered objects, None: those in the slots of all objects of the
+    file.
 
-    Parameters
-    ----------
-    carrier_hz
-        Carrier [Hz].
-    recorder
-        Records the changes. None: they are permanent.
-    assigned
-        Materials of rendered objects. None: those in the slots of all objects of the file.
-    beyond_band
-        What a medium does outside its band.
-
-    Returns
-    -------
-    list of Finding
-        Assigned materials with a medium that keep their numbers, because their group is not at
-        the output. Others that cannot be evaluated keep theirs, too, and change no result.
-
-    Raises
-    ------
-    ConfigError
-        A material of a rendered object cannot be evaluated, or two of them use one node group with
-        different numbers.
+    Returns findings about assigned materials with a medium that keep their numbers, because their
+    group is not at the output. Others that cannot be evaluated keep theirs, too, and change no
+    result. Raises ConfigError if a material of a rendered object cannot be evaluated, or two of
+    them use one node group with different numbers.
     """
     if assigned is None:
-        assigned = _in_slots(bpy.data.objects)
+        shown = (item for item in bpy.data.objects if not item.hide_render)
+        assigned = {one for item in shown for one in slot_materials(item) if one is not None}
     findings = []
     owners: dict[int, tuple[Any, float]] = {}
     # Assigned materials are first: their numbers have priority in a common node group.
@@ -555,33 +447,13 @@ def _keeps_numbers(material: Any) -> bool:
 
 
 def refresh_materials(carrier_hz: float, beyond_band: str = "hold") -> None:
-    """Evaluate all physical materials; one that cannot be evaluated keeps its numbers.
-
-    Parameters
-    ----------
-    carrier_hz
-        Carrier [Hz].
-    beyond_band
-        What a medium does outside its band.
-    """
+    """Evaluate all physical materials; one that cannot be evaluated keeps its numbers."""
     for material in bpy.data.materials:
         with contextlib.suppress(ConfigError):
             update_material(material, carrier_hz, beyond_band)
 
 
-def _in_slots(objects: Iterable[Any]) -> set[Any]:
-    return {
-        material
-        for item in objects
-        if not item.hide_render
-        for material in slot_materials(item)
-        if material is not None
-    }
-
-
-# -------------------------------------------------------------------------------------------------
 # Materials that are ready for use: those of the Asset Browser, and more for everyday names.
-# -------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -706,13 +578,10 @@ def suggest_material(*names: str) -> str | None:
     return None
 
 
-# -------------------------------------------------------------------------------------------------
 # Where the models of a material do not hold: bands of media, and Kirchhoff's surfaces.
-# -------------------------------------------------------------------------------------------------
 
 
-def _beyond_its_band(material: Any, carrier_hz: float, beyond_band: str = "hold") -> list[Finding]:
-    """Find that a physical material is used outside the band of its medium."""
+def _beyond_its_band(material: Any, carrier_hz: float, beyond_band: str) -> list[Finding]:
     medium = medium_of(material) if is_physical(material) else None
     if medium is None or beyond_band == "refuse":
         return []
@@ -740,19 +609,8 @@ def media_beyond_their_band(
 ) -> list[Finding]:
     """Find the physical materials whose medium is not defined at a carrier.
 
-    Parameters
-    ----------
-    carrier_hz
-        Carrier [Hz].
-    beyond_band
-        What a medium does outside its band.
-    materials
-        Materials of rendered objects. None: those of the file that are used.
-
-    Returns
-    -------
-    list of Finding
-        One for each material; the panel and the run tell unknown media.
+    `materials` are those of rendered objects, None: those of the file that are used. Unknown media
+    are told by the panel and the run.
     """
     found = []
     if materials is None:
@@ -775,23 +633,9 @@ def limits_of(material: Any, carrier_hz: float) -> tuple[Finding, ...]:
     return tuple(item.about(material.name) for item in found)
 
 
-# -------------------------------------------------------------------------------------------------
-# RMS height and correlation length of surfaces, from custom properties of materials.
-# -------------------------------------------------------------------------------------------------
-
-
 def roughness_of(materials: Iterable[Any]) -> tuple[float | None, float | None]:
-    """Return the roughness of the first of some materials that has an RMS height.
-
-    Parameters
-    ----------
-    materials : iterable of bpy.types.Material or None
-        Of an object, by slot.
-
-    Returns
-    -------
-    rms_height_m, correlation_length_m : float or None
-        [m]; None if unknown.
+    """Return RMS height and correlation length [m] of the first of an object's materials that has a
+    height; None if unknown.
     """
     for material in materials:
         if material is None:
@@ -805,14 +649,7 @@ def roughness_of(materials: Iterable[Any]) -> tuple[float | None, float | None]:
 def is_rough(item: Any) -> bool:
     """Return whether all materials of an object are Radar Materials with a rough surface.
 
-    Parameters
-    ----------
-    item : bpy.types.Object
-
-    Returns
-    -------
-    bool
-        False for an object without materials.
+    False for an object without materials.
     """
     sockets = [group_input(material, ROUGHNESS) for material in slot_materials(item)]
     return bool(sockets) and all(

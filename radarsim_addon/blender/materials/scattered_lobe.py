@@ -4,7 +4,11 @@
 The custom property ``radarsim_lobe_exponent`` of a material holds the exponent of the lobe, which
 takes the place of the Lambert lobe of a simple material. A smooth physical material with an RMS
 height has no other lobe: a run renders one by the table of a clutter model. The rows of the path
-table are weighted, see :mod:`..paths.surface_lobes`.
+table are weighted, see `paths.clutter_weights`.
+
+`set_clutter_tables` makes one image with a row for each material that renders a clutter model or
+such a lobe: sigma0 by grazing angle [dB], which the groups of the materials read (see
+`nodes.physical_material.add_clutter_lobe`).
 """
 
 from __future__ import annotations
@@ -24,15 +28,15 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import lobe_exponent
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
+from ..nodes.groups import KIND_PROPERTY, group_input, group_kind
 from ..nodes.physical_material import (
     CLUTTER_ROW,
+    PHYSICAL_KIND,
     TABLE_NODE,
     TABLE_WIDTH,
     VANISHES_BELOW,
     table_angles_rad,
 )
-from ..nodes.physical_material import PHYSICAL_KIND as PHYSICAL_KIND
 from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from ..state import SettingsRestorer
 from .clutter import clutter_of
@@ -44,43 +48,24 @@ _LEAST_ALBEDO = 1e-4
 
 @dataclass(frozen=True)
 class ScatteredLobe:
-    """A directive lobe at the carrier.
+    """A directive lobe at the carrier."""
 
-    Attributes
-    ----------
-    exponent
-        Of the lobe, see `lobe_exponent`.
-    mirror
-        What the surface mirrors.
-    alpha
-        Width of the glossy lobe in place of the mirror, as of a Beckmann lobe; 0: a mirror.
-    from_table
-        Whether Cycles' lobe has the albedo of a table; else that of a simple material.
-    """
-
+    #: See `lobe_exponent`.
     exponent: int
+    #: What the surface mirrors.
     mirror: MirrorMaterial
+    #: Width of the glossy lobe in place of the mirror, as of a Beckmann lobe; 0: a mirror.
     alpha: float
+    #: Whether Cycles' lobe has the albedo of a table; else that of a simple material.
     from_table: bool
 
     def scattered(
         self, to_source: Real, normal: Real, polarisation: str, wavelength_m: float
     ) -> Real:
-        """Return the fraction of the power that is scattered.
+        """Return the fraction of the power that is scattered, (n,).
 
-        Parameters
-        ----------
-        to_source, normal
-            Unit vectors from the surface to where waves come from, and across it, (n, 3).
-        polarisation
-            Of the run.
-        wavelength_m
-            Wavelength [m].
-
-        Returns
-        -------
-        ndarray
-            (n,).
+        `to_source` and `normal` are unit vectors from the surface to where waves come from, and
+        across it, (n, 3).
         """
         mirror, cosine = self.mirror, np.abs(dots(to_source, normal))
         kept = mirror.share * coherent_reflection(mirror.rms_height_m, cosine, wavelength_m) ** 2
@@ -88,17 +73,8 @@ class ScatteredLobe:
         return np.asarray(every * (1 - kept))
 
     def table_db(self, wavelength_m: float) -> Real:
-        """Return sigma0 of the Lambert lobe that Cycles renders in its place.
-
-        Parameters
-        ----------
-        wavelength_m
-            Wavelength [m].
-
-        Returns
-        -------
-        ndarray
-            At the angles of a clutter table [dB].
+        """Return sigma0 [dB] of the Lambert lobe that Cycles renders in its place, at the angles of
+        a clutter table.
         """
         sine = np.sin(table_angles_rad())
         kept = coherent_reflection(self.mirror.rms_height_m, sine, wavelength_m) ** 2
@@ -107,21 +83,11 @@ class ScatteredLobe:
 
 
 def scattered_lobe_of(material: Any) -> ScatteredLobe | None:
-    """Return the directive lobe of a material, with its inputs set for the carrier.
+    """Return the directive lobe of a material, with its inputs set for the carrier; None without
+    one.
 
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    ScatteredLobe or None
-        None without one.
-
-    Raises
-    ------
-    ConfigError
-        The exponent cannot be used, or the material scatters nothing by such a lobe.
+    Raises ConfigError if the exponent cannot be used, or the material scatters nothing by such a
+    lobe.
     """
     value = None if material is None else material.get(LOBE_EXPONENT)
     if value is None:
@@ -133,14 +99,12 @@ def scattered_lobe_of(material: Any) -> ScatteredLobe | None:
 
 
 def _lobe(material: Any, exponent: int) -> ScatteredLobe:
-    """The lobe of a material. Raises ConfigError where it can have none."""
     if clutter_of(material) is not None:
         raise ConfigError(
             "It has a clutter model and a scattered lobe. Take one of the two away: "
             'set_clutter(material, "none") or set_scattered_lobe(material, None).'
         )
-    node = group_node(material)
-    kind = None if node is None else node.node_tree.get(KIND_PROPERTY)
+    kind = group_kind(material)
     sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
     if kind == KIND:
         sockets.append(group_input(material, SPECULARITY))
@@ -207,13 +171,7 @@ def set_scattered_lobe(material: Any, exponent: int | None) -> None:
         raise
 
 
-# -------------------------------------------------------------------------------------------------
-# Tables of sigma0 that the groups of materials read: one image, a row for each material.
-#
-# See :mod:`..nodes.clutter_lobe`. Scattered lobes of slightly rough mirrors are rendered by such a
-# table, too.
-# -------------------------------------------------------------------------------------------------
-
+# Tables of sigma0.
 
 #: Mean of the three channels of the range encoding over its largest, where it is least: two of them
 #: may be all but 0.
@@ -228,28 +186,9 @@ def set_clutter_tables(
 ) -> list[Finding]:
     """Give the groups of materials their tables of sigma0, until the recorder takes them back.
 
-    Parameters
-    ----------
-    recorder
-        Records the changes.
-    assigned
-        Materials of rendered objects.
-    carrier_hz
-        Carrier [Hz].
-    polarisation
-        That of the run.
-
-    Returns
-    -------
-    list of Finding
-        Of materials whose model has no effect, is used at a carrier outside its band, or is in part
-        too weak to be rendered.
-
-    Raises
-    ------
-    ConfigError
-        A model cannot be evaluated, or a scattered lobe cannot be used; the message names the
-        material.
+    Returns findings about materials of rendered objects (`assigned`) whose model has no effect, is
+    used at a carrier outside its band, or is in part too weak to be rendered. Raises ConfigError,
+    which names the material, if a model cannot be evaluated or a scattered lobe cannot be used.
     """
     findings, rows, sockets = [], [], []
     for material in sorted(assigned, key=lambda one: str(one.name_full)):

@@ -1,5 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects that waves leave otherwise than straight rays do: totally reflected, or by a corner."""
+"""Objects that waves leave otherwise than straight rays do, and what this costs.
+
+Cycles follows straight rays through interiors. `total_reflections` starts rays from the antennas at
+points spread over each object with an interior, refracts them by Snell's law (`_bent`) and looks
+where they arrive: if n sin(angle) > 1 there, the power that Cycles lets out is in truth reflected.
+The fraction is that of the power that enters, with the absorption on the shorter of the bent and
+the straight way. Small convex bodies (`wall_faces.convex_parts`) are done at once by the planes of
+their faces, others by rays. Objects whose faces stand for walls are also asked how much enters by
+one face and leaves by another across it: a corner.
+
+`straight_interiors` names simple Radar Materials, in which waves are not refracted, and
+`average_in_a_row` tells where several walls each take the mean of both polarisations, whose product
+differs from the mean at the end of the way.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +28,13 @@ from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...findings import Finding, finding, finding_about
 from ...physics.fresnel import excess_path_m, slab_power
 from ..nodes import attributes
-from ..nodes.groups import group_input
+from ..nodes.groups import group_input, input_value
 from ..nodes.materials import has_interior
 from ..nodes.radar_material import EXTINCTION, INDEX
 from ..state import evaluated_mesh, read_triangles, take_snapshot
 from .layers import is_entered, passes_by_polarisation, thinnest
 from .physical_materials import assigned_materials
-from .wall_faces import ConvexBodies, convex_parts
+from .wall_faces import ConvexBodies, convex_parts, linear_of
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
@@ -42,16 +55,15 @@ _NO_LAYER = np.full(3, np.nan)
 
 
 class _Body(NamedTuple):
-    """What a ray meets inside an object.
+    """What a ray meets inside an object; of several objects: one of each per ray."""
 
-    `refraction` is the index, `per_unit` the absorption of power [1 / Blender unit]. Straight rays
-    are absorbed as by the way across the `layer` with this normal, (3,), NaN without, or as by
-    `at_most` of a way [Blender units]. Of several objects: one of each per ray.
-    """
-
+    #: Index of refraction.
     refraction: float | Real
+    #: Absorption of power [1 / Blender unit].
     per_unit: float | Real
+    #: Normal of the layer that straight rays are absorbed across, (3,); NaN without.
     layer: Real
+    #: Way that absorbs, at most [Blender units].
     at_most: float | Real
 
 
@@ -63,21 +75,10 @@ def total_reflections(
 ) -> list[Finding]:
     """Find the objects that waves from the antennas enter and cannot leave where they arrive.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date; layer normals are set.
-    antennas
-        Positions of receiver and transmitter, (3,) each [Blender units].
-    wavelength, extinction_length
-        Of physical and of simple Radar Materials [Blender units].
-
-    Returns
-    -------
-    list of Finding
-        One ``total-reflection`` for information and one as a caution, if any, with the least and
-        largest indices and fractions of their objects; and the same of ``wall-corners``, of objects
-        whose faces absorb and delay.
+    `antennas` are (3,) each, `wavelength` is for physical and `extinction_length` for simple Radar
+    Materials [Blender units]; layer normals are set. Returns one ``total-reflection`` for
+    information and one as a caution, if any, with indices and fractions of their objects; and the
+    same of ``wall-corners``, of objects whose faces absorb and delay.
     """
     is_inside, inside_of = cache(has_interior), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
@@ -121,10 +122,9 @@ def _said(
 
 def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
     """Index of a material, 1 at least, and its absorption of power [1 / Blender unit]."""
-    socket, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
     per = wavelength if is_entered(material) else extinction_length
-    absorption = 0.0 if kappa is None else 4 * math.pi * float(kappa.default_value) / per
-    return max(1.0, 1.0 if socket is None else float(socket.default_value)), absorption
+    absorption = 4 * math.pi * input_value(material, EXTINCTION, 0.0) / per
+    return max(1.0, input_value(material, INDEX, 1.0)), absorption
 
 
 def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> _Body:
@@ -135,7 +135,7 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
     layer = _NO_LAYER
     given = item.get(attributes.OBJECT_LAYER_NORMAL)
     if given is not None and np.any(given) and not shell:
-        linear = np.array(item.evaluated_get(depsgraph).matrix_world.to_3x3(), dtype=np.float64)
+        linear = linear_of(item.evaluated_get(depsgraph))
         layer = np.array(given, dtype=np.float64) @ np.linalg.pinv(linear)
         layer /= np.linalg.norm(layer)
     return _Body(max(indices), min(absorptions), layer, at_most)
@@ -144,8 +144,9 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
 def _reflected(
     item: Any, depsgraph: Any, body: _Body, antennas: Sequence[Sequence[float]]
 ) -> tuple[float, float]:
-    """Fractions of the entering power that arrive where they are totally reflected, or seem to
-    leave, and that leave by a face across the one where they entered, if faces stand for walls.
+    """Return the fractions of the entering power that arrive where they are totally reflected, or
+    seem to leave; and that leave by a face across the one where they entered, if faces stand for
+    walls.
 
     Echoes through an object on both their ways are absorbed once more, and so is what stays inside.
     """
@@ -187,7 +188,7 @@ def _reflected(
 def _reflected_in_convex(
     part: ConvexBodies, bodies: Sequence[_Body], antennas: Sequence[Sequence[float]]
 ) -> Real:
-    """What `_reflected` is for each of some convex bodies, (n,)."""
+    """Return the first fraction of `_reflected` for each of some convex bodies, (n,)."""
     weights = _spread(part.heights.shape[1])
     columns = [np.array(column) for column in zip(*bodies, strict=True)]
     entering, reflected = np.zeros(len(bodies)), np.zeros(len(bodies))
@@ -218,8 +219,8 @@ def _lost_in_convex(
     outward: Real,
     begin: Real,
 ) -> Real:
-    """What `_lost` is of rays (k, 3, m) that enter the convex bodies `of` (k,) at faces with the
-    normals `outward` (k, 3), (k, m).
+    """Return the second of `_lost` for rays (k, 3, m) that enter the convex bodies `of` (k,) at
+    faces with the normals `outward` (k, 3), (k, m).
     """
     index, across = np.asarray(body.refraction), part.across(of)
     per_height = part.per_height(of, begin)
@@ -324,26 +325,11 @@ def _spread(triangles: int) -> Real:
     return np.stack([1 - steps.sum(axis=1), *steps.T], axis=1)
 
 
-# -------------------------------------------------------------------------------------------------
-# Objects of simple Radar Materials, in which waves are not refracted, and what that costs.
-# -------------------------------------------------------------------------------------------------
-
-
 def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
     """Find objects that waves cross at the delay of the straight line, whatever its angle.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date, materials at the carrier.
-    metres_per_unit
-        Length of a Blender unit [m].
-
-    Returns
-    -------
-    list of Finding
-        One ``interior-not-refracted`` with all of them, if any, and what the one with the largest
-        error adds to an echo behind it at two angles.
+    One ``interior-not-refracted`` has all of them, and what the one with the largest error adds to
+    an echo behind it at two angles.
     """
     simple = cache(lambda material: has_interior(material) and not is_entered(material))
     worst: dict[str, tuple[float, float]] = {}
@@ -367,29 +353,14 @@ def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
 
 
 def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
-    """What a straight line through a layer and back is longer than the refracted wave [m]."""
+    """Return what a straight line through a layer and back is longer than the refracted wave."""
     cosine = math.cos(math.radians(angle_deg))
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
 
-# -------------------------------------------------------------------------------------------------
-# Objects that let waves through in the mean of both polarisations, and what it costs to take the
-# mean at each of them and not at the end of the way.
-# -------------------------------------------------------------------------------------------------
-
-
 def averaging_objects(depsgraph: Any) -> dict[str, complex]:
-    """Return the objects that take the mean of both polarisations, with their largest index.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date, materials at the carrier.
-
-    Returns
-    -------
-    dict of str to complex
-        By object's name.
+    """Return the objects that let waves through in the mean of both polarisations, by name, with
+    their largest index.
     """
     found = {}
     averages, index = cache(passes_by_polarisation), cache(_index)  # many objects share materials
@@ -401,19 +372,10 @@ def averaging_objects(depsgraph: Any) -> dict[str, complex]:
 
 
 def average_in_a_row(depsgraph: Any, objects: Collection[str]) -> bool:
-    """Return whether waves may pass several walls of these objects one after the other.
+    """Return whether waves may pass several walls of these objects, by name, one after the other.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date; layer normals are set.
-    objects
-        Names, from `averaging_objects`.
-
-    Returns
-    -------
-    bool
-        Also for one object that consists of several walls, or has several instances.
+    Also for one object that consists of several walls, or has several instances; layer normals are
+    set.
     """
     snapshot = take_snapshot(depsgraph)
     shapes = [shape.original for shape in snapshot.shapes]
@@ -432,17 +394,8 @@ def average_in_a_row(depsgraph: Any, objects: Collection[str]) -> bool:
 def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
     """Return the finding that these objects take the mean each by itself.
 
-    Parameters
-    ----------
-    objects
-        From `averaging_objects`, at least one.
-    paths
-        The paths that it concerns, in words.
-
-    Returns
-    -------
-    Finding
-        With the error of two walls of the largest index.
+    `objects` are those of `averaging_objects`, at least one; `paths` names the paths that it
+    concerns. The error is that of two walls of the largest index.
     """
     index = max(objects.values(), key=abs)
     return finding(
@@ -455,14 +408,11 @@ def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
 
 
 def _loss_db(index: complex, angle_deg: float) -> float:
-    """What two walls pass on both ways over what they pass with a mean at each [dB]."""
+    """Return what two walls pass on both ways over what they pass with a mean at each [dB]."""
     wall = slab_power(index, 1e-12, 1.0, math.cos(math.radians(angle_deg)), "single-pass")
     s, p = float(wall.transmitted_s), float(wall.transmitted_p)
     return 20 * math.log10((s**2 + p**2) / 2 / ((s + p) / 2) ** 2)
 
 
 def _index(material: Any) -> complex:
-    n, kappa = (group_input(material, name) for name in (INDEX, EXTINCTION))
-    return complex(
-        1.0 if n is None else n.default_value, 0.0 if kappa is None else kappa.default_value
-    )
+    return complex(input_value(material, INDEX, 1.0), input_value(material, EXTINCTION, 0.0))

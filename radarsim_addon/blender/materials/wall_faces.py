@@ -1,8 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Faces of a mesh that are walls: what is behind each of them, across it, and how thick.
 
-A building in one mesh has walls of several thicknesses in several directions. A face belongs to a
-wall where the face behind it is parallel, and near compared to the width of its surface.
+A building in one mesh has walls of several thicknesses in several directions. `depths_behind` casts
+rays from points of the largest triangles into the object, across them. `find_walls` groups polygons
+into smooth surfaces: a face belongs to a wall where the face behind it is parallel, and near
+compared to the width of its surface, by the moments of the points. The thickness of a polygon's
+wall is the lower median of its depths; a rim has that of the wall that it ends.
+
+`LayerFaces` finds plane-parallel layers, of many objects in one pass: the direction across which
+most of the surface lies, and the two outermost planes. `ConvexBodies` are objects that are small
+closed convex meshes, as most are in a large scene: a straight way inside one ends at the plane of a
+face, so that no ray has to be traced.
 """
 
 from __future__ import annotations
@@ -39,50 +47,32 @@ TRIANGLE_POINTS = np.full((3, 3), 1 / 6) + np.eye(3) / 2
 
 
 class Depths(NamedTuple):
-    """What is behind faces of an object, across them, at points of their triangles.
+    """What is behind faces of an object, across them, at n points of their triangles."""
 
-    Attributes
-    ----------
-    face
-        Number of the polygon of each point, (n,).
-    area
-        Part of the surface that each point stands for [square Blender units], (n,).
-    place
-        The points about the object's origin, along the world's axes [Blender units], (n, 3).
-    depth
-        [Blender units], (n,); NaN where the mesh is open behind.
-    parallel
-        Whether the face behind is parallel, (n,).
-    """
-
+    #: Number of the polygon, (n,).
     face: Indices
+    #: Part of the surface that each point stands for [square Blender units], (n,).
     area: Real
+    #: The points about the object's origin, along the world's axes [Blender units], (n, 3).
     place: Real
+    #: [Blender units], (n,); NaN where the mesh is open behind.
     depth: Real
+    #: Whether the face behind is parallel, (n,).
     parallel: Mask
 
 
 class WallFaces(NamedTuple):
-    """Walls of an object, by its polygons.
+    """Walls of an object, by its n polygons."""
 
-    Attributes
-    ----------
-    wall
-        Whether each is a face of a wall, (n,).
-    normal
-        Unit normals in world axes, (n, 3).
-    area
-        [Square Blender units], (n,).
-    thickness
-        Of the wall behind each, or next to it, in the object's own units, (n,); 0: unknown.
-    share
-        Fraction of the surface that is walls of the thickness given.
-    """
-
+    #: Whether each is a face of a wall, (n,).
     wall: Mask
+    #: Unit normals in world axes, (n, 3).
     normal: Real
+    #: [Square Blender units], (n,).
     area: Real
+    #: Of the wall behind each, or next to it, in the object's own units, (n,); 0: unknown.
     thickness: Real
+    #: Fraction of the surface that is walls of the thickness given.
     share: float
 
     @property
@@ -99,20 +89,24 @@ class WallFaces(NamedTuple):
         return float(self.area[other].sum() / max(self.area[self.wall].sum(), 1e-300))
 
 
+def linear_of(evaluated: Any) -> Real:
+    """Return the matrix from the axes of an evaluated object to the world's, (3, 3)."""
+    return np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+
+
+def depths_of(item: Any, depsgraph: Any) -> Depths | None:
+    """Look across the largest triangles of an object into it; None without faces."""
+    evaluated = item.evaluated_get(depsgraph)
+    with evaluated_mesh(evaluated) as mesh:
+        if mesh is None or not len(mesh.polygons):
+            return None
+        return depths_behind(mesh, linear_of(evaluated))
+
+
 def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> Depths:
-    """Look across the largest triangles of a mesh into it.
+    """Look across the `most` largest triangles of a mesh into it.
 
-    Parameters
-    ----------
-    mesh : bpy.types.Mesh
-    linear
-        From its axes to the world's, (3, 3).
-    most
-        Number of triangles.
-
-    Returns
-    -------
-    Depths
+    `linear` (3, 3) turns its axes to the world's.
     """
     mesh.calc_loop_triangles()
     corners = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
@@ -145,19 +139,10 @@ def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> De
 def find_walls(item: Any, depsgraph: Any) -> WallFaces | None:
     """Find the walls of an evaluated object.
 
-    Parameters
-    ----------
-    item : bpy.types.Object
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    WallFaces or None
-        None for an object without faces or of no volume. Of a large mesh only some faces are known.
+    None for an object without faces or of no volume. Of a large mesh only some faces are known.
     """
     evaluated = item.evaluated_get(depsgraph)
-    linear = np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
+    linear = linear_of(evaluated)
     if abs(np.linalg.det(linear)) < 1e-30:
         return None
     with evaluated_mesh(evaluated) as mesh:
@@ -244,10 +229,7 @@ def _medians(groups: Indices, values: Real, count: int) -> Real:
     return found
 
 
-# -------------------------------------------------------------------------------------------------
-# The parallel faces of objects that are layers, of many objects in one pass.
-# -------------------------------------------------------------------------------------------------
-
+# Layers.
 
 #: Minimum fraction of an object's surface with one pair of opposite normals for a layer.
 LAYER_SHARE = 0.6
@@ -300,18 +282,18 @@ def layer_normals(normals: Real, areas: Real, of: Indices, count: int) -> Real:
 
 
 class LayerFaces(NamedTuple):
-    """Polygons of several evaluated objects, `of` which each is: normals, areas and centres in
-    their own axes; `linear` (n, 3, 3) turns these to the world's."""
+    """Polygons of several evaluated objects: normals, areas and centres in their own axes."""
 
+    #: Number of the object of each polygon.
     of: Indices
     normal: Real
     area: Real
     center: Real
+    #: Turns the axes of each object to the world's, (n, 3, 3).
     linear: Real
 
     @classmethod
     def read(cls, items: Sequence[Any], depsgraph: Any) -> LayerFaces:
-        """Read them from Blender."""
         normal, area, center, sizes = [], [], [], []
         for item in items:
             with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
@@ -384,13 +366,7 @@ class LayerFaces(NamedTuple):
         return np.asarray(of_rim / np.maximum(total, 1e-300))
 
 
-# -------------------------------------------------------------------------------------------------
-# Objects that are small convex meshes, many of them in one pass.
-#
-# Most objects of a large scene are boxes and prisms. A straight way inside one ends at the plane of
-# a face, so that no ray has to be traced.
-# -------------------------------------------------------------------------------------------------
-
+# Small convex meshes.
 
 #: Triangles of a small mesh, at most.
 _MOST_TRIANGLES = 64
@@ -403,29 +379,33 @@ _PART = 384
 
 
 class ConvexBodies(NamedTuple):
-    """n closed convex meshes of t triangles and v vertices each, along the world's axes.
+    """n closed convex meshes of t triangles each, about their places, along the world's axes.
 
-    `items` are their objects, `origin` (n, 3) their places. About these places: `triangles`
-    (n, t, 3, 3) with outward unit `normals` (n, t, 3) at `heights` (n, t), and the `areas` (n, t).
-    `widths` (n, t): from each triangle to the vertex farthest behind it. `size` (n,): largest
-    extent along an axis. `planes`: triangles, without those in the plane of another in every body.
     [Blender units]
     """
 
+    #: Their objects.
     items: list[Any]
+    #: Their places, (n, 3).
     origin: Real
+    #: (n, t, 3, 3)
     triangles: Real
+    #: Outward unit normals, (n, t, 3).
     normals: Real
+    #: Of the planes over the origin, (n, t).
     heights: Real
+    #: (n, t)
     areas: Real
+    #: From each triangle to the vertex farthest behind it, (n, t).
     widths: Real
+    #: Largest extent along an axis, (n,).
     size: Real
+    #: Numbers of triangles, without those in the plane of another in every body.
     planes: Indices
 
     def thinnest(self) -> Real:
-        """Return the least depth behind the triangles of each body, across them, (n,).
-
-        As `depths_behind` has it, at the same points.
+        """Return the least depth behind the triangles of each body, across them, (n,), at the
+        points of `depths_behind`.
         """
         inward = -self.normals.transpose(0, 2, 1)
         starts = np.einsum("pk,ntkx->nxtp", TRIANGLE_POINTS, self.triangles)
@@ -465,7 +445,7 @@ class ConvexBodies(NamedTuple):
         return np.divide(1.0, below, out=below)
 
 
-#: Those of a snapshot, once they were asked for.
+#: By snapshot.
 _of_snapshots: WeakKeyDictionary[Snapshot, list[ConvexBodies]] = WeakKeyDictionary()
 
 
@@ -478,18 +458,7 @@ def convex_parts(depsgraph: Any) -> list[ConvexBodies]:
 
 
 def convex_objects(depsgraph: Any) -> set[Any]:
-    """Return the objects with an interior that are small closed convex meshes, faces outwards.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    set of bpy.types.Object
-        Originals.
-    """
+    """Return the original objects that have an interior and are small closed convex meshes."""
     return {item for part in convex_parts(depsgraph) for item in part.items}
 
 
@@ -534,7 +503,7 @@ def _find(depsgraph: Any) -> Iterable[ConvexBodies]:
 
 
 def _stacked(items: tuple[Any, ...], points: Real, corners: Int32, matrices: Real) -> ConvexBodies:
-    """Return those of meshes (n, v, 3), (n, t, 3) that are closed and convex."""
+    """Return those of the meshes (n, v, 3), (n, t, 3) that are closed and convex."""
     linear = matrices[:, :3, :3]
     points = points.astype(np.float64) @ linear.transpose(0, 2, 1)
     corners = np.where(np.linalg.det(linear)[:, None, None] < 0, corners[:, :, ::-1], corners)
@@ -567,7 +536,7 @@ def _planes(normals: Real, heights: Real, size: Real) -> Indices:
 
 
 def _closed(corners: Int32, vertices: int) -> Mask:
-    """Whether each mesh (n, t, 3) has each of its edges once in each direction, (n,)."""
+    """Return whether each mesh (n, t, 3) has each of its edges once in each direction, (n,)."""
     edges = np.concatenate([corners[..., pair] for pair in ([0, 1], [1, 2], [2, 0])], axis=1)
     there, back = (edges.astype(np.int64) @ pair for pair in ((vertices, 1), (1, vertices)))
     there.sort(axis=1)

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Radar node groups and the materials made of them.
+"""Radar node groups, which make Cycles compute radar power, and the materials made of them.
 
-``ensure_group(kind)``, ``refresh_groups()``
-    Find, make and update the groups.
-``setup_emitter(light)``
-    Make a Point light the transmitter.
-``make_material(...)``, ``assign_radar_material(objects, preset)``, ``PRESETS``
-    Materials with the Radar Material group.
+`build` adds nodes to a tree from a definition as code, and `groups` makes, finds and updates the
+data-blocks. `interface` has Fresnel's equations as nodes; `radar_material` is the simple group of
+the paper, with the range encoding and the transmitter's Ring Emitter, `physical_material` the group
+of a medium at the carrier and that of a thin sheet. During a run they read custom properties of
+scene and objects: `attributes`. `materials` puts the groups into materials and lights.
 """
 
 from .groups import DEFINITIONS, ensure_group, find_groups, group_version, refresh_groups

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shader node groups as code.
 
-A group is a :class:`GroupDefinition`: its sockets, and a function that adds its nodes with a
-:class:`TreeBuilder`. :mod:`.groups` makes data-blocks from definitions and updates old ones.
+A group is a `GroupDefinition`: its sockets, and a function that adds its nodes with a
+`TreeBuilder`. `groups` makes data-blocks from definitions and updates old ones.
 """
 
 from __future__ import annotations
@@ -102,18 +102,10 @@ class TreeBuilder:
         inputs: Mapping[Any, Source] | None = None,
         **properties: Any,
     ) -> Any:
-        """Add a node.
+        """Add a node of a ``bl_idname``; `label`, its name too, is the quantity that it computes.
 
-        Parameters
-        ----------
-        idname
-            ``bl_idname`` of the node.
-        label
-            Label and name of the node: the quantity that it computes.
-        inputs
-            Socket (name or index) to an output socket, which is linked, or to a constant.
-        properties
-            Attributes of the node, set before its inputs.
+        `properties` are set before `inputs`: by name or index of the socket, an output socket,
+        which is linked, or a constant.
         """
         node = self.tree.nodes.new(idname)
         node.name = node.label = self._prefix + label
@@ -131,7 +123,6 @@ class TreeBuilder:
             target.default_value = source
 
     def math(self, operation: str, label: str, *operands: Source, clamp: bool = False) -> Any:
-        """Add a Math node."""
         inputs = dict(enumerate(operands))
         node = self.node("ShaderNodeMath", label, inputs, operation=operation, use_clamp=clamp)
         return node.outputs[0]
@@ -161,25 +152,22 @@ class TreeBuilder:
 
     def face_attribute(self, label: str, name: str) -> Any:
         """Return the value of a float attribute of the shaded face; 0 without."""
-        return self.node(
-            "ShaderNodeAttribute", label, attribute_type="GEOMETRY", attribute_name=name
-        ).outputs["Fac"]
+        return self._attribute("GEOMETRY", label, name, "Fac")
 
-    def _attribute(self, owner: str, label: str, name: str) -> Any:
+    def _attribute(self, owner: str, label: str, name: str, output: str = "Vector") -> Any:
         return self.node(
             "ShaderNodeAttribute", label, attribute_type=owner, attribute_name=name
-        ).outputs["Vector"]
+        ).outputs[output]
 
     def vector_math(self, operation: str, label: str, inputs: Mapping[Any, Source]) -> Any:
         """Add a Vector Math node with a vector result."""
         return self.node("ShaderNodeVectorMath", label, inputs, operation=operation).outputs[0]
 
     def scale(self, label: str, vector: Source, factor: Source) -> Any:
-        """Add a Vector Math node that multiplies a vector by a number."""
+        """Add nodes for a vector times a number."""
         return self.vector_math("SCALE", label, {0: vector, "Scale": factor})
 
     def dot(self, label: str, first: Source, second: Source) -> Any:
-        """Add a Vector Math node with the dot product of two vectors."""
         inputs = {0: first, 1: second}
         node = self.node("ShaderNodeVectorMath", label, inputs, operation="DOT_PRODUCT")
         return node.outputs["Value"]
@@ -200,11 +188,9 @@ class TreeBuilder:
         return node.outputs[0]
 
     def transparent(self, label: str, colour: Source) -> Any:
-        """Add a Transparent BSDF."""
         return self.node("ShaderNodeBsdfTransparent", label, {"Color": colour}).outputs[0]
 
     def add_shaders(self, label: str, first: Source, second: Source) -> Any:
-        """Add an Add Shader node."""
         return self.node("ShaderNodeAddShader", label, {0: first, 1: second}).outputs[0]
 
     def group_input(self, name: str) -> Any:

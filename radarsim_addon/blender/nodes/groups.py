@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node groups as data-blocks: make, find and update them.
+"""Node groups as data-blocks: make, find and update them, and find those of a material.
 
 Two custom properties, kind and version, identify a radarsim group. The name does not: a user's
-group with the name "Radar Material" is not changed.
+group with the name "Radar Material" is not changed. A material's group may be at its output or
+nested in groups.
 """
 
 from __future__ import annotations
@@ -14,32 +15,20 @@ import bpy
 
 from ...errors import SceneError
 from .build import GroupDefinition, draw_tree
-from .physical_material import PHYSICAL_KIND as PHYSICAL_KIND
-from .physical_material import RADAR_PHYSICAL, RADAR_SHEET
-from .physical_material import SHEET_KIND as SHEET_KIND
+from .physical_material import PHYSICAL_KIND, RADAR_PHYSICAL, RADAR_SHEET, SHEET_KIND
 from .radar_material import KIND, RADAR_MATERIAL, RING_EMITTER
 
 KIND_PROPERTY = "radarsim_kind"
 VERSION_PROPERTY = "radarsim_version"
 
+#: Every node group that radarsim makes, by kind.
 DEFINITIONS: dict[str, GroupDefinition] = {
     d.kind: d for d in (RADAR_MATERIAL, RADAR_PHYSICAL, RADAR_SHEET, RING_EMITTER)
 }
-"""Every node group that radarsim makes, by kind."""
 
 
 def group_version(tree: Any) -> int | None:
-    """Return the version of a radarsim group.
-
-    Parameters
-    ----------
-    tree : bpy.types.NodeTree
-
-    Returns
-    -------
-    int or None
-        None for other groups.
-    """
+    """Return the version of a radarsim group; None for other groups."""
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
         return None
@@ -47,18 +36,7 @@ def group_version(tree: Any) -> int | None:
 
 
 def find_groups(kind: str) -> list[Any]:
-    """Return all editable groups of a kind in this file.
-
-    Parameters
-    ----------
-    kind
-        Key of `DEFINITIONS`.
-
-    Returns
-    -------
-    list of bpy.types.NodeTree
-        Newest version first.
-    """
+    """Return all editable groups of a kind in this file, newest version first."""
     groups = [
         tree
         for tree in bpy.data.node_groups
@@ -110,21 +88,9 @@ def _group_nodes(tree: Any) -> Iterator[Any]:
 
 
 def ensure_group(kind: str) -> Any:
-    """Return the group of a kind; make or rebuild it if necessary.
+    """Return the group of a kind, a key of `DEFINITIONS`; make or rebuild it if necessary.
 
-    Parameters
-    ----------
-    kind
-        ``"radar_material"``, ``"radar_physical"``, ``"radar_sheet"`` or ``"ring_emitter"``.
-
-    Returns
-    -------
-    bpy.types.ShaderNodeTree
-
-    Raises
-    ------
-    SceneError
-        The file contains a group of this kind from a newer radarsim.
+    Raises SceneError if the file contains a group of this kind from a newer radarsim.
     """
     definition = DEFINITIONS[kind]
     groups = find_groups(kind)
@@ -141,20 +107,15 @@ def ensure_group(kind: str) -> Any:
 
 
 def refresh_groups() -> list[str]:
-    """Rebuild all stale groups in the file.
+    """Rebuild all stale groups in the file; return their names.
 
     Groups that are linked from another file are rebuilt in memory; that file is not changed.
-
-    Returns
-    -------
-    list of str
-        Names of the rebuilt groups.
     """
-    stale = [
-        tree
-        for tree in bpy.data.node_groups
-        if (group_version(tree) or 0) < _version_of(tree.get(KIND_PROPERTY))
-    ]
+    stale = []
+    for tree in bpy.data.node_groups:
+        definition = DEFINITIONS.get(str(tree.get(KIND_PROPERTY)))
+        if definition is not None and (group_version(tree) or 0) < definition.version:
+            stale.append(tree)
     names = [tree.name for tree in stale]
     for tree in stale:
         if tree.library is not None and group_version(tree) is not None:
@@ -165,19 +126,8 @@ def refresh_groups() -> list[str]:
     return names
 
 
-def _version_of(kind: Any) -> int:
-    """Return the version that this radarsim makes; 0 for an unknown kind."""
-    definition = DEFINITIONS.get(kind) if isinstance(kind, str) else None
-    return 0 if definition is None else definition.version
-
-
-# -------------------------------------------------------------------------------------------------
-# Search for the Radar Material group of a material, at its output or nested in groups.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Groups that encode the range, choose lobes by the path class, and have the inputs of an index.
 MATERIAL_KINDS = (KIND, PHYSICAL_KIND, SHEET_KIND)
-"""Groups that encode the range, choose lobes by the path class, and have the inputs of an index."""
 #: Maximum number of groups and reroutes that are followed, to stop at a loop.
 _MAX_STEPS = 64
 
@@ -207,6 +157,12 @@ def group_node(material: Any) -> Any | None:
     return None if found is None else found.node
 
 
+def group_kind(material: Any) -> str | None:
+    """Return the kind of the Radar Material group of a material; None without one."""
+    node = group_node(material)
+    return None if node is None else node.node_tree.get(KIND_PROPERTY)
+
+
 def group_input(material: Any, name: str) -> Any | None:
     """Return the socket that sets an input of the material's group, or of the groups around it.
 
@@ -228,6 +184,12 @@ def group_input(material: Any, name: str) -> Any | None:
         else:
             return None
     return None
+
+
+def input_value(material: Any, name: str, default: float) -> float:
+    """Return the number of such an input; `default` where `group_input` is None."""
+    socket = group_input(material, name)
+    return default if socket is None else float(socket.default_value)
 
 
 def holds_group(tree: Any) -> bool:

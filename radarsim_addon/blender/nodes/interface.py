@@ -1,8 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Power at a smooth interface for both polarisations, by Math nodes in float32.
+"""Power at a smooth interface between vacuum and a medium, by Math nodes in float32.
 
-Notation as in :mod:`.fresnel`: epsilon the permittivity, c the cosine outside, q = u + j v. For
-each polarisation, without subtraction of nearly equal numbers (Born & Wolf 1.5.2, 14.2):
+With c = cos(incidence) outside, s^2 = 1 - c^2, epsilon = (n + j kappa)^2 and
+q = u + j v = sqrt(epsilon - s^2) (Born & Wolf, Principles of Optics, 14.2), the textbook
+
+    r_s = (c - q) / (c + q),     r_p = r_s (s^2 - c q) / (s^2 + c q)
+
+loses all digits in c - q for n near 1. Because (c - q)(c + q) = 1 - epsilon, it is equal to
+
+    |r_s|^2 = |epsilon - 1|^2 / ((c + u)^2 + v^2)^2
+    |r_p|^2 = |r_s|^2 ((c u - s^2)^2 + (c v)^2) / ((c u + s^2)^2 + (c v)^2)
+
+with Re(epsilon - 1) = (n - 1)(n + 1) - kappa^2. No significant difference of nearly equal numbers
+remains, from n = 1 (exactly 0) to n = kappa = 1e4, and up to grazing incidence. Their mean is the
+unpolarised `reflectance`.
+
+`interface_power` follows both polarisations through a layer (Born & Wolf 1.5.2, 14.2):
 
     entering  t   = 1 - |r|^2       t_s = 4 c u / |c + q|^2
                                     t_p = 4 c Re(epsilon q*) / |epsilon c + q|^2
@@ -27,26 +40,8 @@ from typing import Any, NamedTuple
 from . import attributes
 from .build import TreeBuilder
 
-# -------------------------------------------------------------------------------------------------
-# Unpolarised Fresnel reflectance of a complex index of refraction, by Math nodes in float32.
-#
-# With c = cos(incidence), s^2 = 1 - c^2, epsilon = (n + j kappa)^2 and
-# q = u + j v = sqrt(epsilon - s^2) (Born & Wolf, Principles of Optics, 14.2), the textbook
-#
-#     r_s = (c - q) / (c + q),     r_p = r_s (s^2 - c q) / (s^2 + c q)
-#
-# loses all digits in c - q for n near 1. Because (c - q)(c + q) = 1 - epsilon, it is equal to
-#
-#     |r_s|^2 = |epsilon - 1|^2 / ((c + u)^2 + v^2)^2
-#     |r_p|^2 = |r_s|^2 ((c u - s^2)^2 + (c v)^2) / ((c u + s^2)^2 + (c v)^2)
-#
-# with Re(epsilon - 1) = (n - 1)(n + 1) - kappa^2. No significant difference of nearly equal numbers
-# remains, from n = 1 (exactly 0) to n = kappa = 1e4, and up to grazing incidence.
-# -------------------------------------------------------------------------------------------------
-
-
+#: A medium that transmits less than this fraction at normal incidence is an opaque conductor.
 OPAQUE_BELOW_TRANSMITTANCE = 1e-3
-"""A medium that transmits less than this fraction at normal incidence is an opaque conductor."""
 
 
 def cos_incidence(build: TreeBuilder) -> Any:
@@ -60,7 +55,7 @@ def cos_incidence(build: TreeBuilder) -> Any:
 
 
 def reflectance(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Any:
-    """Add nodes for the mean of |r_s|^2 and |r_p|^2 at an index n + j kappa, from vacuum."""
+    """Add nodes for F, the mean of |r_s|^2 and |r_p|^2 at an index n + j kappa, from vacuum."""
     math = build.math
     # epsilon - 1 = excess + 2j product
     below = math("SUBTRACT", "n - 1", n, 1.0)
@@ -74,8 +69,8 @@ def reflectance(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Any:
     cosine2 = math("MULTIPLY", "c^2", cosine, cosine)
     sine2 = math("SUBTRACT", "s^2", 1.0, cosine2)
 
-    # q = u + j v = sqrt(epsilon - s^2), as epsilon - s^2 = (epsilon - 1) + c^2. The larger part
-    # comes from the root, the smaller from u v = n kappa: neither cancels.
+    # q^2 = epsilon - s^2 = (epsilon - 1) + c^2. The larger part of q comes from the root, the
+    # smaller from u v = n kappa: neither cancels.
     z_real = math("ADD", "Re q^2", excess, cosine2)
     z_abs = _length(build, "|q^2|", z_real, imaginary)
     z_real_abs = math("ABSOLUTE", "|Re q^2|", z_real)
@@ -134,13 +129,8 @@ def _length(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:
     return build.math("SQRT", label, total)
 
 
-# -------------------------------------------------------------------------------------------------
-# Complex numbers as pairs of sockets.
-# -------------------------------------------------------------------------------------------------
-
-
 class Pair(NamedTuple):
-    """Real and imaginary part: sockets or constants."""
+    """A complex number: real and imaginary part, sockets or constants."""
 
     re: Any
     im: Any
@@ -156,7 +146,6 @@ def product(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
 
 
 def scaled(build: TreeBuilder, label: str, a: Pair, factor: Any) -> Pair:
-    """Add nodes for a real factor times a."""
     return Pair(
         build.math("MULTIPLY", f"Re {label}", a.re, factor),
         build.math("MULTIPLY", f"Im {label}", a.im, factor),
@@ -164,14 +153,12 @@ def scaled(build: TreeBuilder, label: str, a: Pair, factor: Any) -> Pair:
 
 
 def total(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
-    """Add nodes for a + b."""
     return Pair(
         build.math("ADD", f"Re {label}", a.re, b.re), build.math("ADD", f"Im {label}", a.im, b.im)
     )
 
 
 def difference(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
-    """Add nodes for a - b."""
     return Pair(
         build.math("SUBTRACT", f"Re {label}", a.re, b.re),
         build.math("SUBTRACT", f"Im {label}", a.im, b.im),
@@ -185,26 +172,24 @@ def power(build: TreeBuilder, label: str, a: Pair) -> Any:
 
 
 class Wave(NamedTuple):
-    """Sockets with the wave inside a medium: Re(epsilon) - 1, Im(epsilon), the cosine outside, and
-    the normal component q = u + j v of the wave vector over k0.
-    """
+    """Sockets with the wave inside a medium; u + j v is its wave vector's normal part over k0."""
 
+    #: Re(epsilon) - 1
     excess: Any
     epsilon_im: Any
+    #: Outside.
     cosine: Any
     u: Any
     v: Any
 
 
 class InterfacePower(NamedTuple):
-    """Fractions of the power that is incident on a face from the ray's side, as the run polarises.
-
-    `passed` is a colour, see `passed_by_channel`; `reference` is the unpolarised reflectance from
-    outside, as a Metallic BSDF has it.
-    """
+    """Fractions of the power that meets a face from the ray's side, as the run polarises."""
 
     reflected: Any
+    #: A colour, see `passed_by_channel`.
     passed: Any
+    #: The unpolarised reflectance from outside, as a Metallic BSDF has it.
     reference: Any
 
 
@@ -260,12 +245,7 @@ def interface_power(
     arriving = weighted("sum v t", left_p, s.entering, p.entering)
     square_s = math("MULTIPLY", "d_s^2", s.there_and_back, s.there_and_back)
     square_p = math("MULTIPLY", "d_p^2", p.there_and_back, p.there_and_back)
-    both = weighted(
-        "sum v d^2",
-        left_p,
-        square_s,
-        square_p,
-    )
+    both = weighted("sum v d^2", left_p, square_s, square_p)
     inside = weighted(
         "sum v t R",
         left_p,
@@ -337,36 +317,24 @@ def _powers(build: TreeBuilder, wave: Wave) -> tuple[_Power, _Power, Any]:
     enter_p = _quotient(build, "t_p", four_c, flux, sum_p)
     eps_q = math("MULTIPLY", "|epsilon q|", eps_abs, q_abs)
     both_p = _quotient(build, "d_p", four_c, eps_q, sum_p)
-    ratio = _ratio_p(build, wave)
-    power_p = math("MULTIPLY", "R_p", power_s, ratio)
-    return _Power(enter_s, both_s, power_s), _Power(enter_p, both_p, power_p), ratio
-
-
-def _ratio_p(build: TreeBuilder, wave: Wave) -> Any:
-    """Add nodes for |r_p|^2 / |r_s|^2 = |c q - s^2|^2 / |c q + s^2|^2."""
-    math = build.math
-    sine2 = math("SUBTRACT", "s^2", 1.0, math("MULTIPLY", "c^2", wave.cosine, wave.cosine))
-    cu = math("MULTIPLY", "c u", wave.cosine, wave.u)
-    cv = math("MULTIPLY", "c v", wave.cosine, wave.v)
+    sine2 = math("SUBTRACT", "s^2", 1.0, math("MULTIPLY", "c^2", c, c))
+    cu = math("MULTIPLY", "c u", c, u)
+    cv = math("MULTIPLY", "c v", c, v)
     top = build.sum_of_squares("|c q - s^2|^2", math("SUBTRACT", "c u - s^2", cu, sine2), cv)
     bottom = build.sum_of_squares("|c q + s^2|^2", math("ADD", "c u + s^2", cu, sine2), cv)
-    return math("DIVIDE", "R_p / R_s", top, bottom)
+    ratio = math("DIVIDE", "R_p / R_s", top, bottom)
+    power_p = math("MULTIPLY", "R_p", power_s, ratio)
+    return _Power(enter_s, both_s, power_s), _Power(enter_p, both_p, power_p), ratio
 
 
 def excess(build: TreeBuilder, wave: Wave) -> Any:
     """Add nodes for Re q - c = Re((epsilon - 1)/(q + c)), which is exact near n = 1."""
     math = build.math
     re = math("ADD", "Re(q + c)", wave.u, wave.cosine)
-    bottom = math(
-        "MULTIPLY_ADD", "|q + c|^2", re, re, math("MULTIPLY", "Im(q + c)^2", wave.v, wave.v)
-    )
-    top = math(
-        "MULTIPLY_ADD",
-        "Re((epsilon - 1)(q + c)*)",
-        wave.excess,
-        re,
-        math("MULTIPLY", "Im(epsilon) Im(q)", wave.epsilon_im, wave.v),
-    )
+    v2 = math("MULTIPLY", "Im(q + c)^2", wave.v, wave.v)
+    bottom = math("MULTIPLY_ADD", "|q + c|^2", re, re, v2)
+    lossy = math("MULTIPLY", "Im(epsilon) Im(q)", wave.epsilon_im, wave.v)
+    top = math("MULTIPLY_ADD", "Re((epsilon - 1)(q + c)*)", wave.excess, re, lossy)
     return math("DIVIDE", "Re q - c", top, bottom)
 
 
@@ -383,15 +351,10 @@ def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     level = build.vector_math("CROSS_PRODUCT", "I x Z", {0: ray, 1: (0.0, 0.0, 1.0)})
 
     product = build.dot("(I x N).(I x Z)", across, level)
-    lengths = math(
-        "MULTIPLY",
-        "lengths^2",
-        build.dot("|I x N|^2", across, across),
-        build.dot("|I x Z|^2", level, level),
-    )
-    horizontal = math(
-        "DIVIDE", "w_s of H", math("MULTIPLY", "product^2", product, product), lengths, clamp=True
-    )
+    across2 = build.dot("|I x N|^2", across, across)
+    lengths = math("MULTIPLY", "lengths^2", across2, build.dot("|I x Z|^2", level, level))
+    product2 = math("MULTIPLY", "product^2", product, product)
+    horizontal = math("DIVIDE", "w_s of H", product2, lengths, clamp=True)
     requested = build.scene_attribute(attributes.ATTR_POLARISATION)
     is_horizontal = math("GREATER_THAN", "H asked", requested, 1.5)
     is_vertical = math("GREATER_THAN", "V or H asked", requested, 0.5)

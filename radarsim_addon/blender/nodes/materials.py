@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials made of the Radar Material group, and a few presets."""
+"""Materials made of the Radar Material group, a few presets, and the Ring Emitter on a light."""
 
 from __future__ import annotations
 
@@ -28,45 +28,38 @@ from .radar_material import (
 
 _INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
-#: Inputs of material groups that scale the power that passes a face.
-TRANSMISSIONS = (TRANSMISSION, GRAZING_TRANSMISSION)
 #: Extinction from which power falls by 54 dB within a hundredth of a wavelength.
 _OPAQUE_KAPPA = 100.0
+#: Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
+#: exact. The physical material depends on the ray, so Cycles would take steps of a tenth of the
+#: object's size and stop where 1e-6 is left: echoes below -60 dB would be too strong.
 VOLUME_STEP_RATE = 1000.0
-"""Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
-exact. The physical material depends on the ray, so Cycles would take steps of a tenth of the
-object's size and stop where 1e-6 is left: echoes below -60 dB would be too strong."""
 
 
 @dataclass(frozen=True)
 class MaterialPreset:
     """Named set of inputs of the Radar Material group.
 
-    Parameters
-    ----------
-    label, description
-        For menus. The description names the source of the index.
-    n, kappa
-        Complex index n + j kappa. kappa is normalised: power falls as exp(-4 pi kappa d / Lambda).
-        With Lambda = wavelength it is the physical kappa. With another Lambda, waves penetrate as
-        many Lambda as they would penetrate wavelengths.
-    specularity, roughness
-        Typical values for the surface, not measured.
-    penetrable
-        The interior absorbs and delays. False for a conductor.
+    The index n + j kappa has a normalised kappa: power falls as exp(-4 pi kappa d / Lambda). With
+    Lambda = wavelength it is the physical kappa. With another Lambda, waves penetrate as many
+    Lambda as they would penetrate wavelengths.
     """
 
     label: str
+    #: Names the source of the index.
     description: str
     n: float
     kappa: float
+    #: Typical values for the surface, not measured.
     specularity: float
     roughness: float
+    #: The interior absorbs and delays. False for a conductor.
     penetrable: bool = True
 
 
 _ITU = "Index at 5.3 GHz after ITU-R P.2040-3, Table 3"
 
+#: By identifier, in the order of the menu.
 PRESETS: dict[str, MaterialPreset] = {
     "metal": MaterialPreset(
         "Metal",
@@ -93,21 +86,10 @@ PRESETS: dict[str, MaterialPreset] = {
     "wood": MaterialPreset("Wood", f"{_ITU}: wood", 1.4111, 0.0337, 0.2, 0.6),
     "glass": MaterialPreset("Glass", f"{_ITU}: glass, smooth", 2.5121, 0.0227, 0.9, 0.2),
 }
-"""Presets by identifier, in the order of the menu."""
 
 
 def is_radar_material(material: Any) -> bool:
-    """Return whether a material has the Radar Material group, and so encodes the range.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        False for None.
-    """
+    """Return whether a material has the Radar Material group, and so encodes the range."""
     return group_node(material) is not None
 
 
@@ -116,15 +98,22 @@ def lets_nothing_through(material: Any) -> bool:
 
     It is a conductor with constant inputs, or its transmission is 0.
     """
-    node = group_node(material)
-    names = [] if node is None else [name for name in TRANSMISSIONS if name in node.inputs]
-    passed = [group_input(material, name) for name in names]
+    passed = transmission_inputs(material)
     if passed and all(socket is not None and socket.default_value == 0 for socket in passed):
         return True
     index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
     if index is None or extinction is None:
         return False
     return is_conductor(complex(index.default_value, extinction.default_value))
+
+
+def transmission_inputs(material: Any) -> list[Any]:
+    """Return the sockets that scale the power passing a face, None where a node is linked."""
+    node = group_node(material)
+    if node is None:
+        return []
+    names = (TRANSMISSION, GRAZING_TRANSMISSION)
+    return [group_input(material, name) for name in names if name in node.inputs]
 
 
 def is_conductor(index: complex) -> bool:
@@ -135,16 +124,8 @@ def is_conductor(index: complex) -> bool:
 
 
 def has_interior(material: Any) -> bool:
-    """Return whether waves enter objects of a material.
-
-    Parameters
-    ----------
-    material : bpy.types.Material or None
-
-    Returns
-    -------
-    bool
-        A Radar Material that is not opaque, with its Volume connected.
+    """Return whether waves enter objects of a material: a Radar Material that is not opaque, with
+    its Volume connected.
     """
     return volume_link(material) is not None and not lets_nothing_through(material)
 
@@ -188,29 +169,11 @@ def make_material(
     *,
     penetrable: bool | None = None,
 ) -> Any:
-    """Make a material with the Radar Material group.
+    """Make a material with the Radar Material group, of index n + j kappa as in `MaterialPreset`.
 
-    Parameters
-    ----------
-    name
-        Name of the data-block. Blender adds a number if it is in use.
-    n, kappa
-        Complex index of refraction n + j kappa, kappa normalised (see :class:`MaterialPreset`).
-    specularity
-        Fraction of the reflected power in the specular lobe, 0 to 1.
-    roughness
-        Roughness of the specular lobe, 0 to 1 (alpha = roughness^2).
-    penetrable
-        Link absorption and delay of the interior. False for conductors.
-
-    Returns
-    -------
-    bpy.types.Material
-
-    Raises
-    ------
-    ConfigError
-        A number outside its limits.
+    `specularity` is the fraction of the reflected power in the specular lobe and `roughness` that
+    lobe's (alpha = roughness^2), 0 to 1. `penetrable` links the interior; None: unless it is a
+    conductor. Raises ConfigError for a number outside its limits.
     """
     real_array("Index of refraction n", n, minimum=1.0)
     real_array("Extinction coefficient kappa", kappa, minimum=0.0)
@@ -230,22 +193,7 @@ def make_material(
 
 
 def preset_material(preset: str) -> Any:
-    """Return the file's material for a preset; make one if it is missing or was changed.
-
-    Parameters
-    ----------
-    preset
-        Key of `PRESETS`.
-
-    Returns
-    -------
-    bpy.types.Material
-
-    Raises
-    ------
-    ConfigError
-        No preset of that name.
-    """
+    """Return the file's material for a key of `PRESETS`; make one if missing or changed."""
     values = PRESETS.get(preset)
     if values is None:
         raise ConfigError(
@@ -268,48 +216,16 @@ def preset_material(preset: str) -> Any:
 
 
 def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
-    """Assign the material of a preset to objects, as `assign_to`.
-
-    Parameters
-    ----------
-    objects : iterable of bpy.types.Object
-    preset
-        Key of `PRESETS`.
-
-    Returns
-    -------
-    list of bpy.types.Object
-        The objects with the material.
-
-    Raises
-    ------
-    ConfigError
-        No preset of that name.
-    SceneError
-        None of the objects can have a material.
-    """
+    """Assign the material of a preset to objects, as `assign_to`."""
     usable = _with_materials(objects)  # fails before a material is made
     return assign_to(usable, preset_material(preset))
 
 
 def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
-    """Assign a material to all material slots of objects.
+    """Assign a material to all material slots of objects; return those that have it now.
 
-    Parameters
-    ----------
-    objects : iterable of bpy.types.Object
-        Objects without materials (empties, lights, cameras...) are skipped.
-    material : bpy.types.Material
-
-    Returns
-    -------
-    list of bpy.types.Object
-        The objects with the material.
-
-    Raises
-    ------
-    SceneError
-        None of the objects can have a material.
+    Objects without materials (empties, lights, cameras...) are skipped. Raises SceneError if none
+    of the objects can have a material.
     """
     usable = _with_materials(objects)
     for obj in usable:
@@ -354,31 +270,12 @@ def _holds(material: Any, values: MaterialPreset) -> bool:
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# The Ring Emitter on a Point light: the transmitter.
-# -------------------------------------------------------------------------------------------------
-
-
 def setup_emitter(light: Any) -> Any:
-    """Make a Point light the radar's transmitter.
+    """Make a Point light the radar's transmitter; return the group node in its tree.
 
-    The light becomes a true point, because a radius would blur ranges, and gets the Ring Emitter
-    in its node tree. Power, colour and position do not change. A second call changes nothing.
-
-    Parameters
-    ----------
-    light : bpy.types.Light
-        A light of type POINT.
-
-    Returns
-    -------
-    bpy.types.ShaderNodeGroup
-        The group node in the light's tree.
-
-    Raises
-    ------
-    SceneError
-        The light is of another type, or linked from a library.
+    The light becomes a true point, because a radius would blur ranges, and gets the Ring Emitter in
+    its node tree. Power, colour and position do not change. A second call changes nothing. Raises
+    SceneError if the light is of another type, or linked from a library.
     """
     if light.type != "POINT":
         raise SceneError(
@@ -396,7 +293,6 @@ def setup_emitter(light: Any) -> Any:
 
 
 def _make_point(light: Any) -> None:
-    """Set what makes the light an isotropic point with a node tree."""
     light.shadow_soft_size = 0.0
     light.use_shadow = True
     if hasattr(light, "use_soft_falloff"):

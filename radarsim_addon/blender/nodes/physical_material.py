@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Radar Material, physical: a medium of complex index n + j kappa with a smooth or rough surface.
+"""Radar Material, physical, and Radar Sheet: media of complex index n + j kappa.
 
 Surface::
 
@@ -7,14 +7,25 @@ Surface::
     rough      Metallic (conductor)   code F(half vector), Beckmann: Kirchhoff's model in its
                                       geometric-optics limit
                Glossy                 code F(0), instead, up to Blender 4.5
-    either     Diffuse                code rho of :mod:`.clutter_lobe`, with a clutter model
+    either     Diffuse                code rho, with a clutter model
                Transparent            T x transmission  (not encoded: Ray Length continues)
 
-R and T are those of :mod:`.interface`, for the polarisation of the run. The Metallic BSDF
+R and T are those of `interface`, for the polarisation of the run. The Metallic BSDF
 evaluates Fresnel's equations at the facet that reflects, but has no colour input. The group
 therefore has three of them, each with the index in one channel and vacuum (F = 0) in the others,
 mixed with black by the code of that channel. Where the world encodes the range, one is enough.
 From inside, their unpolarised F is scaled by R/F.
+
+The clutter lobe returns a given sigma0 towards the radar, by grazing angle: a Diffuse BSDF whose
+albedo depends on the direction that it is seen from::
+
+    rho = sigma0(psi) / (4 |I . N| |I . Ng|),    psi = asin |I . N|
+
+with I the way to the receiver, N the smooth and Ng the true normal: Cycles' cosine and the area
+that a pixel covers cancel both. sigma0 is in dB in a row of an image, linear over
+u = (psi / 90 degrees)^(1/3), which leaves 2e-4 dB down to 0.05 degrees. The albedo may be above 1
+where the receiver looks; elsewhere it is limited to 1, so that power cannot build up between
+surfaces. `paths.clutter_weights` corrects bistatic paths and those of higher orders.
 
 Volume, per Blender unit along a ray, with c the cosine outside to the layer's normal and
 q = sqrt(epsilon - 1 + c^2)::
@@ -26,6 +37,16 @@ A ray crosses a layer of thickness d over the length d/c, which gives the refrac
 absorption exp(-2 k0 Im(q) d) and optical delay d (Re q - c). Without a layer normal c is 1, which
 gives 4 pi kappa / wavelength and n - 1. In a shell, and in a layer that has its interior at its
 faces, the volume does nothing, and each face has the factors of half of the wall behind it.
+
+Radar Sheet is a thin pane as one face, with the interference of all internal echoes. With g = 1 for
+s and epsilon for p polarisation, and E = exp(2 j k0 q d), the slab's amplitudes (Airy; Born and
+Wolf 7.6, 14.4) are::
+
+    D = 4 g c q + (g c - q)^2 (1 - E)
+    |t|^2 = |4 g c q|^2 |E| / |D|^2        |r|^2 = |(g c)^2 - q^2|^2 |1 - E|^2 / |D|^2
+
+The polarisation is that of the run. The code of the transmitted wave is that of the optical delay
+d (Re q - c). Both sides are the same.
 """
 
 from __future__ import annotations
@@ -40,7 +61,6 @@ from ...physics.rough import RAMP_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
 from .interface import (
-    InterfacePower,
     Pair,
     Wave,
     cos_incidence,
@@ -72,28 +92,13 @@ from .radar_material import (
     wavelength,
 )
 
-# -------------------------------------------------------------------------------------------------
-# A lobe that returns a given sigma0 towards the radar, by grazing angle.
-#
-# A Diffuse BSDF whose albedo depends on the direction that it is seen from::
-#
-#     rho = sigma0(psi) / (4 |I . N| |I . Ng|),    psi = asin |I . N|
-#
-# with I the way to the receiver, N the smooth and Ng the true normal: Cycles' cosine and the area
-# that a pixel covers cancel both. sigma0 is in dB in a row of an image, linear over
-# u = (psi / 90 degrees)^(1/3), which leaves 2e-4 dB down to 0.05 degrees. The albedo may be above 1
-# where the receiver looks; elsewhere it is limited to 1, so that power cannot build up between
-# surfaces. :mod:`..paths.clutter_weights` corrects bistatic paths and those of higher orders.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Input of a group: place of its table in the image, 0 to 1; 0 for none.
 CLUTTER_ROW = "Clutter Row"
-"""Input of a group: place of its table in the image, 0 to 1; 0 for none."""
+#: Name of the node that reads the image; a run gives it one.
 TABLE_NODE = "Clutter tables"
-"""Name of the node that reads the image; a run gives it one."""
 TABLE_WIDTH = 1024
+#: Cycles drops a closure whose weight, the mean of its channels, is less than this.
 VANISHES_BELOW = 1e-5
-"""Cycles drops a closure whose weight, the mean of its channels, is less than this."""
 
 
 def table_angles_rad() -> Real:
@@ -107,14 +112,11 @@ def add_clutter_lobe(build: TreeBuilder, code: Any, reflects: Any) -> Any:
     with build.prefixed("Clutter: "):
         row = build.group_input(CLUTTER_ROW)
         geometry = build.node("ShaderNodeNewGeometry", "Geometry").outputs
-        sine, true_sine = (
-            math(
-                "ABSOLUTE",
-                f"|I . {name}|",
-                build.dot(f"I . {name}", geometry["Incoming"], geometry[output]),
-            )
-            for name, output in (("N", "Normal"), ("Ng", "True Normal"))
-        )
+        sines = []
+        for name, output in (("N", "Normal"), ("Ng", "True Normal")):
+            dot = build.dot(f"I . {name}", geometry["Incoming"], geometry[output])
+            sines.append(math("ABSOLUTE", f"|I . {name}|", dot))
+        sine, true_sine = sines
         angle = math("ARCSINE", "psi", math("MINIMUM", "sin psi", sine, 1.0))
         ratio = math("MULTIPLY", "psi / 90 degrees", angle, 2 / _math.pi)
         column = math("POWER", "u", ratio, 1 / 3)
@@ -139,42 +141,25 @@ def add_clutter_lobe(build: TreeBuilder, code: Any, reflects: Any) -> Any:
         return build.node("ShaderNodeBsdfDiffuse", "Lobe", {"Color": colour}).outputs[0]
 
 
-# -------------------------------------------------------------------------------------------------
-# Nodes for plane-parallel layers: angle to the faces, and reflections between them.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Internal echoes after which the ratio of the two polarisations no longer changes.
 MOST_ECHOES = 8.0
-"""Internal echoes after which the ratio of the two polarisations no longer changes."""
+#: A ray of at most this times the path length across the layer began between its faces. Cycles
+#: computes positions to 1e-7 of the mesh's size: for a pane of 5 mm, 100 m wide, 2e-3 of its
+#: thickness.
 STARTED_INSIDE_WITHIN = 1.02
-"""A ray of at most this times the path length across the layer began between its faces. Cycles
-computes positions to 1e-7 of the mesh's size: for a pane of 5 mm, 100 m wide, 2e-3 of its
-thickness."""
-
-
+#: Least cosine between a layer's normal and those of its two faces; its rim is beyond.
 SAME_PLANE = 0.9998
-"""Least cosine between a layer's normal and those of its two faces; its rim is beyond."""
 
 
 class Wall(NamedTuple):
-    """Sockets for a wall whose interior its faces stand for, see `wall_at_face`.
+    """Sockets for a wall whose interior its faces stand for; depths across it [Blender units]."""
 
-    `cosine` is that of the ray outside to the wall's normal. `passed` and `turned` are the depths
-    across the wall [Blender units] that count for a ray that goes through the face, and for one
-    that turns back inside; 0 in other objects. At the rim `passed` may be negative.
-    """
-
+    #: Of the ray outside to the wall's normal.
     cosine: Any
+    #: Depth for a ray that goes through the face, 0 in other objects; negative at some rims.
     passed: Any
+    #: Depth for a ray that turns back inside, 0 in other objects.
     turned: Any
-
-
-def interior_at_faces(build: TreeBuilder) -> Any:
-    """Add nodes for 1 if the object's faces absorb and delay in place of its volume, or 0."""
-    shell = _first(build, "Shell", attributes.OBJECT_SHELL_THICKNESS)
-    layer = _first(build, "Layer at faces", attributes.OBJECT_LAYER_AT_FACES)
-    either = build.math("ADD", "shell or layer", shell, layer)
-    return build.math("GREATER_THAN", "interior at faces", either, 1e-30)
 
 
 def wall_at_face(build: TreeBuilder, face_cosine: Any) -> Wall:
@@ -239,7 +224,7 @@ def _first(build: TreeBuilder, label: str, name: str) -> Any:
 def _layer_normals(build: TreeBuilder, given: Any) -> tuple[Any, Any]:
     """Add nodes for the object's unit layer normal in its own axes and in the world's.
 
-    Its Z axis where `given` is 0: without any normal, all would be NaN.
+    It is the Z axis where `given` is 0: without any normal, all would be NaN.
     """
     normal = build.object_vector_attribute("Layer normal (wall)", attributes.OBJECT_LAYER_NORMAL)
     normal = build.scale("Layer normal, or nothing", normal, given)
@@ -317,11 +302,9 @@ def internal_echoes(build: TreeBuilder) -> Any:
 
 
 PHYSICAL_KIND = "radar_physical"
-
 GRAZING_TRANSMISSION = "Grazing Transmission"
-
+#: Roughness (alpha 1e-4) below which a surface is a mirror.
 SMOOTH_BELOW = 0.01
-"""Roughness (alpha 1e-4) below which a surface is a mirror."""
 
 
 def _draw(build: TreeBuilder) -> None:
@@ -348,15 +331,24 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
     weight = math("MULTIPLY", "R of a mirror", power.reflected, is_smooth)
     weight = math("MULTIPLY", "R, or 0 before the gate", weight, reflects)
     mirror = build.glossy("Mirror", build.scale("Mirror colour", code, weight), 0.0)
-    weight = _facet_weight(build, power, reflects, is_rough)
+    # The factor on F of the rough lobes is 0 or 1, or R / F from inside.
+    back = build.node("ShaderNodeNewGeometry", "Side (lobes)").outputs["Backfacing"]
+    inside = math("DIVIDE", "R / F", power.reflected, power.reference, clamp=True)
+    ratio = build.select("1, or R / F from inside", back, 1.0, inside)
+    weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
+    weight = math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
     coded = math("GREATER_THAN", "coded by materials", inverse_k, 0.0)
     coded = math("MAXIMUM", "coded by channel", coded, in_shell)
     rough = _facet_lobes(build, n, kappa, roughness, code, weight, coded)
-    passed = build.scale("T, scaled", power.passed, _transmission(build, cosine))
+    # Below RAMP_BELOW the factor on T is linear in the cosine, to the grazing input.
+    ramp = math("MULTIPLY_ADD", "ramp", cosine, -1.0 / RAMP_BELOW, 1.0, clamp=True)
+    flat = math("SUBTRACT", "1 - ramp", 1.0, ramp)
+    low = math("MULTIPLY", "grazing part", build.group_input(GRAZING_TRANSMISSION), ramp)
+    factor = math("MULTIPLY_ADD", "factor on T", build.group_input(TRANSMISSION), flat, low)
+    passed = build.scale("T, scaled", power.passed, factor)
     passed = build.vector_math("MULTIPLY", "T, wall crossed", {0: passed, 1: crossed})
-    through = build.transparent(
-        "Transmission", build.scale("T, or 0 at the gate", passed, transmits)
-    )
+    passed = build.scale("T, or 0 at the gate", passed, transmits)
+    through = build.transparent("Transmission", passed)
     reflected = build.add_shaders("Reflection of the interface", mirror, rough)
     reflected = build.add_shaders("Reflection", reflected, add_clutter_lobe(build, code, reflects))
     build.group_output("Surface", build.add_shaders("Surface", reflected, through))
@@ -391,25 +383,6 @@ def _wall_crossed(
     coded = build.vector_math("MULTIPLY", "Code, wall crossed", {0: code, 1: turned})
     inside = math("GREATER_THAN", "in a wall", wall.turned, 0.0)
     return coded, factor("passed", wall.passed), inside
-
-
-def _transmission(build: TreeBuilder, cosine: Any) -> Any:
-    """Add nodes for the factor on T: below RAMP_BELOW linear in the cosine to the grazing input."""
-    math = build.math
-    ramp = math("MULTIPLY_ADD", "ramp", cosine, -1.0 / RAMP_BELOW, 1.0, clamp=True)
-    flat = math("SUBTRACT", "1 - ramp", 1.0, ramp)
-    low = math("MULTIPLY", "grazing part", build.group_input(GRAZING_TRANSMISSION), ramp)
-    return math("MULTIPLY_ADD", "factor on T", build.group_input(TRANSMISSION), flat, low)
-
-
-def _facet_weight(build: TreeBuilder, power: InterfacePower, reflects: Any, is_rough: Any) -> Any:
-    """Add nodes for the factor on F of the rough lobes: 0 or 1, or R / F from inside."""
-    math = build.math
-    back = build.node("ShaderNodeNewGeometry", "Side (lobes)").outputs["Backfacing"]
-    inside = math("DIVIDE", "R / F", power.reflected, power.reference, clamp=True)
-    ratio = build.select("1, or R / F from inside", back, 1.0, inside)
-    weight = math("MULTIPLY", "rough, R / F", ratio, is_rough)
-    return math("MULTIPLY", "rough, or 0 before the gate", weight, reflects)
 
 
 def _facet_lobes(
@@ -477,7 +450,12 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     math = build.math
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
-        solid = math("SUBTRACT", "interior in the volume", 1.0, interior_at_faces(build))
+        # The object's faces absorb and delay in place of its volume if it has one of these.
+        shell = _first(build, "Shell", attributes.OBJECT_SHELL_THICKNESS)
+        layer = _first(build, "Layer at faces", attributes.OBJECT_LAYER_AT_FACES)
+        either = math("ADD", "shell or layer", shell, layer)
+        at_faces = math("GREATER_THAN", "interior at faces", either, 1e-30)
+        solid = math("SUBTRACT", "interior in the volume", 1.0, at_faces)
         wave = wave_inside(build, n, kappa, cosine)
     length = wavelength(build)
     normal_rate = math("MULTIPLY", "4 pi Im q", wave.v, 4.0 * _math.pi)
@@ -488,9 +466,8 @@ def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None
     any_inverse_k = math("MULTIPLY", "1/k, or 0 with faces", any_inverse_k, solid)
     longer = math("MULTIPLY", "c (Re q - c)", cosine, excess(build, wave))
     # Absorption cannot encode a negative delay (n < 1).
-    delay = math(
-        "MULTIPLY", "c (Re q - c) / k", math("MAXIMUM", "from 0 up", longer, 0.0), any_inverse_k
-    )
+    longer = math("MAXIMUM", "from 0 up", longer, 0.0)
+    delay = math("MULTIPLY", "c (Re q - c) / k", longer, any_inverse_k)
     interior(build, alpha, delay, "c (Re q - c) / k")
 
 
@@ -541,22 +518,7 @@ RADAR_PHYSICAL = GroupDefinition(
 )
 
 
-# -------------------------------------------------------------------------------------------------
-# Radar Sheet: a thin pane as one face, with the interference of all internal echoes.
-#
-# With q = sqrt(epsilon - 1 + c^2), g = 1 for s and epsilon for p polarisation, and
-# E = exp(2 j k0 q d), the slab's amplitudes (Airy; Born and Wolf 7.6, 14.4) are
-#
-#     D = 4 g c q + (g c - q)^2 (1 - E)
-#     |t|^2 = |4 g c q|^2 |E| / |D|^2        |r|^2 = |(g c)^2 - q^2|^2 |1 - E|^2 / |D|^2
-#
-# The polarisation is that of the run. The code of the transmitted wave is that of the optical delay
-# d (Re q - c). Both sides are the same.
-# -------------------------------------------------------------------------------------------------
-
-
 SHEET_KIND = "radar_sheet"
-
 THICKNESS = "Thickness"
 
 
@@ -611,10 +573,8 @@ def _slab(
     """Add nodes for the transmitted and reflected power; gc is c for s, epsilon c for p."""
     math = build.math
     q = Pair(wave.u, wave.v)
-    minus, plus = (
-        difference(build, f"g c - q, {name}", gc, q),
-        total(build, f"g c + q, {name}", gc, q),
-    )
+    minus = difference(build, f"g c - q, {name}", gc, q)
+    plus = total(build, f"g c + q, {name}", gc, q)
     both = scaled(build, f"4 g c q, {name}", product(build, f"g c q, {name}", gc, q), 4.0)
     inner = product(build, f"(g c - q)^2, {name}", minus, minus)
     echo = product(build, f"(g c - q)^2 (1 - E), {name}", inner, contrast)

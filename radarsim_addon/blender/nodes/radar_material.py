@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Radar Material: reflection, transmission and absorption of radar power (Fig. 4, Eq. 2-3, 7).
 
-Surface, with F the complex Fresnel reflectance of :mod:`.fresnel` and s the specularity::
+Equations of Costa et al. A path segment of length r is encoded as the colour
+(exp(-r/k), exp(-2r/k), 1), by materials and transmitter (Eq. 2-3).
+
+Surface, with F the Fresnel reflectance of `interface.reflectance` and s the specularity::
 
     Glossy(Beckmann, roughness)  code F s
   + Diffuse                      code F (1 - s)
@@ -12,6 +15,11 @@ Volume, per Blender unit of depth, with alpha = 4 pi kappa / Lambda (Eq. 7)::
     B: alpha       R: alpha + (n - 1)/k       G: alpha + 2 (n - 1)/k
 
 Red and green thus also encode the optical delay (n - 1) d of the depth d.
+
+Ring Emitter: emission of the transmitter, a Point light, limited to one ring of ranges (Eq. 5). The
+same light serves the sampling mode "paths". There, limits on the number of reflections and of
+transparent surfaces leave one path per pixel, and the colour can encode the last scatterer of that
+path.
 """
 
 from __future__ import annotations
@@ -23,10 +31,6 @@ from . import attributes
 from .build import GroupDefinition, SocketSpec, TreeBuilder, factor_input, float_input
 from .interface import cos_incidence, reflectance, transmittance
 
-# -------------------------------------------------------------------------------------------------
-# Range encoding of a path segment, for materials and transmitter (Eq. 2-3 of Costa et al.).
-# -------------------------------------------------------------------------------------------------
-
 
 def ray_length(build: TreeBuilder) -> Any:
     """Add nodes for the length of the ray, Blender units, across transparent surfaces."""
@@ -34,10 +38,10 @@ def ray_length(build: TreeBuilder) -> Any:
 
 
 def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any:
-    """Add nodes for the colour (exp(-r/k), exp(-2r/k), 1) of a segment of length r.
+    """Add nodes for the colour of a segment; white outside a measurement, where 1/k is 0.
 
-    G is the square of R and not a second exponential, so that G B / R^2 = 1 holds to rounding for
-    a single path. Outside a measurement 1/k is 0 and the colour is white.
+    G is the square of R and not a second exponential, so that G B / R^2 = 1 holds to rounding for a
+    single path.
     """
     ratio = build.math("MULTIPLY", "r / k", length, inverse_code_length)
     exponent = build.math("MULTIPLY", "-r / k", ratio, -1.0)
@@ -50,11 +54,6 @@ def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any
 def inverse_code_length(build: TreeBuilder) -> Any:
     """Add nodes for 1/k of the running measurement, per Blender unit; 0 outside one."""
     return build.scene_attribute(attributes.ATTR_INVERSE_CODE_LENGTH)
-
-
-# -------------------------------------------------------------------------------------------------
-# Outputs of the material groups: their sockets, and the interior with its encoded delay.
-# -------------------------------------------------------------------------------------------------
 
 
 SURFACE = SocketSpec(
@@ -105,18 +104,17 @@ def interior(build: TreeBuilder, alpha: Any, delay: Any, label: str) -> None:
 
 
 KIND = "radar_material"
-
 INDEX = "Index of Refraction"
 EXTINCTION = "Extinction Coefficient"
 SPECULARITY = "Specularity"
 ROUGHNESS = "Roughness"
 TRANSMISSION = "Transmission"
 
+#: Tooltip of the index of groups that follow a medium.
 INDEX_AT_CARRIER = (
     "Real part n of the complex index of refraction at the carrier (no unit). Set from the "
     "material's medium whenever the carrier changes; a link here replaces it"
 )
-"""Tooltip of the index of groups that follow a medium."""
 
 
 def _draw(build: TreeBuilder) -> None:
@@ -135,27 +133,20 @@ def _draw_surface(
     math = build.math
     power = reflectance(build, n, kappa, cos_incidence(build))
     code = range_code(build, ray_length(build), inverse_k)
-
     reflects, transmits = camera_lobes(build)
     scattered = math("MULTIPLY", "F, or 0 before the gate", power, reflects)
     specular = math("MULTIPLY", "F s", scattered, specularity)
     diffuse = math("SUBTRACT", "F (1 - s)", scattered, specular)
     specular_colour = build.scale("Specular colour", code, specular)
     diffuse_colour = build.scale("Diffuse colour", code, diffuse)
-    passed = math(
-        "MULTIPLY",
-        "T, scaled",
-        transmittance(build, n, kappa, power),
-        build.group_input(TRANSMISSION),
-    )
+    passes = transmittance(build, n, kappa, power)
+    passed = math("MULTIPLY", "T, scaled", passes, build.group_input(TRANSMISSION))
     glossy = build.glossy("Specular lobe", specular_colour, roughness)
     lambert = build.node("ShaderNodeBsdfDiffuse", "Diffuse lobe", {"Color": diffuse_colour})
-    through = build.transparent(
-        "Transmission", math("MULTIPLY", "1 - F, or 0 at it", passed, transmits)
-    )
+    passed = math("MULTIPLY", "1 - F, or 0 at it", passed, transmits)
+    through = build.transparent("Transmission", passed)
     reflected = build.add_shaders("Reflection", glossy, lambert.outputs[0])
-    total = build.add_shaders("Surface", reflected, through)
-    build.group_output("Surface", total)
+    build.group_output("Surface", build.add_shaders("Surface", reflected, through))
 
 
 def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
@@ -244,15 +235,6 @@ RADAR_MATERIAL = GroupDefinition(
     ),
     draw=_draw,
 )
-
-
-# -------------------------------------------------------------------------------------------------
-# Ring Emitter: emission of the transmitter, limited to one ring of ranges (Eq. 5 of Costa et al.).
-#
-# The same Point light serves the sampling mode "paths". Limits on the number of reflections and of
-# transparent surfaces leave one path per pixel, and the colour can encode the last scatterer of
-# that path.
-# -------------------------------------------------------------------------------------------------
 
 
 RING_EMITTER_KIND = "ring_emitter"

@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What to measure: measurement, path options, plan of a run. Pure Python, SI, float64."""
+"""What to measure: measurement, path options, plan of a run. Pure Python, SI, float64.
+
+`measurement` declares the numbers and choices of the user, which make the panel, the options of the
+command line (`render_arguments`) and the checked records; `presets` has radars to begin with.
+`run_plan` makes the renders of a run from a measurement and the extent of the scene.
+`config_warnings` finds numbers that do not fit together.
+"""
 
 from .config_warnings import config_findings, find_coarse_pixels
 from .measurement import (

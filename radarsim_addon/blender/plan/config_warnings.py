@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the numbers of a measurement do not fit together. Does not import bpy."""
+"""Where the numbers of a measurement do not fit together, or pixels are too coarse for the scene.
+
+Does not import bpy.
+"""
 
 from __future__ import annotations
 
@@ -21,29 +24,12 @@ def config_findings(
     animation_s: float | None = None,
     speeds_mps: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Finding]:
-    """Find numbers that do not fit together.
+    """Find numbers that do not fit together, in a run of so many rings, or of paths.
 
-    Parameters
-    ----------
-    measurement
-        What is asked for.
-    rings
-        Number of rings the run has.
-    farthest_m
-        Distance of the farthest point from the transmitter [m]; None: unknown.
-    frame_interval_s
-        Time between two radar frames [s]; None: there is one frame.
-    sampling_mode
-        "rings" or "paths", which reach as far as the scene does.
-    animation_s
-        Duration of the scene's animation [s]; None: unknown.
-    speeds_mps
-        Largest |range rate| of each object whose motion is known [m/s].
-
-    Returns
-    -------
-    list of Finding
-        Empty if all numbers fit.
+    None is unknown, or no interval because there is one frame. `farthest_m` is the distance of the
+    farthest point from the transmitter, `frame_interval_s` the time between two radar frames,
+    `animation_s` the duration of the animation, `speeds_mps` the largest |range rate| of each
+    object whose motion is known.
     """
     radar = measurement.radar
     of_rings = sampling_mode == "rings"
@@ -110,11 +96,6 @@ def _ring_findings(
     return found
 
 
-# -------------------------------------------------------------------------------------------------
-# Whether pixels are fine enough for the surfaces and objects in view. Pure Python.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Range that a pixel may span, as a fraction of the range. Measured on ground with constant gamma,
 #: in bins of 5 m: wrong by 0.3 dB at 0.3, by 1 dB at 0.5, by 5 dB or missing from 1 on.
 LARGEST_STEP = 0.3
@@ -132,23 +113,11 @@ def find_coarse_pixels(
     steps_m: Mapping[str, tuple[float, float]],
     sizes_px: Mapping[str, float],
 ) -> list[Finding]:
-    """Find pixels that are too coarse.
+    """Find pixels that are too coarse for the surfaces and objects in view.
 
-    Parameters
-    ----------
-    measurement
-        What is asked for.
-    sampling_mode
-        "rings" or "paths", which follows surfaces between rays and measures small objects apart.
-    steps_m
-        Largest range step of a pixel on each flat surface in view, and its range [m].
-    sizes_px
-        Size of each object in view [px].
-
-    Returns
-    -------
-    list of Finding
-        With the resolution that would do, as width_px and height_px: 0 if it is not possible.
+    `steps_m` has the largest range step of a pixel on each flat surface, and its range; `sizes_px`
+    the size of each object. Paths follow surfaces between rays and measure small objects apart. The
+    findings have the resolution that would do, as width_px and height_px: 0 if it is not possible.
     """
     found = []
     resolution_m = measurement.radar.waveform.range_resolution_m
@@ -184,7 +153,7 @@ def find_coarse_pixels(
 
 
 def _finer(measurement: Measurement, factor: float) -> dict[str, int]:
-    """The resolution with so many times the pixels a side; zeros if that is too much."""
+    """Return the resolution with so many times the pixels a side; zeros if that is too much."""
     across, up = measurement.width_px, measurement.height_px
     sides = [8 * math.ceil(side * factor / 8) for side in (across, up)]
     if math.prod(sides) > _MOST_PX:

@@ -19,22 +19,10 @@ LAST_FRAME = 999_999
 
 
 def parse_frames(text: str) -> tuple[int, ...]:
-    """Return the frames that a text selects.
+    """Return the frames that a text selects, in its order, each one once.
 
-    Parameters
-    ----------
-    text
-        ``"7"``, ``"1:10"`` (both ends included), ``"1:10:2"``, or several of these with commas.
-
-    Returns
-    -------
-    tuple of int
-        Blender frames in the order of the text, each one once.
-
-    Raises
-    ------
-    ConfigError
-        The text is none of these, or selects no frame.
+    It is ``"7"``, ``"1:10"`` (both ends included), ``"1:10:2"``, or several of these with commas.
+    Raises ConfigError for another text, or one that selects no frame.
     """
     frames: list[int] = []
     for part in text.split(","):
@@ -81,21 +69,12 @@ POLARISATIONS = ("average", "vertical", "horizontal")
 class Measurement:
     """One run: radar, rings, snapshots, frames and how they are rendered.
 
-    Parameters
-    ----------
-    waveform, burst
-        The radar's numbers; they do not change what is rendered.
-    frames
-        Blender frames, in the order in which they are rendered.
-    link_budget
-        Transmit power, antennas and losses, checked; None: the transmitter's EIRP in all
-        directions. It changes no render.
-    weather
-        What the air takes. It changes no render either.
+    Waveform, burst, link budget and weather do not change what is rendered.
     """
 
     waveform: AnyWaveform
     burst: Burst
+    #: Blender frames, in the order in which they are rendered.
     frames: tuple[int, ...]
     rings: int = setting(
         "Number of rings",
@@ -164,6 +143,7 @@ class Measurement:
         minimum=0.0,
         digits=1,
     )
+    #: Checked; None: the transmitter's EIRP in all directions.
     link_budget: LinkBudget | None = None
     weather: Weather = field(default_factory=Weather)
     polarisation: str = setting(
@@ -181,11 +161,7 @@ class Measurement:
         "Choose what media do at a carrier outside their band of validity",
         "hold",
         choices=(
-            (
-                "hold",
-                "Hold",
-                "Take the permittivity at the edge of the band, with a caution",
-            ),
+            ("hold", "Hold", "Take the permittivity at the edge of the band, with a caution"),
             ("extrapolate", "Extrapolate", "Continue the medium's equation, with a caution"),
             ("refuse", "Refuse", "Stop before the render"),
         ),
@@ -223,11 +199,6 @@ class Measurement:
         return len(self.frames) * self.snapshots * rings
 
 
-# -------------------------------------------------------------------------------------------------
-# Options of the sampling mode "paths". Standard library only.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Below this pixel pitch, float32 rounds the camera's own directions [rad per pixel].
 FINEST_PITCH = 5e-7
 
@@ -235,7 +206,7 @@ FINEST_PITCH = 5e-7
 @documented
 @dataclass(frozen=True)
 class PathOptions:
-    """How paths are followed, and when refinement stops."""
+    """How the sampling mode "paths" follows paths, and when refinement stops."""
 
     max_reflections: int = setting(default=1, **MAX_REFLECTIONS)
     max_depth: int = setting(
@@ -372,11 +343,6 @@ class PathOptions:
     def refines(self) -> bool:
         """Whether tiles are refined at all."""
         return self.max_standard_error > 0 or self.time_limit_s > 0
-
-
-# -------------------------------------------------------------------------------------------------
-# What the user chooses besides the numbers of a measurement. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
 
 
 _FRAME = {"minimum": -LAST_FRAME, "maximum": LAST_FRAME}

@@ -17,30 +17,22 @@ DEFAULT_PRESET = "automotive_77ghz"
 
 @dataclass(frozen=True)
 class RadarPreset:
-    """A radar: waveform, link budget with antennas, range limits, field of view.
+    """A radar: waveform, link budget with antennas, range limits, field of view."""
 
-    Attributes
-    ----------
-    label, description
-        For the window.
-    field_of_view_deg
-        Full angle of the receiver's longer side [degrees].
-    settings
-        Values by the names of the settings, in SI; those of an antenna in a mapping of their own.
-        Settings of the radar that are left out have their initial values.
-    eirp_w
-        Power of the light [W]; None: the peak EIRP of the link budget.
-    """
-
+    #: For the window.
     label: str
     description: str
+    #: Full angle of the receiver's longer side.
     field_of_view_deg: float
+    #: Values by the names of the settings, in SI; those of an antenna in a mapping of their own.
+    #: Settings of the radar that are left out have their initial values.
     settings: Mapping[str, Any] = field(default_factory=dict)
+    #: Power of the light; None: the peak EIRP of the link budget.
     eirp_w: float | None = None
 
 
 def _view(width_deg: float, height_deg: float, longer_px: int) -> dict[str, Any]:
-    """Pixels of a field of view, square ones."""
+    """Return the square pixels of a field of view."""
     sides = [math.tan(math.radians(angle / 2)) for angle in (width_deg, height_deg)]
     width, height = (max(1, round(longer_px * side / max(sides))) for side in sides)
     return {"width_px": width, "height_px": height}
@@ -52,7 +44,7 @@ def _beam(azimuth_deg: float, elevation_deg: float) -> dict[str, Any]:
 
 
 def _budget(power_w: float, noise_figure_db: float, antenna: Mapping[str, Any]) -> dict[str, Any]:
-    """A link budget with the same antenna both ways."""
+    """Return a link budget with the same antenna both ways."""
     return {
         "use_link_budget": True,
         "transmit_power_w": power_w,
@@ -160,22 +152,7 @@ PRESETS: Mapping[str, RadarPreset] = MappingProxyType({
 
 
 def radar_preset(name: str) -> RadarPreset:
-    """Return a preset by its name.
-
-    Parameters
-    ----------
-    name
-        Key of `PRESETS`, such as "automotive_77ghz".
-
-    Returns
-    -------
-    RadarPreset
-
-    Raises
-    ------
-    ConfigError
-        No preset of that name.
-    """
+    """Return a preset by its name, a key of `PRESETS`; ConfigError if there is none."""
     if name not in PRESETS:
         raise ConfigError(f"There is no radar preset {name!r}; expected {', '.join(PRESETS)}.")
     return PRESETS[name]

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Options of ``radarsim render``, by the names of the settings. Does not import bpy."""
+"""Options of ``radarsim render`` and ``radarsim coverage``, by the names of the settings.
+
+Does not import bpy.
+"""
 
 from __future__ import annotations
 
@@ -26,28 +29,12 @@ from ...options import (
 from ...signal.radar import WAVEFORM_KINDS, Burst, Weather
 from .measurement import Measurement, PathOptions, RunSettings, parse_frames
 
-# -------------------------------------------------------------------------------------------------
-# Settings as Blender's window holds them: several dataclasses together, numbers as float32.
-# -------------------------------------------------------------------------------------------------
-
 
 def merged(*kinds: type[Any]) -> dict[str, Declared]:
     """Return the settings of several dataclasses that the window shows; one name is one setting.
 
-    Parameters
-    ----------
-    *kinds
-        Dataclasses.
-
-    Returns
-    -------
-    dict of str to Declared
-        Settings by name, in the order of the dataclasses and their fields.
-
-    Raises
-    ------
-    TypeError
-        Two of the dataclasses declare the same name differently: a defect.
+    In the order of the dataclasses and their fields. TypeError, a defect: two of them declare the
+    same name differently.
     """
     found: dict[str, Declared] = {}
     for kind in kinds:
@@ -61,19 +48,7 @@ def shortest_decimal(value: float, exponent: int = 0) -> float:
     """Return the decimal number that was typed into a float32 field, times ``10**exponent``.
 
     Blender's float properties are float32: 77 GHz as 77e9 would read back 76999999488. Seven
-    significant digits are what float32 keeps of any typed number.
-
-    Parameters
-    ----------
-    value
-        Value of the field, in the unit that is shown.
-    exponent
-        Power of ten from that unit to SI.
-
-    Returns
-    -------
-    float
-        Number in SI; NaN and infinity as they are.
+    significant digits are what float32 keeps of any typed number. NaN and infinity stay.
     """
     if not math.isfinite(value):
         return value
@@ -100,13 +75,7 @@ frames (no echo, open meshes), 130 stopped by Ctrl-C"""
 
 
 def render_settings() -> dict[str, Declared]:
-    """Return the settings that have options.
-
-    Returns
-    -------
-    dict of str to Declared
-        Declarations by name, in the order of the help.
-    """
+    """Return the settings that have options, in the order of the help."""
     run = declared(RunSettings)
     names = ("sampling_mode", "extinction", "waveform_kind", "waveform_file")
     waveforms = [kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"]
@@ -119,19 +88,7 @@ def parse_render_arguments(
 ) -> argparse.Namespace:
     """Parse the command line. argparse exits with 2 (bad arguments) or 0 (--help).
 
-    Parameters
-    ----------
-    words
-        Words after the command.
-    prog
-        Name of the command in its help.
-    needs_blend
-        Whether a file must be named; else the open one is rendered.
-
-    Returns
-    -------
-    argparse.Namespace
-        Values by the names of the options; None where an option is not given.
+    Values are None where an option is not given. Without `needs_blend` the open file is rendered.
     """
     parser = CommandParser(
         prog=prog,
@@ -197,29 +154,16 @@ def parse_render_arguments(
 
 
 def folder_name(text: str) -> Path:
-    """A path that is not empty: an empty one would be the current folder."""
+    """Return a path that is not empty: an empty one would be the current folder."""
     if not text.strip():
         raise argparse.ArgumentTypeError("the folder's name is empty")
     return Path(text)
 
 
 def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the values that replace the radar's settings.
+    """Return the values that replace the radar's settings, in SI, from `parse_render_arguments`.
 
-    Parameters
-    ----------
-    arguments
-        From `parse_render_arguments`.
-
-    Returns
-    -------
-    dict of str
-        Values by the names of the settings, in SI.
-
-    Raises
-    ------
-    ConfigError
-        Options that exclude one another.
+    Raises ConfigError for options that exclude one another.
     """
     values = given(arguments, render_settings())
     if arguments.frames is not None:
@@ -233,7 +177,7 @@ def given_settings(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _sampling_mode(arguments: argparse.Namespace, values: dict[str, Any]) -> str | None:
-    """The mode that was named, or that the options belong to; None: the radar's own."""
+    """Return the mode that was named, or that the options belong to; None: the radar's own."""
     if "sampling_mode" in values:
         return str(values["sampling_mode"])
     settings = render_settings()
@@ -259,10 +203,7 @@ def _parse_resolution(text: str) -> tuple[int, int]:
     return width, height
 
 
-# -------------------------------------------------------------------------------------------------
-# Options of ``radarsim coverage``. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
+# Options of ``radarsim coverage``.
 
 #: Settings of the radar that the command line can replace.
 COVERAGE_SETTINGS = ("carrier_hz", "polarisation", "beyond_band")
@@ -278,49 +219,27 @@ at one range) into the folder. Nothing is rendered."""
 
 @dataclass(frozen=True)
 class CoverageRequest:
-    """What a coverage diagram is to show.
+    """What a coverage diagram is to show."""
 
-    Attributes
-    ----------
-    height_m, range_m
-        Heights of targets over the ground, and ranges along it [m].
-    curve_m
-        Range of the curve over height [m]; None: the last one.
-    ground
-        Name of the object that is the ground; None: the largest one straight below the radar.
-    rms_height_m
-        RMS height of the ground in place of its material's [m].
-    flat
-        Take the Earth for flat.
-    """
-
+    #: Heights of targets over the ground, and ranges along it; both rise.
     height_m: Real
     range_m: Real
+    #: Range of the curve over height; None: the last one.
     curve_m: float | None = None
+    #: Name of the object that is the ground; None: the largest one straight below the radar.
     ground: str | None = None
+    #: RMS height of the ground in place of its material's.
     rms_height_m: float | None = None
+    #: Take the Earth for flat.
     flat: bool = False
 
 
 def parse_axis(name: str, text: str) -> Real:
-    """Return the values of ``FIRST:LAST`` or ``FIRST:LAST:STEP``.
+    """Return the rising values of ``FIRST:LAST`` (401 of them) or ``FIRST:LAST:STEP``, both ends
+    included.
 
-    Parameters
-    ----------
-    name
-        What they are, for the message.
-    text
-        Numbers in metres, both ends included.
-
-    Returns
-    -------
-    ndarray
-        Rising values; without a step, 401 of them.
-
-    Raises
-    ------
-    ConfigError
-        The text is not such, or it has more than 100 000 steps.
+    `name` is for the message of the ConfigError: the text is not such, or has more than 100 000
+    steps.
     """
     try:
         numbers = [finite_number(part) for part in text.split(":")]
@@ -341,15 +260,7 @@ def parse_axis(name: str, text: str) -> Real:
 def parse_coverage_arguments(words: list[str]) -> argparse.Namespace:
     """Parse the command line. argparse exits with 2 (bad arguments) or 0 (--help).
 
-    Parameters
-    ----------
-    words
-        Words after ``radarsim coverage``.
-
-    Returns
-    -------
-    argparse.Namespace
-        For `coverage_request`, and with the values of `COVERAGE_SETTINGS` that were given.
+    The values are for `coverage_request`, with those of `COVERAGE_SETTINGS` that were given.
     """
     parser = CommandParser(
         prog="radarsim coverage",
@@ -399,23 +310,7 @@ def parse_coverage_arguments(words: list[str]) -> argparse.Namespace:
 
 
 def coverage_request(arguments: argparse.Namespace) -> CoverageRequest:
-    """Return what a command line asks for.
-
-    Parameters
-    ----------
-    arguments
-        From `parse_coverage_arguments`.
-
-    Returns
-    -------
-    CoverageRequest
-        Its axes rise.
-
-    Raises
-    ------
-    ConfigError
-        An axis is not understood.
-    """
+    """Return what a command line asks for; ConfigError if an axis is not understood."""
     return CoverageRequest(
         parse_axis("--target-height", arguments.target_height),
         parse_axis("--range-limits", arguments.range_limits),

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The plan of a run: its renders, their times and range encoding. Does not import bpy."""
+"""The plan of a run: its renders, their times and range encoding. Does not import bpy.
+
+In: a measurement, unit scale, frame rate and how far the scene reaches. The number of rings follows
+from the farthest point, and the length k of the range encoding exp(-l/k) from the longest path, so
+that neither R nor G underflows. Blender evaluates frame plus subframe in float32: times are those
+of its sums. Out: the tasks, one Cycles render each, the record ``run.json``, and a fingerprint of
+all that changes the pixels of a render.
+"""
 
 from __future__ import annotations
 
@@ -27,48 +34,29 @@ _LENGTHS_PER_CODE = 8.0
 
 @dataclass(frozen=True)
 class Extent:
-    """How far the scene reaches over all frames of the run. All zero for an empty scene.
+    """How far the scene reaches over all frames of the run. All zero for an empty scene."""
 
-    Attributes
-    ----------
-    from_emitter_m, from_receiver_m
-        Distance of the farthest point that can echo, from the transmitter and from the
-        receiver [m].
-    baseline_m
-        Distance between the antennas [m].
-    diameter_m
-        Size of all that can echo [m].
-    """
-
+    #: Distance of the farthest point that can echo from the transmitter, and from the receiver.
     from_emitter_m: float = 0.0
     from_receiver_m: float = 0.0
+    #: Distance between the antennas.
     baseline_m: float = 0.0
+    #: Size of all that can echo.
     diameter_m: float = 0.0
 
     def union(self, other: Extent) -> Extent:
         """Return the extent that covers both."""
-        return Extent(
-            *(
-                max(a, b)
-                for a, b in zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
-            )
-        )
+        return Extent(*map(max, dataclasses.astuple(self), dataclasses.astuple(other)))
 
 
 @dataclass(frozen=True)
 class Instant:
-    """A moment of the animation.
+    """A moment of the animation."""
 
-    Attributes
-    ----------
-    frame, subframe
-        Whole frame and fraction of a frame, 0 to below 1, as Blender takes them.
-    time_s
-        Time since frame 0 at which Blender evaluates the animation [s].
-    """
-
+    #: Whole frame and fraction of a frame, 0 to below 1, as Blender takes them.
     frame: int
     subframe: float
+    #: Since frame 0, when Blender evaluates the animation.
     time_s: float
 
     @property
@@ -79,36 +67,24 @@ class Instant:
 
 @dataclass(frozen=True)
 class Task:
-    """One Cycles render: one ring in one snapshot of one radar frame.
+    """One Cycles render: one ring in one snapshot of one radar frame."""
 
-    Attributes
-    ----------
-    frame
-        Blender frame at which the radar frame starts.
-    snapshot_index
-        0 at t, 1 after the snapshot interval.
-    ring
-        Number of the ring, from 0.
-    instant
-        Moment of the animation.
-    ring_min_m, ring_max_m
-        Edges of the ring, one way [m].
-    """
-
+    #: Blender frame at which the radar frame starts.
     frame: int
+    #: 0 at t, 1 after the snapshot interval.
     snapshot_index: int
+    #: From 0.
     ring: int
     instant: Instant
+    #: Edges of the ring, one way.
     ring_min_m: float
     ring_max_m: float
 
     @property
     def exr_path(self) -> str:
         """EXR file, relative to the run's folder."""
-        return (
-            f"{contract.frame_dir(self.frame)}/"
-            f"{contract.render_stem(self.ring, self.snapshot_index)}.exr"
-        )
+        stem = contract.render_stem(self.ring, self.snapshot_index)
+        return f"{contract.frame_dir(self.frame)}/{stem}.exr"
 
     @property
     def sidecar_path(self) -> str:
@@ -118,41 +94,23 @@ class Task:
 
 @dataclass(frozen=True)
 class Plan:
-    """All renders of a run, and the numbers they share.
-
-    Attributes
-    ----------
-    measurement
-        What is measured.
-    rings
-        Number of rings.
-    metres_per_unit
-        Metres per Blender unit.
-    fps
-        Blender frames per second.
-    range_encoding_length_m
-        Path length over which the range encoding falls by 1/e [m].
-    extinction_length_m
-        Length to which the Radar Material's extinction is normalised [m].
-    extent
-        How far the scene reaches.
-    sampling_mode
-        "rings" or "paths".
-    options
-        Text of the path options, for the fingerprint; empty with rings.
-    visibility_updates
-        Number of renders per burst.
-    """
+    """All renders of a run, and the numbers they share."""
 
     measurement: Measurement
     rings: int
     metres_per_unit: float
+    #: Blender frames per second.
     fps: float
+    #: Path length over which the range encoding falls by 1/e.
     range_encoding_length_m: float
+    #: Length to which the Radar Material's extinction is normalised.
     extinction_length_m: float
     extent: Extent
+    #: "rings" or "paths".
     sampling_mode: str = "rings"
+    #: Text of the path options, for the fingerprint; empty with rings.
     options: str = ""
+    #: Renders per burst.
     visibility_updates: int = 1
 
     @property
@@ -176,10 +134,7 @@ class Plan:
     def instants(self, frame: int) -> list[Instant]:
         """Return the moments of a frame's snapshots: t, and t + delta t if there are two.
 
-        Raises
-        ------
-        ConfigError
-            Blender's frame numbers are too coarse there for delta t.
+        Raises ConfigError if Blender's frame numbers are too coarse there for delta t.
         """
         first = instant_at(float(frame), self.fps)
         if self.measurement.snapshots == 1:
@@ -199,21 +154,7 @@ class Plan:
 def instant_at(frame: float, fps: float) -> Instant:
     """Return the moment that Blender evaluates for a fractional frame.
 
-    Parameters
-    ----------
-    frame
-        Frame with its fraction.
-    fps
-        Blender frames per second.
-
-    Returns
-    -------
-    Instant
-        With the time at which the animation is evaluated.
-
-    Notes
-    -----
-    Blender's sum in float32 has steps of 1.5e-5 frames at frame 250, of 1e-3 at frame 10 000.
+    Its sum in float32 has steps of 1.5e-5 frames at frame 250, of 1e-3 at frame 10 000.
     """
     whole = math.floor(frame)
     subframe = float(np.float32(frame - whole))
@@ -247,27 +188,10 @@ def make_plan(
     options: str = "",
     visibility_updates: int = 1,
 ) -> Plan:
-    """Return the plan of a run.
+    """Return the plan of a run, with the number of rings chosen where the measurement has 0.
 
-    Parameters
-    ----------
-    measurement, extent, sampling_mode, options
-        See `Plan`.
-    metres_per_unit, fps
-        Metres per Blender unit and Blender frames per second, above 0.
-    visibility_updates
-        Number of renders per burst, at most one per pulse.
-
-    Returns
-    -------
-    Plan
-        With the number of rings chosen where the measurement has 0.
-
-    Raises
-    ------
-    ConfigError
-        The scene needs more than `MAX_RINGS` rings, scale or frame rate are not positive, or
-        there are more renders in a burst than pulses.
+    Raises ConfigError if the scene needs more than `MAX_RINGS` rings, scale or frame rate are not
+    positive, or there are more renders in a burst than pulses.
     """
     if visibility_updates > measurement.burst.pulses:
         raise ConfigError(
@@ -299,23 +223,7 @@ def make_plan(
 
 
 def check_unit_scale(metres_per_unit: float) -> float:
-    """Return the unit scale of the scene, if it can be used.
-
-    Parameters
-    ----------
-    metres_per_unit
-        Unit scale [m per Blender unit].
-
-    Returns
-    -------
-    float
-        The same.
-
-    Raises
-    ------
-    ConfigError
-        Not finite or not positive.
-    """
+    """Return the unit scale of the scene [m per Blender unit]; ConfigError if it cannot be used."""
     return _check_positive(
         "Unit Scale", metres_per_unit, ", the metres per Blender unit. Set it in Scene > Units; "
         "the default is 1."
@@ -323,23 +231,7 @@ def check_unit_scale(metres_per_unit: float) -> float:
 
 
 def check_frame_rate(fps: float) -> float:
-    """Return the frame rate of the scene, if it can be used.
-
-    Parameters
-    ----------
-    fps
-        Blender frames per second.
-
-    Returns
-    -------
-    float
-        The same.
-
-    Raises
-    ------
-    ConfigError
-        Not finite or not positive.
-    """
+    """Return the frame rate of the scene; ConfigError if it cannot be used."""
     return _check_positive("Frame rate", fps, ". Set it and its base in Output > Format.")
 
 
@@ -350,24 +242,9 @@ def _check_positive(name: str, value: float, hint: str) -> float:
 
 
 def automatic_rings(ring_step_m: float, extent: Extent) -> int:
-    """Return the number of rings that reaches the scene's farthest point.
+    """Return the number of rings that reaches the scene's farthest point, 1 for an empty scene.
 
-    Parameters
-    ----------
-    ring_step_m
-        Width of a ring, one way [m].
-    extent
-        How far the scene reaches.
-
-    Returns
-    -------
-    int
-        At least 1, which is the number for an empty scene.
-
-    Raises
-    ------
-    ConfigError
-        More than `MAX_RINGS` would be needed.
+    Raises ConfigError if more than `MAX_RINGS` would be needed.
     """
     rings = max(1, math.floor(extent.from_emitter_m / ring_step_m) + 1)
     if rings > MAX_RINGS:
@@ -379,11 +256,6 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
     return rings
 
 
-# -------------------------------------------------------------------------------------------------
-# The record of a run, and the fingerprint that identifies its renders. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
 #: What changes no render.
 _AFTER_RENDERING = (
     "waveform", "burst", "link_budget", "frames", "rings", "weather",
@@ -392,24 +264,11 @@ _AFTER_RENDERING = (
 
 
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
-    """Return a hash of everything that changes the pixels of a render.
+    """Return a hash (SHA-256) of everything that changes the pixels of a render.
 
     Waveform, burst, link budget, weather and range limits are excluded, because they come in after
-    rendering. Frames are excluded, because a run may resume with more of them.
-
-    Parameters
-    ----------
-    plan
-        Plan of the run.
-    scene_digest
-        Names the scene: a hash of its files, or a text that no other run has.
-    versions
-        Version by the name of the software.
-
-    Returns
-    -------
-    str
-        SHA-256 in hexadecimal digits.
+    rendering. Frames are excluded, because a run may resume with more of them. `scene_digest` names
+    the scene: a hash of its files, or a text that no other run has.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
     for key in _AFTER_RENDERING:
@@ -440,27 +299,9 @@ def run_record(
     findings: list[Finding],
     versions: dict[str, str],
 ) -> contract.RunRecord:
-    """Return the record that ``run.json`` contains.
+    """Return the record that ``run.json`` contains, with its fingerprint.
 
-    Parameters
-    ----------
-    plan
-        Plan of the run.
-    scene_digest
-        As for :func:`fingerprint`.
-    blend_file
-        Name of the .blend file; empty if it was never saved.
-    scene
-        Name of the scene.
-    findings
-        Findings before the first render.
-    versions
-        Version by the name of the software.
-
-    Returns
-    -------
-    RunRecord
-        With its fingerprint.
+    `blend_file` is empty if the file was never saved, `findings` are those before the first render.
     """
     measurement = plan.measurement
     return contract.RunRecord(

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The user's settings in Blender: property groups made from the declared settings.
 
-In: the settings that dataclasses declare. Out: property groups on the radar rig, and
-:func:`settings`, which reads and sets them in SI and float64; checked records of the plan.
+`radar` makes the property group of a rig from the dataclasses of the room `plan`, and `settings`,
+which reads and sets them in SI and float64; from these come the checked records of a run. `presets`
+puts whole radars into the settings. `material` is the panel's view of a material, and
+`registration` adds all of these to Blender.
 """
 
 from .material import MATERIAL_PROPERTY, choose_medium

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``material.radarsim``: the panel's view of what :mod:`.physical_materials` keeps in a material.
+"""``material.radarsim``: the panel's view of what the room `materials` keeps in a material.
 
 Nothing is stored here: every property reads and writes the material's custom properties, so that a
 script, another version and the panel see the same numbers.
@@ -23,11 +23,6 @@ from ..materials.clutter import PREFIX as FLUCTUATION
 from ..plan import shortest_decimal
 from .radar import beyond_band, carrier_hz
 
-# -------------------------------------------------------------------------------------------------
-# Fields of ``material.radarsim`` for the clutter of a material: model, texture, motion.
-# -------------------------------------------------------------------------------------------------
-
-
 _CLUTTER = (
     (cm.NO_CLUTTER, "None", "What medium and roughness return is all"),
     *((name, model.title, model.source) for name, model in clutter_models().items()),
@@ -46,7 +41,7 @@ _CLUTTER_START = {
 
 
 def _choice(key: str, name: str, description: str, items: tuple[tuple[str, str, str], ...]) -> Any:
-    """A field for a custom property of the material, one of some names; the first if absent."""
+    """Return a field for a custom property, one of some names; the first if absent."""
     names = [item[0] for item in items]
 
     def read(settings: Any) -> int:
@@ -66,7 +61,7 @@ def _choice(key: str, name: str, description: str, items: tuple[tuple[str, str, 
 
 
 def clutter_fields(number: Callable[..., Any]) -> dict[str, Any]:
-    """Return the fields by name; `number` makes one of a custom property that holds a number."""
+    """Return the fields of model, texture and motion; `number` makes one that holds a number."""
 
     def set_path(settings: Any, value: str) -> None:
         settings.id_data[cm.PATH] = value
@@ -165,15 +160,7 @@ def _refresh(material: Any) -> None:
 
 
 def choose_medium(material: Any, name: str) -> None:
-    """Set the medium of a material. Parameters without a default get an initial value.
-
-    Parameters
-    ----------
-    material : bpy.types.Material
-        A physical material.
-    name
-        Name of the model, or that of the table.
-    """
+    """Set the medium of a physical material. Parameters without a default get an initial value."""
     for key in [key for key in material.keys() if key.startswith(pm.PARAMETER_PREFIX)]:
         if key != pm.PATH:
             del material[key]
@@ -193,10 +180,6 @@ def _set_medium(settings: Any, number: int) -> None:
     _refresh(settings.id_data)
 
 
-def _get_path(settings: Any) -> str:
-    return str(settings.id_data.get(pm.PATH, ""))
-
-
 def _set_path(settings: Any, value: str) -> None:
     settings.id_data[pm.PATH] = value
     _refresh(settings.id_data)
@@ -205,7 +188,7 @@ def _set_path(settings: Any, value: str) -> None:
 def _number(
     key: str, name: str, description: str, exponent: int = 0, default: float = 0.0, **bounds: Any
 ) -> Any:
-    """A field that shows a custom property of the material, times ``10**-exponent``."""
+    """Return a field that shows a custom property of the material, times ``10**-exponent``."""
 
     def write(settings: Any, value: float) -> None:
         material = settings.id_data
@@ -249,7 +232,7 @@ class MaterialSettings(bpy.types.PropertyGroup):
     path: bpy.props.StringProperty(
         name="Table",
         subtype="FILE_PATH",
-        get=_get_path,
+        get=lambda settings: str(settings.id_data.get(pm.PATH, "")),
         set=_set_path,
         description="CSV file: frequency_ghz and eps_real, eps_imag (or n, k)",
     )

@@ -45,20 +45,9 @@ _HEAD = "# A radar of radarsim, in SI units. Read as data: nothing in it is exec
 def apply_preset(scene: Any, radar: Any, preset: RadarPreset) -> None:
     """Make a radar that of a preset: all that earlier ones set is replaced.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    radar : bpy.types.Object
-        The rig.
-    preset
-        Frames, sampling and output of the radar's settings stay.
-
-    Raises
-    ------
-    ConfigError
-        An unknown setting, a value out of bounds, or a radar that is linked from another file.
-    SceneError
-        The radar lacks its camera or its transmitter.
+    Frames, sampling and output of the radar's settings stay. Raises ConfigError for an unknown
+    setting, a value out of bounds, or a radar that is linked from another file; SceneError if the
+    radar lacks its camera or its transmitter.
     """
     view = settings(radar)
     rig = find_rig(scene, **antennas_of(scene, radar), any_projection=True)
@@ -75,20 +64,7 @@ def apply_preset(scene: Any, radar: Any, preset: RadarPreset) -> None:
 
 
 def set_values(view: Settings, values: Mapping[str, Any]) -> None:
-    """Set settings; a mapping holds those of an antenna.
-
-    Parameters
-    ----------
-    view
-        Settings of the radar.
-    values
-        By their names, in SI.
-
-    Raises
-    ------
-    ConfigError
-        An unknown name, or a value out of bounds.
-    """
+    """Set settings by their names, in SI; a mapping holds those of an antenna."""
     for name, value in values.items():
         setattr(view, name, value)
 
@@ -105,7 +81,7 @@ def _reset(group: Any, declarations: Mapping[str, Declared]) -> None:
 
 
 def _peak_eirp_w(scene: Any, radar: Any) -> float:
-    """What the link budget sends into the peak of its pattern [W]; 1 W without one."""
+    """Return what the link budget sends into the peak of its pattern; 1 W without one."""
     wavelength_m = read_measurement(scene, radar).waveform.wavelength_m
     record = read_link_budget(radar, wavelength_m)
     if record is None:
@@ -115,25 +91,7 @@ def _peak_eirp_w(scene: Any, radar: Any) -> float:
 
 
 def read_preset(scene: Any, radar: Any, label: str) -> RadarPreset:
-    """Return a radar as a preset.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    radar : bpy.types.Object
-        The rig.
-    label
-        Name for the window.
-
-    Returns
-    -------
-    RadarPreset
-
-    Raises
-    ------
-    SceneError
-        The radar lacks its camera or its transmitter.
-    """
+    """Return a radar as a preset, with a label for the window."""
     rig = find_rig(scene, **antennas_of(scene, radar), any_projection=True)
     group = getattr(radar, RADAR_PROPERTY)
     names = {**_OF_RADAR, **{name: RADAR_SETTINGS[name] for name in _VIEW}}
@@ -146,36 +104,15 @@ def read_preset(scene: Any, radar: Any, label: str) -> RadarPreset:
 
 
 def save_preset(path: Path, preset: RadarPreset) -> None:
-    """Write a preset as a file of Blender's presets.
-
-    Parameters
-    ----------
-    path
-        File, ending with ``.py``.
-    preset
-        What `read_preset` returned.
-    """
+    """Write a preset as a file of Blender's presets, ``.py``."""
     text = pprint.pformat(dataclasses.asdict(preset), sort_dicts=False)
     path.write_text(f"{_HEAD}{text}\n", encoding="utf-8")
 
 
 def load_preset(path: Path) -> RadarPreset:
-    """Read a file that `save_preset` wrote.
+    """Read a file that `save_preset` wrote; its settings are checked when they are applied.
 
-    Parameters
-    ----------
-    path
-        File.
-
-    Returns
-    -------
-    RadarPreset
-        Its settings are checked when they are applied.
-
-    Raises
-    ------
-    ConfigError
-        The file holds something else; nothing in it is executed.
+    Nothing in the file is executed; ConfigError if it holds something else.
     """
     try:
         if path.stat().st_size > _MOST_BYTES:

@@ -2,7 +2,11 @@
 """The settings of a radar, kept by its rig as ``object.radarsim``.
 
 They are made from the dataclasses that declare them, and go along wherever the object goes: into
-copies, other scenes, other files.
+copies, other scenes, other files. Numbers come in as the window shows them (GHz, us), go into the
+file as float64 in SI, and are read by `Settings`. Blender's own float properties are float32: here
+they only show the number and take what was typed. `read_measurement` and the other functions at the
+end make checked records of the settings; ``**given`` are values in place of the radar's own, by the
+names of the settings, in SI. ConfigError: values that do not fit together.
 """
 
 from __future__ import annotations
@@ -33,15 +37,6 @@ from ...signal.radar import (
 from ..materials import refresh_materials
 from ..plan import Measurement, PathOptions, RunSettings, merged, shortest_decimal
 from ..scene import active_radar, is_transmitter
-
-# -------------------------------------------------------------------------------------------------
-# Blender property groups made from the settings that dataclasses declare.
-#
-# Numbers come in as the window shows them (GHz, us), go into the file as float64 in SI, and are
-# read by :class:`Settings`. Blender's own float properties are float32: here they only show the
-# number and take what was typed.
-# -------------------------------------------------------------------------------------------------
-
 
 Record = TypeVar("Record")
 Change = Callable[[Any], None]
@@ -84,7 +79,7 @@ def property_group(
 
 
 def _property(item: Declared, change: Change | None) -> Any:
-    """A field of the window."""
+    """Return a field of the window."""
     of = item.of
     common: dict[str, Any] = {"name": item.shown_label, "description": of.help}
     if change is not None:  # not called by keyframes, which may change nothing else
@@ -142,13 +137,8 @@ class Settings:
     ``view.carrier_hz = 77e9`` reads back as 77e9. A group within it takes a mapping,
     ``view.transmitter = {"kind": "gaussian"}``, and keeps its other settings. Setting raises a
     `ConfigError` where the value has the wrong type or is out of bounds; an unknown name raises a
-    `SettingNameError`.
-
-    Parameters
-    ----------
-    group : bpy.types.PropertyGroup
-    declarations
-        Its settings by name; of groups within it (antennas), theirs by the group's name.
+    `SettingNameError`. The declarations of groups within it (antennas) are mappings by the group's
+    name.
     """
 
     __slots__ = ("_declarations", "_group")
@@ -191,17 +181,7 @@ class Settings:
     def record(self, kind: type[Record], **given: Any) -> Record:
         """Return an instance of one of the dataclasses that the group was made from.
 
-        Parameters
-        ----------
-        kind
-            Dataclass.
-        **given
-            Values in place of the group's own, and those of fields that are no settings.
-
-        Raises
-        ------
-        ConfigError
-            Values that do not fit together.
+        `given` are values in place of the group's own, and those of fields that are no settings.
         """
         own = {name: getattr(self, name) for name in declared(kind) if name in self._declarations}
         return kind(**{**own, **given})
@@ -218,7 +198,7 @@ class Settings:
         return found
 
     def _hint(self, name: str) -> str:
-        """Where a name belongs, or which it resembles."""
+        """Return where a name belongs, or which it resembles."""
         groups = [key for key, item in self._declarations.items() if not isinstance(item, Declared)]
         for group in groups:
             inner = self._declarations[group]
@@ -257,7 +237,6 @@ def settings(radar: Any) -> Settings:
     Returns
     -------
     Settings
-        Its values are those of the panel, in SI.
 
     Raises
     ------
@@ -270,17 +249,7 @@ def settings(radar: Any) -> Settings:
 
 
 def carrier_hz(scene: Any) -> float:
-    """Return the carrier of a scene's active radar.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-
-    Returns
-    -------
-    float
-        Carrier [Hz]; without a radar, the initial one.
-    """
+    """Return the carrier of a scene's active radar; without a radar, the initial one."""
     try:
         view = settings(active_radar(scene))
     except SceneError:
@@ -294,22 +263,12 @@ def carrier_hz(scene: Any) -> float:
 
 @functools.lru_cache(maxsize=8)
 def _carrier_of_file(path: Path, _: int) -> float:
-    """Carrier of a waveform file, read again after a change [Hz]."""
+    """Return the carrier of a waveform file, read again after a change."""
     return float(load_radar(path, Burst(1.0, 1)).waveform.carrier_hz)
 
 
 def beyond_band(scene: Any) -> str:
-    """Return what media do outside their band, for a scene's active radar.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-
-    Returns
-    -------
-    str
-        Without a radar, the initial choice.
-    """
+    """Return what media do outside their band, for a scene's active radar."""
     with contextlib.suppress(SceneError):
         return str(settings(active_radar(scene)).beyond_band)
     return "hold"
@@ -334,12 +293,9 @@ def _set_fm_rate(group: Any, value: float) -> None:
     duration_us = RADAR_SETTINGS["chirp_duration_s"].to_shown(
         Settings(group, RADAR_SETTINGS).chirp_duration_s
     )
-    write(group, RADAR_SETTINGS["bandwidth_hz"], swept_hz(shortest_decimal(value), duration_us))
-
-
-def swept_hz(rate_mhz_per_us: float, duration_us: float) -> float:
-    """Return the bandwidth [Hz] of a chirp rate; MHz/us times us round less than Hz/s times s."""
-    return round(rate_mhz_per_us * duration_us * 1e6, 3)
+    # MHz/us times us round less than Hz/s times s.
+    bandwidth_hz = round(shortest_decimal(value) * duration_us * 1e6, 3)
+    write(group, RADAR_SETTINGS["bandwidth_hz"], bandwidth_hz)
 
 
 #: Values of the three choices of quality.
@@ -425,34 +381,14 @@ def active_radar_property() -> Any:
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# What a radar's settings ask for, as checked records: measurement, paths, link budget, folder.
-# -------------------------------------------------------------------------------------------------
+# What a radar's settings ask for, as checked records.
 
 
 def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement:
     """Return the measurement that a radar's settings ask for, without its link budget.
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    radar : bpy.types.Object
-        The rig; None: the scene's active one.
-    **given
-        Values in place of the radar's own, by the names of the settings, in SI; ``frames`` is a
-        tuple of frames.
-
-    Returns
-    -------
-    Measurement
-        Checked.
-
-    Raises
-    ------
-    ConfigError
-        Values that do not fit together.
-    SceneError
-        No radar, or several of which none is chosen.
+    Without a radar it is the scene's active one; SceneError if there is none, or several of which
+    none is chosen. ``frames`` among the given values is a tuple of frames.
     """
     view = settings(active_radar(scene) if radar is None else radar)
     burst = view.record(Burst, **_of(Burst, given))
@@ -510,30 +446,12 @@ def _frames(scene: Any, view: Settings) -> tuple[int, ...]:
 
 
 def read_path_options(radar: Any, **given: Any) -> PathOptions:
-    """Return how paths are followed.
-
-    Parameters
-    ----------
-    radar : bpy.types.Object
-        The rig.
-    **given
-        Values in place of the radar's own, by the names of the settings, in SI.
-
-    Returns
-    -------
-    PathOptions
-        Checked.
-
-    Raises
-    ------
-    ConfigError
-        Values that do not fit together.
-    """
+    """Return how paths are followed."""
     return settings(radar).record(PathOptions, **_of(PathOptions, given))
 
 
 def _antenna_record(view: Settings) -> AntennaRecord:
-    """One antenna's settings as a record, tables read in."""
+    """Return one antenna's settings as a record, tables read in."""
     parameters = {
         name: bpy.path.abspath(value) if name == "file" else value
         for name in declared(PATTERNS[view.kind])
@@ -545,26 +463,10 @@ def _antenna_record(view: Settings) -> AntennaRecord:
 def read_link_budget(
     radar: Any, wavelength_m: float, file: str | Path | None = None
 ) -> LinkBudget | None:
-    """Return a radar's link budget.
+    """Return a radar's link budget, checked, or that of a file (JSON); None where the radar uses
+    none.
 
-    Parameters
-    ----------
-    radar : bpy.types.Object
-        The rig.
-    wavelength_m
-        Wavelength of the carrier [m].
-    file
-        Link budget (JSON); None: the radar's own.
-
-    Returns
-    -------
-    LinkBudget or None
-        Checked; None where the radar uses none.
-
-    Raises
-    ------
-    ConfigError
-        Values out of bounds, or a table or file that cannot be read.
+    Raises ConfigError for values out of bounds, or a table or file that cannot be read.
     """
     record = own_link_budget(radar) if file is None else read_system(file)
     if record is not None:
@@ -573,23 +475,7 @@ def read_link_budget(
 
 
 def own_link_budget(radar: Any) -> LinkBudget | None:
-    """Return the link budget of a radar's settings, whose antennas are not checked.
-
-    Parameters
-    ----------
-    radar : bpy.types.Object
-        The rig.
-
-    Returns
-    -------
-    LinkBudget or None
-        None where the radar uses none.
-
-    Raises
-    ------
-    ConfigError
-        Values out of bounds, or a table that cannot be read.
-    """
+    """Return the link budget of a radar's settings, antennas unchecked; None without one."""
     view = settings(radar)
     if not view.use_link_budget:
         return None
@@ -599,22 +485,9 @@ def own_link_budget(radar: Any) -> LinkBudget | None:
 
 
 def output_folder(radar: Any) -> Path:
-    """Return the output folder as an absolute path.
+    """Return the output folder as an absolute path; it may not exist.
 
-    Parameters
-    ----------
-    radar : bpy.types.Object
-        The rig.
-
-    Returns
-    -------
-    Path
-        Absolute; it may not exist.
-
-    Raises
-    ------
-    OutputError
-        None is set, or it is relative to a file that was never saved.
+    Raises OutputError if none is set, or it is relative to a file that was never saved.
     """
     text = settings(radar).output_folder
     if not text.strip():

@@ -25,11 +25,7 @@ class MaterialSuggestion(bpy.types.PropertyGroup):
     ready: bpy.props.EnumProperty(
         name="Radar material",
         items=(
-            (
-                "KEEP",
-                "Leave as it is",
-                "Its echoes have the powers of the optical material",
-            ),
+            ("KEEP", "Leave as it is", "Its echoes have the powers of the optical material"),
             *((name, name, asset.description) for name, asset in READY.items()),
         ),
         description="Choose the radar material in its place",
@@ -115,9 +111,7 @@ class RadarProgress(bpy.types.PropertyGroup):
         name="Status", options={"SKIP_SAVE"}, description="State of the last job"
     )
     findings: bpy.props.StringProperty(
-        name="Findings",
-        options={"SKIP_SAVE"},
-        description="Findings of the last job, as JSON",
+        name="Findings", options={"SKIP_SAVE"}, description="Findings of the last job, as JSON"
     )
 
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """State of the user's file: what Blender evaluates, and changes that are taken back.
 
-In: Blender data. Out: arrays in Blender units; settings as they were.
+`snapshot` reads all evaluated objects and instances into arrays, and brings them up to date by what
+Blender reports as changed. `settings_restorer` records changes of settings and takes them back.
 """
 
 from .settings_restorer import SettingsRestorer
@@ -19,6 +20,7 @@ from .snapshot import (
     read_all_again,
     read_numbers,
     read_triangles,
+    slot_materials,
     take_snapshot,
     watch_evaluations,
 )
@@ -38,6 +40,7 @@ __all__ = [
     "read_all_again",
     "read_numbers",
     "read_triangles",
+    "slot_materials",
     "take_snapshot",
     "watch_evaluations",
 ]

@@ -33,16 +33,8 @@ class SettingsRestorer:
     def set(self, owner: Any, name: str, value: Any) -> None:
         """Set an attribute and record its former value, if they differ.
 
-        Parameters
-        ----------
-        owner : bpy.types.bpy_struct
-        name, value
-            Attribute and new value.
-
-        Raises
-        ------
-        AttributeError, TypeError, ValueError
-            The owner has no such setting, or does not accept the value. Nothing is recorded then.
+        Raises AttributeError, TypeError or ValueError if the owner has no such setting or does not
+        accept the value. Nothing is recorded then.
         """
         before = _plain(getattr(owner, name))
         if before == value:
@@ -51,19 +43,12 @@ class SettingsRestorer:
         self._undo.append((name, lambda: setattr(owner, name, before)))
 
     def set_if_present(self, owner: Any, name: str, value: Any) -> None:
-        """Set an attribute that only some Blender versions have; parameters as `set`."""
+        """Set an attribute that only some Blender versions have."""
         if hasattr(owner, name):
             self.set(owner, name, value)
 
     def set_item(self, owner: Any, key: str, value: Any) -> None:
-        """Set a custom property, ``owner[key] = value``; `restore` removes it if it was absent.
-
-        Parameters
-        ----------
-        owner : bpy.types.ID
-        key, value
-            As above.
-        """
+        """Set a custom property, ``owner[key] = value``; `restore` removes it if it was absent."""
         before = owner.get(key, _ABSENT)
         owner[key] = value
 
@@ -77,37 +62,21 @@ class SettingsRestorer:
         self._undo.append((key, undo))
 
     def keep(self, owner: Any, *names: str) -> None:
-        """Have `restore` bring back settings that change from render to render.
-
-        Parameters
-        ----------
-        owner : bpy.types.bpy_struct
-        *names
-            Attributes.
-        """
+        """Have `restore` bring back settings that change from render to render."""
         for name in names:
             before = _plain(getattr(owner, name))
             self._undo.append((name, partial(setattr, owner, name, before)))
 
     def keep_frame(self, scene: Any) -> None:
-        """Have `restore` bring the scene back to the frame of now.
-
-        Parameters
-        ----------
-        scene : bpy.types.Scene
-        """
+        """Have `restore` bring the scene back to the frame of now."""
         # Before frame 0 Blender's subframe is negative, and frame_set takes none that is.
         now = scene.frame_current + scene.frame_subframe
         whole = math.floor(now)
         self.on_restore("frame", lambda: scene.frame_set(whole, subframe=now - whole))
 
     def keep_all(self, owner: Any) -> None:
-        """Let `restore` return all settings of a struct in which one setting can change others.
-
-        Parameters
-        ----------
-        owner : bpy.types.bpy_struct
-            The settings of structs in it, too.
+        """Have `restore` bring back all settings of a struct in which one setting can change
+        others, and of the structs in it.
         """
         before = list(_settings_of(owner))
 
@@ -130,15 +99,7 @@ class SettingsRestorer:
         self.on_restore(type(owner).__name__, undo)
 
     def on_restore(self, name: str, undo: Callable[[], None]) -> None:
-        """Add a step that takes another change back.
-
-        Parameters
-        ----------
-        name
-            Name of the change, for messages.
-        undo
-            Takes it back.
-        """
+        """Add a step that takes another change back, with its name for messages."""
         self._undo.append((name, undo))
 
     def restore(self) -> list[str]:
@@ -178,7 +139,7 @@ def _settings_of(owner: Any, path: _Path = ()) -> Iterator[tuple[_Path, str, Any
 
 
 def _struct_at(owner: Any, path: _Path) -> Any:
-    """The struct at a path, or None if there is none now."""
+    """Return the struct at a path, or None if there is none now."""
     for step in path:
         owner = getattr(owner, step) if isinstance(step, str) else owner[step]
         if owner is None:
@@ -187,7 +148,7 @@ def _struct_at(owner: Any, path: _Path) -> Any:
 
 
 def _read(struct: Any, name: str) -> Any:
-    """The value of a setting; for points of a curve, location, handle and selection of each."""
+    """Return a setting's value; for points of a curve, location, handle and selection of each."""
     value = getattr(struct, name)
     if name != "points":
         return _plain(value)

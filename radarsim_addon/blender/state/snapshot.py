@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All objects and instances of a scene at one moment, as arrays that one walk fills.
 
-`walk` looks at all of them; `read_again` only at some, where instances are as they were.
+`walk` looks at all of them. Blender reports what each evaluation has changed: `take_snapshot` reads
+those objects again (`read_again`), and walks through the scene only where instances may have
+changed. Few of many objects move from one moment to the next, so a `Snapshot` keeps the arrays of
+the last walk, and apart from them the rows that were read since. Lengths are Blender units.
 """
 
 from __future__ import annotations
@@ -20,11 +23,6 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real
 
-# -------------------------------------------------------------------------------------------------
-# Objects, instances and meshes as Blender evaluates them at one moment. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Identifies an instance among those of its object: the instancer's name, then Blender's numbers.
 #: Empty for the object itself.
 Key = tuple[Any, ...]
@@ -34,27 +32,18 @@ _MESHED = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
 class EvaluatedObject(NamedTuple):
-    """One object, or one instance of it, in Blender units.
+    """One object, or one instance of it.
 
     Blender reuses the data of instances: read what you need before the next object.
-
-    Attributes
-    ----------
-    evaluated, original, instancer : bpy.types.Object
-        `instancer` is the original object that makes the instance; None for the object itself.
-    key
-        Identifies the instance among those of its object; empty for the object itself.
-    matrix_world : mathutils.Matrix
-        4x4.
-    visible
-        Whether Blender draws the object itself, and not only its instances.
     """
 
     evaluated: Any
     original: Any
+    #: Original object that makes the instance; None for the object itself.
     instancer: Any
     key: Key
     matrix_world: Any
+    #: Whether Blender draws the object itself, and not only its instances.
     visible: bool
 
     @property
@@ -66,44 +55,23 @@ class EvaluatedObject(NamedTuple):
 
     @property
     def matrix(self) -> Real:
-        """World matrix in float64, shape (4, 4)."""
+        """World matrix in float64, (4, 4)."""
         return np.array(self.matrix_world, dtype=np.float64)
 
     @property
     def box(self) -> Real:
-        """Corners of the bounding box in the object's own axes, shape (8, 3)."""
+        """Corners of the bounding box in the object's own axes, (8, 3)."""
         return np.array([tuple(corner) for corner in self.evaluated.bound_box], dtype=np.float64)
 
 
 def evaluated_depsgraph(view_layer: Any) -> Any:
-    """Return the depsgraph of a view layer.
-
-    Parameters
-    ----------
-    view_layer : bpy.types.ViewLayer
-
-    Returns
-    -------
-    bpy.types.Depsgraph
-        Up to date.
-    """
+    """Return the depsgraph of a view layer, up to date."""
     view_layer.update()
     return view_layer.depsgraph
 
 
 def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
-    """Yield all objects and instances of a depsgraph in Blender's order.
-
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Yields
-    ------
-    EvaluatedObject
-        Valid until the next one.
-    """
+    """Yield all objects and instances in Blender's order, each one valid until the next one."""
     for item in depsgraph.object_instances:
         instancer = item.parent.original if item.is_instance else None
         yield EvaluatedObject(
@@ -117,13 +85,7 @@ def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
 
 
 class evaluated_mesh:
-    """Provide the mesh of an evaluated object during a context; None without a surface.
-
-    Parameters
-    ----------
-    evaluated : bpy.types.Object
-        Of any type.
-    """
+    """Provide the mesh of an evaluated object during a context; None without a surface."""
 
     __slots__ = ("_evaluated", "_made")
 
@@ -147,74 +109,42 @@ class evaluated_mesh:
 
 
 def read_numbers(
-    items: Any, name: str, width: int = 1, dtype: type[np.generic] = np.float32
+    items: Any,
+    name: str,
+    width: int = 1,
+    dtype: type[np.generic] = np.float32,
+    count: int | None = None,
 ) -> NDArray[Any]:
-    """Return a property of all elements of a mesh.
+    """Return a property of all elements, such as the vertices of a mesh, (elements, width).
 
-    Parameters
-    ----------
-    items : bpy.types.bpy_prop_collection
-        For example the vertices of a mesh.
-    name
-        Property.
-    width
-        Numbers per element.
-    dtype
-        Type in which Blender stores the property.
-
-    Returns
-    -------
-    ndarray
-        Shape (elements, width).
+    `dtype` is the type in which Blender stores it; `count` spares the count where it takes long.
     """
-    values = np.empty(len(items) * width, dtype=dtype)
+    values = np.empty((len(items) if count is None else count) * width, dtype=dtype)
     items.foreach_get(name, values)
     return values.reshape(-1, width)
 
 
 def read_triangles(mesh: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return the vertices and triangles of a mesh.
-
-    Parameters
-    ----------
-    mesh : bpy.types.Mesh
-
-    Returns
-    -------
-    ndarray, ndarray
-        Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
-    """
+    """Return vertices (n, 3), object axes, and vertex indices (m, 3) of a mesh's triangles."""
     mesh.calc_loop_triangles()
     triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
     return read_numbers(mesh.vertices, "co", 3), triangles
 
 
-# -------------------------------------------------------------------------------------------------
-# What one walk through all objects and instances has found. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class Walked:
-    """What one walk has found; what follows from it is computed once.
+    """What one walk has found; what follows from it is computed once."""
 
-    Attributes
-    ----------
-    shape
-        Index of each one's shape, (n,).
-    boxes
-        Corners of the shapes' bounding boxes, (shapes, 8, 3).
-    matrices
-        World matrices, (n, 4, 4).
-    """
-
+    #: Index of each one's shape, (n,).
     shape: Indices
+    #: Corners of the shapes' bounding boxes, (shapes, 8, 3).
     boxes: Real
+    #: World matrices, (n, 4, 4).
     matrices: Real
 
     @cached_property
     def corners(self) -> Real:
-        """Corners of the bounding boxes in world space, shape (n, 8, 3)."""
+        """Corners of the bounding boxes in world space, (n, 8, 3)."""
         return box_corners(self.boxes[self.shape], self.matrices)
 
     @cached_property
@@ -234,7 +164,7 @@ def box_corners(boxes: Real, matrices: Real) -> Real:
 
 
 def box_spheres(corners: Real) -> Real:
-    """Return the centres of boxes, of which these are the corners, and the radii, (n, 4)."""
+    """Return centres and radii (n, 4) of boxes with these corners (n, 8, 3)."""
     centre = corners.mean(axis=1)
     radius = np.linalg.norm(corners - centre[:, None], axis=2).max(axis=1, initial=0.0)
     return np.column_stack([centre, radius])
@@ -263,73 +193,48 @@ _DECIDING = (
 _ARRAYS = ("shape", "instancer", "numbers", "visible")
 
 
-@dataclasses.dataclass(eq=False)
+@dataclass(eq=False)
 class Shape:
-    """What an object and its instances share, unless Geometry Nodes give them other data.
-
-    Attributes
-    ----------
-    original : bpy.types.Object
-    kind
-        Type of the evaluated object.
-    address
-        Tells its evaluated data from others; 0 without data.
-    own
-        Whether the data is that of the evaluated object, and not made for instances.
-    materials : tuple of bpy.types.Material or None
-        Originals by slot.
-    box : ndarray, shape (8, 3)
-        Corners of the bounding box in the object's own axes [Blender units].
-    first
-        Number of the first instance in Blender's order.
-    faces
-        What `Snapshot.face_count` has read.
-    triangles : tuple of ndarray, optional
-        What `Snapshot.triangles` has read, of a small mesh.
-    """
+    """What an object and its instances share, unless Geometry Nodes give them other data."""
 
     original: Any
+    #: Type of the evaluated object.
     kind: str
+    #: Tells its evaluated data from others; 0 without data.
     address: int
+    #: Whether the data is that of the evaluated object, and not made for instances.
     own: bool
+    #: Originals by slot, None for an empty one.
     materials: tuple[Any, ...]
+    #: Corners of the bounding box in the object's own axes, (8, 3).
     box: Real
+    #: Number of the first instance in Blender's order.
     first: int
+    #: What `Snapshot.face_count` has read.
     faces: int | None = None
+    #: What `Snapshot.triangles` has read, of a small mesh.
     triangles: Triangles | None = None
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Layout:
-    """Which objects and instances there are, n in Blender's order.
+    """Which objects and instances there are, n in Blender's order."""
 
-    Attributes
-    ----------
-    shape
-        Index of each one's shape, (n,).
-    instancers
-        Original objects that make instances.
-    instancer
-        Index of each one's instancer, (n,); -1 for an object itself.
-    numbers
-        Blender's numbers of the instances, (n, 8).
-    visible
-        Whether Blender draws the object itself, and not only its instances, (n,).
-    objects
-        Original objects that are there themselves, or make instances.
-    row_of
-        Row of each original object that is there itself.
-    instanced
-        Original objects that make instances, and those that have some, with what decides on it.
-    """
-
+    #: Index of each one's shape, (n,).
     shape: Indices
+    #: Original objects that make instances.
     instancers: list[Any]
+    #: Index of each one's instancer, (n,); -1 for an object itself.
     instancer: Indices
+    #: Blender's numbers of the instances, (n, 8).
     numbers: NDArray[np.int32]
+    #: Whether Blender draws the object itself, and not only its instances, (n,).
     visible: Mask
+    #: Original objects that are there themselves, or make instances.
     objects: list[Any]
+    #: Row of each original object that is there itself.
     row_of: dict[Any, int]
+    #: Original objects that make instances, and those that have some, with what decides on it.
     instanced: dict[Any, tuple[Any, ...]]
 
     def key(self, row: int) -> Key:
@@ -345,52 +250,37 @@ class Layout:
         return [() if index < 0 else (names[index], *numbers) for index, numbers in pairs]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Snapshot:
-    """Objects and instances at one moment, in Blender units.
+    """Objects and instances at one moment; `walked` has the arrays by these names.
 
-    Few of many objects move from one moment to the next, so that most are as the last walk found
-    them. Where rows will do, ask for these: `matrices` and `corners` are copies of all.
-
-    Attributes
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        At that moment.
-    layout
-        Shared by successive snapshots with the same objects and instances.
-    shapes
-        See `Shape`.
-    walked
-        What the last walk found.
-    moved, moved_matrices
-        Rows that were read again since, ascending, (k,), and their world matrices, (k, 4, 4).
+    Where rows will do, ask for these: `matrices` and `corners` are copies of all.
     """
 
+    #: At that moment.
     depsgraph: Any
+    #: Shared by successive snapshots with the same objects and instances.
     layout: Layout
     shapes: list[Shape]
     walked: Walked
+    #: Rows that were read again since, ascending, (k,), and their world matrices, (k, 4, 4).
     moved: Indices
     moved_matrices: Real
 
     @cached_property
     def matrices(self) -> Real:
-        """World matrices, shape (n, 4, 4)."""
         return self._of_all(self.walked.matrices, self.moved_matrices)
 
     @cached_property
     def corners(self) -> Real:
-        """Corners of the bounding boxes in world space, shape (n, 8, 3)."""
         return self._of_all(self.walked.corners, self._moved_corners)
 
     @cached_property
     def spheres(self) -> Real:
-        """Spheres around all boxes: centres in world space, and radii, shape (n, 4)."""
         return self._of_all(self.walked.spheres, box_spheres(self._moved_corners))
 
     @cached_property
     def largest(self) -> Real:
-        """Largest size of a number in each matrix, shape (n,); NaN where one is NaN."""
         moved = np.abs(self.moved_matrices).max(axis=(1, 2), initial=0.0)
         return self._of_all(self.walked.largest, moved)
 
@@ -411,7 +301,6 @@ class Snapshot:
 
     @cached_property
     def _moved_corners(self) -> Real:
-        """Corners of the boxes of the rows that were read again, (k, 8, 3)."""
         boxes = [self.shapes[index].box for index in self.layout.shape[self.moved].tolist()]
         return box_corners(np.array(boxes).reshape(-1, 8, 3), self.moved_matrices)
 
@@ -493,22 +382,25 @@ def _shape(evaluated: Any, original: Any, address: int, own: bool, first: int) -
     box = np.empty(24, dtype=np.float32)
     evaluated.bound_box.foreach_get(box)
     corners = box.reshape(8, 3).astype(np.float64)
-    return Shape(original, evaluated.type, address, own, materials_of(evaluated), corners, first)
+    return Shape(original, evaluated.type, address, own, slot_materials(evaluated), corners, first)
 
 
-def materials_of(evaluated: Any) -> tuple[Any, ...]:
-    """Return the originals of the materials by slot, None for an empty one."""
-    return tuple(slot.material and slot.material.original for slot in evaluated.material_slots)
+def slot_materials(item: Any) -> tuple[Any, ...]:
+    """Return the original materials in the slots of an object, None for an empty slot.
+
+    If it is evaluated, they include those that Geometry Nodes set.
+    """
+    return tuple(slot.material and slot.material.original for slot in item.material_slots)
 
 
 def walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Snapshot:
     """Look at all objects and instances; shapes of the last time that are not `changed` stay."""
     instances = depsgraph.object_instances
     count = len(instances)
-    matrices = _read(instances, "matrix_world", np.float32, 16, count)
-    numbers = _read(instances, "persistent_id", np.int32, _NUMBERS, count)
-    visible = _read(instances, "show_self", np.bool_, 1, count)
-    repeated = _read(instances, "is_instance", np.bool_, 1, count)
+    matrices = read_numbers(instances, "matrix_world", 16, np.float32, count)
+    numbers = read_numbers(instances, "persistent_id", _NUMBERS, np.int32, count)
+    visible = read_numbers(instances, "show_self", 1, np.bool_, count)
+    repeated = read_numbers(instances, "is_instance", 1, np.bool_, count)
     known = () if last is None else last.shapes
     old = {(one.original, one.address): one for one in known if one.original not in changed}
     shapes: dict[Any, int] = {}
@@ -567,7 +459,7 @@ def _objects(depsgraph: Any) -> list[Any]:
 
 
 def is_there(layout: Layout, depsgraph: Any) -> bool:
-    """Whether the objects of a layout are still all, and make instances as before."""
+    """Return whether the objects of a layout are still all, and make instances as before."""
     try:
         alike = _instancing(layout.instanced) == layout.instanced
     except ReferenceError:  # removed
@@ -580,7 +472,7 @@ def _instancing(objects: Iterable[Any]) -> dict[Any, tuple[Any, ...]]:
 
 
 def _same(last: Snapshot, layout: Layout, shapes: list[Shape]) -> bool:
-    """Whether there are the same objects and instances as the last time."""
+    """Return whether there are the same objects and instances as the last time."""
     before = last.layout
     pairs = ((getattr(before, name), getattr(layout, name)) for name in _ARRAYS)
     return (
@@ -589,12 +481,6 @@ def _same(last: Snapshot, layout: Layout, shapes: list[Shape]) -> bool:
         and [one.original for one in last.shapes] == [one.original for one in shapes]
         and all(np.array_equal(one, other) for one, other in pairs)
     )
-
-
-def _read(items: Any, name: str, dtype: type[np.generic], width: int, count: int) -> NDArray[Any]:
-    values = np.empty(count * width, dtype=dtype)
-    items.foreach_get(name, values)
-    return values.reshape(count, width)
 
 
 def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
@@ -621,15 +507,7 @@ def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
     return found
 
 
-# -------------------------------------------------------------------------------------------------
-# The last snapshot of a scene, brought up to date.
-#
-# Blender reports what each evaluation has changed. The next snapshot reads those objects again, and
-# walks through the scene only where instances may have changed.
-# -------------------------------------------------------------------------------------------------
-
-
-# Blender looks each of them up by its name.
+# Blender looks each of these up by its name.
 _Collection, _Scene, _Object = bpy.types.Collection, bpy.types.Scene, bpy.types.Object
 
 
@@ -645,7 +523,6 @@ class _Latest:
         self.layout_changed = self.scene_changed = self.evaluated = False
 
     def note(self, depsgraph: Any) -> None:
-        """Note what Blender has just evaluated."""
         if self.snapshot is None or self.snapshot.depsgraph != depsgraph:
             return
         layout = self.snapshot.layout
@@ -669,54 +546,40 @@ class _Latest:
                 self.scene_changed |= item in layout.instanced or not there
 
     def take(self, depsgraph: Any) -> Snapshot:
-        """Return the snapshot of now."""
         last = self.snapshot
+        found: Snapshot | None = None
         followed = follow_evaluations()
         if last is not None and last.depsgraph == depsgraph and followed:
-            try:
-                last = self._brought_up_to_date(last)
-            except ReferenceError:  # an object was removed
-                last = walk(depsgraph)
-        else:
-            last = walk(depsgraph)
-        self.snapshot, self.changed, self.shaded = last, {}, set()
+            with contextlib.suppress(ReferenceError):  # an object was removed
+                found = self._brought_up_to_date(last)
+        found = walk(depsgraph) if found is None else found
+        self.snapshot, self.changed, self.shaded = found, {}, set()
         self.layout_changed = self.scene_changed = self.evaluated = False
-        return last
+        return found
 
     def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
         if not self.evaluated:
             return last
         for shape in last.shapes if self.shaded else ():
             if shape.own and shape.original in self.shaded:
-                shape.materials = materials_of(shape.original.evaluated_get(last.depsgraph))
+                shape.materials = slot_materials(shape.original.evaluated_get(last.depsgraph))
         moved = self.scene_changed and not is_there(last.layout, last.depsgraph)
         if self.layout_changed or moved:
             return walk(last.depsgraph, last, self.changed)
         return read_again(last, self.changed)
 
     def forget(self) -> None:
-        """Drop the snapshot."""
         self.snapshot = None
 
 
 _latest = _Latest()
-
-
 _watchers: list[Callable[[Any], None]] = []
 
 
 def watch_evaluations(function: Callable[[Any], None]) -> Callable[[], None]:
-    """Have a function called after each evaluation of Blender.
+    """Have a function called after each evaluation of Blender; return what ends it.
 
-    Parameters
-    ----------
-    function
-        Is given the depsgraph, or None where evaluations may have been missed.
-
-    Returns
-    -------
-    callable
-        Ends it; may be called again.
+    The function is given the depsgraph, or None where evaluations may have been missed.
     """
     follow_evaluations()
     _watchers.append(function)
@@ -741,13 +604,7 @@ def _forget(*_: Any) -> None:
 
 
 def follow_evaluations() -> bool:
-    """Have Blender report evaluations.
-
-    Returns
-    -------
-    bool
-        Whether it did so before.
-    """
+    """Have Blender report evaluations; return whether it did so before."""
     missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
     for hooks, function in missing:
         hooks.append(function)
@@ -778,7 +635,7 @@ def read_all_again() -> None:
 
 
 def _reports() -> tuple[tuple[Any, Any], ...]:
-    """Lists of handlers, and what belongs into each."""
+    """Return lists of handlers, and what belongs into each."""
     handlers = bpy.app.handlers
     return (
         (handlers.depsgraph_update_post, _note_evaluation),
@@ -790,16 +647,8 @@ def _reports() -> tuple[tuple[Any, Any], ...]:
 
 
 def take_snapshot(depsgraph: Any) -> Snapshot:
-    """Return all objects and instances of a depsgraph.
+    """Return all objects and instances of a depsgraph that is up to date.
 
-    Parameters
-    ----------
-    depsgraph : bpy.types.Depsgraph
-        Up to date.
-
-    Returns
-    -------
-    Snapshot
-        The same one until Blender evaluates something else.
+    It is the same snapshot until Blender evaluates something else.
     """
     return _latest.take(depsgraph)
