@@ -3,9 +3,8 @@
 
 ``add_radar``, ``antennas``, ``settings``, ``material``, ``simple_material``, ``set_clutter``,
 ``set_clutter_fluctuation``, ``set_mirror``, ``set_scattered_lobe``, ``assign_material``,
-``assign_by_name``, ``measure``, ``process``: see :mod:`.headless.scripting` and
-:mod:`.headless.scripting_materials`. They are loaded when they are first used: importing this
-package does not import bpy.
+``assign_by_name``, ``measure``, ``process``: see :mod:`.headless.scripting`. They are loaded when
+they are first used: importing this package does not import bpy.
 """
 
 from __future__ import annotations

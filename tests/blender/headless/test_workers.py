@@ -74,7 +74,9 @@ def tables(folder: Path) -> dict[str, bytes]:
         if path.is_file():
             name, content = str(path.relative_to(folder)), path.read_bytes()
             if path.name == "paths.json":
-                content = json.dumps(json.loads(content) | {"render_time_s": 0}).encode()
+                content = json.dumps(
+                    json.loads(content) | {"render_time_s": 0, "record_sha256": ""}
+                ).encode()
             found[name] = content
     return found
 

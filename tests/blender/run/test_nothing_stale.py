@@ -23,7 +23,7 @@ from tests.blender.run.stale_cases import CASES
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 #: What differs between two measurements of one scene.
-_COST = re.compile(rb'"(render_time_s|motion_sha256)": *[^,}\s]*')
+_COST = re.compile(rb'"(render_time_s|motion_sha256|run_fingerprint|record_sha256)": *[^,}\s]*')
 
 
 def found(folder: Path, frame: int = 1) -> dict[str, bytes]:
