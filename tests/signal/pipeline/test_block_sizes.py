@@ -37,12 +37,12 @@ RADARS = {
 SIZES = [
     ("detection.cfar", "_BLOCK", 64),
     ("detection.objects", "_SMALL_TILE", 1),
-    ("maps.compress_frequencies", "_PADDED", 1),
+    ("maps.range_compression", "_PADDED", 1),
     ("maps.expected_power_map", "_MOST_CELLS", 1),
     ("maps.expected_power_map", "_SMALL_TABLE", 1),
     ("maps.range_compression", "_TOGETHER", 1),
-    ("maps.smearing", "_FEW_ROWS", 0),
-    ("paths.pixel_spacing", "_MOST_KEPT", 1),
+    ("maps.expected_power_map", "_FEW_ROWS", 0),
+    ("paths.footprints", "_MOST_KEPT", 1),
     ("paths.table_footprints", "_KEPT_ROWS", 1),
     ("scattering.surface_speckle", "_KEPT_ROWS", 1),
     ("spectrum.accumulator", "_BLOCKS", 1),
@@ -50,11 +50,11 @@ SIZES = [
     ("spectrum.linear_motion", "_LEAST_BLOCKS", 5),
     ("spectrum.linear_motion", "_MAX_GRID", 1 << 10),
     ("spectrum.linear_motion", "_MAX_TARGETS", 64),
-    ("spectrum.mixed_nufft", "_MANY_CELLS", 1),
+    ("spectrum.nufft", "_MANY_CELLS", 1),
     ("spectrum.moving", "_MAX_LINEAR", 16),
     ("spectrum.nufft", "_FEW_TERMS", 1),
     ("spectrum.nufft", "_UNSORTED", 1),
-    ("spectrum.ordered_executor", "_MOST_THREADS", 1),
+    ("spectrum.pulse_sums", "_MOST_THREADS", 1),
     ("spectrum.transform", "BLOCK", 64),
     ("spectrum.pulse_sums", "_BLOCKS", 3),
     ("spectrum.pulse_sums", "_FEW", 1),
@@ -119,7 +119,7 @@ def test_results_do_not_depend_on_sizes_of_blocks(
     folder: Path, usual: Any, monkeypatch: pytest.MonkeyPatch, module: str, name: str, value: int
 ) -> None:
     there = importlib.import_module(f"radarsim_addon.signal.{module}")
-    kind = "ramps" if module == "maps.compress_frequencies" else "pulses"
+    kind = "ramps" if name == "_PADDED" else "pulses"
     assert value < getattr(there, name) or name == "_LEAST_BLOCKS"
     monkeypatch.setattr(there, name, value)
     for key, found in results(folder, RADARS[kind]).items():
