@@ -178,9 +178,9 @@ def _interpolate(
             rest = _noise_without(rd_map, peak, row, col, cfar)
             around_db = min(around_db, float(power_to_db(np.array(rest))))
         noise_db = around_db if noise_power is None else float(power_to_db(noise_power[row]))
-        place = peak.range_m, peak.velocity_mps, peak.doppler_hz
+        where = peak.range_m, peak.velocity_mps, peak.doppler_hz
         levels_db = peak.level_db, noise_db, peak.level_db - noise_db, around_db
-        found.append(Detection(*place, *levels_db, row, col))
+        found.append(Detection(*where, *levels_db, row, col))
     return found
 
 
