@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From maps to peaks, CFAR detections, moving targets, objects and their link budget.
 
-In: range-Doppler maps and the tables of a run. Out: records of what was found, in SI.
+`peaks` interpolates local maxima of a map trigonometrically and finds leading edges of a profile.
+`cfar` has thresholds for the correlated cells of a tapered map, `detections` the targets above them
+and the paths that make a target. `moving_targets` subtracts echo after echo (CLEAN) and keeps what
+no other echo's response explains. `objects` sums the paths of each object to power and cross
+section, `power_budget` compares these with noise and clutter, `statistics` counts paths and reports
+doubtful ones.
 """
 
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
-from .detections import Detection, Detections, PathFinder, TargetPaths, detect_targets, target_count
+from .detections import Detection, Detections, PathFinder, detect_targets, target_count
 from .moving_targets import (
     SLOWEST_CELLS,
     DopplerFolds,
@@ -42,7 +47,6 @@ __all__ = [
     "PathFinder",
     "Peak",
     "StatisticsSum",
-    "TargetPaths",
     "cfar_threshold",
     "detect_targets",
     "find_edges",

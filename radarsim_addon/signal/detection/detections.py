@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Targets above the noise of a map: CFAR, then interpolation between the cells."""
+"""Targets above the noise of a map, and the paths that make a target.
+
+A target is a local maximum above the CFAR threshold, interpolated between the cells. Its own
+sidelobes raise the noise that the threshold's training cells show, so the response of a strong
+point is subtracted first. `PathFinder` gives the paths of a frame whose range and Doppler, both as
+the map shows them, are within 1.5 resolution cells of a target, and the objects that they touch.
+"""
 
 from __future__ import annotations
 
@@ -82,8 +88,7 @@ class Detections:
     cfar
         The detector.
     training_cells, independent_cells
-        Training cells of one cell, and the equivalent number of independent ones, see
-        :mod:`.detection.cfar`.
+        Training cells of one cell, and the equivalent number of independent ones.
     """
 
     targets: list[Detection]
@@ -113,9 +118,8 @@ def detect_targets(
     dynamics_db
         Levels further below the strongest cell are errors of the synthesis, no echoes [dB].
     wide
-        The same map over more ranges (:func:`.detection.received_recording`), to
-        interpolate in: without it a peak within a cell of the range limits is off by up to half a
-        cell and 1.1 dB.
+        The same map over more ranges (:func:`.detection.received_recording`), to interpolate in:
+        without it a peak within a cell of the range limits is off by up to half a cell and 1.1 dB.
     noise_power
         Mean noise power of a cell of each row, (Doppler,), which SNRs refer to; None: unknown, they
         refer to the surroundings, which are not noise next to a strong target that is no point.
@@ -128,8 +132,7 @@ def detect_targets(
     Notes
     -----
     Within the guard cells of a peak no weaker one is taken. Range and Doppler are those of the
-    maximum of the trigonometric interpolation, see :func:`.detection.peaks.find_peaks`: exact for
-    one target without noise.
+    maximum of the trigonometric interpolation: exact for one target without noise.
     """
     cfar = widened_guard(rd_map, cfar or Cfar())
     result = cfar_threshold(rd_map, cfar)
@@ -175,19 +178,9 @@ def _interpolate(
             rest = _noise_without(rd_map, peak, row, col, cfar)
             around_db = min(around_db, float(power_to_db(np.array(rest))))
         noise_db = around_db if noise_power is None else float(power_to_db(noise_power[row]))
-        found.append(
-            Detection(
-                peak.range_m,
-                peak.velocity_mps,
-                peak.doppler_hz,
-                peak.level_db,
-                noise_db,
-                peak.level_db - noise_db,
-                around_db,
-                row,
-                col,
-            )
-        )
+        where = peak.range_m, peak.velocity_mps, peak.doppler_hz
+        levels_db = peak.level_db, noise_db, peak.level_db - noise_db, around_db
+        found.append(Detection(*where, *levels_db, row, col))
     return found
 
 
@@ -217,26 +210,10 @@ def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar
 
 
 def target_count(count: int, left_out: int) -> str:
-    """Return a number of targets as text, such as "256 strongest of 300 targets".
-
-    Parameters
-    ----------
-    count, left_out
-        Number of targets, and of further peaks.
-
-    Returns
-    -------
-    str
-        The text.
-    """
+    """Return a number of targets as text, such as "256 strongest of 300 targets"."""
     if left_out:
         return f"{count} strongest of {count + left_out} targets"
     return f"{count} target{'' if count == 1 else 's'}"
-
-
-# -------------------------------------------------------------------------------------------------
-# Paths that make a target of a map, and the objects that they touch.
-# -------------------------------------------------------------------------------------------------
 
 
 _Target = TypeVar("_Target", Peak, Detection)
@@ -246,44 +223,24 @@ _REACH_CELLS = 1.5
 
 @dataclass(frozen=True)
 class TargetPaths:
-    """Paths of a target of a map, the strongest first.
-
-    Attributes
-    ----------
-    name
-        Objects that the largest part of their power touches: "Car", "Car via House" (the car moves,
-        the house does not, or is a mirror), "Car and House"; "": unknown. The number of reflections
-        follows if the path touches more than these.
-    last_object
-        Object of the last scatterer of the strongest path, which object lists count its power to;
-        "": unknown.
-    lines_m
-        Corners of each path: receiver, mirrors, scatterers, transmitter, (k, 3) [m]. Scatterers
-        between the first and the last are not known and left out.
-    power_w
-        Power of each path, (n,) [W].
-    """
+    #: Objects that the largest part of their power touches: "Car", "Car via House" (the car moves,
+    #: the house does not, or is a mirror), "Car and House"; "": unknown. The number of reflections
+    #: follows if the path touches more than these.
+    """Paths of a target of a map, the strongest first."""
 
     name: str
+    #: Object of the last scatterer of the strongest path; object lists count its power there.
     last_object: str
+    #: Corners of each path: receiver, mirrors, first and last scatterer, transmitter, (k, 3) [m].
     lines_m: list[Real]
+    #: Power of each path, (n,) [W].
     power_w: Real
 
 
 class PathFinder:
-    """Finds the paths of a frame that make a target.
+    """Finds the paths of a frame (sampling mode "paths") that make a target.
 
-    Parameters
-    ----------
-    frame_input
-        Radar frame with the sampling mode "paths".
-    link
-        Link budget, for the powers; None: EIRP of the render, G_r = 1.
-
-    Raises
-    ------
-    ConfigError
-        The frame was measured by rings, whose paths have no objects.
+    Powers are those of the link budget; None: EIRP of the render, G_r = 1.
     """
 
     def __init__(self, frame_input: FrameInput, link: Link | None = None) -> None:
@@ -317,20 +274,10 @@ class PathFinder:
         self._sorted_m = self._range_m[self._order]
 
     def of_target(self, range_m: float, velocity_mps: float, most: int = 12) -> TargetPaths:
-        """Return the paths of a target of the map.
+        """Return the strongest paths within 1.5 resolution cells of a target, maybe none.
 
-        Parameters
-        ----------
-        range_m, velocity_mps
-            Its place in the map: range in the middle of the burst, and range rate, which may have
-            folded [m, m/s].
-        most
-            Most paths of the answer; the name is that of all of them.
-
-        Returns
-        -------
-        TargetPaths
-            Paths within 1.5 resolution cells of it, maybe none.
+        Range is that in the middle of the burst, the range rate may have folded. The name is that
+        of all such paths, not only of the `most` that are returned.
         """
         radar = self._radar
         reach_m = _REACH_CELLS * radar.waveform.range_resolution_m
@@ -349,20 +296,7 @@ class PathFinder:
         return self._answer(near, self._power_w[near] * weight, most)
 
     def of_object(self, name: str, most: int = 12) -> TargetPaths:
-        """Return the strongest paths whose first or last scatterer is on an object.
-
-        Parameters
-        ----------
-        name
-            Name of the object in the frame.
-        most
-            Most paths of the answer.
-
-        Returns
-        -------
-        TargetPaths
-            None where the object has no echo.
-        """
+        """Return the strongest paths whose first or last scatterer is on an object."""
         if name not in self._record.objects:
             return TargetPaths("", "", [], np.zeros(0))
         number = self._record.objects.index(name) + 1
@@ -395,7 +329,6 @@ class PathFinder:
         return TargetPaths(self._name(row), last, lines, powers_w)
 
     def _name(self, row: PathRows) -> str:
-        """Return the names of the objects that a path touches, as `TargetPaths` has them."""
         names = self._record.objects
         ends = [int(row[end]) for end in ("first_object", "last_object")]
         touched = [names[number - 1] for number in dict.fromkeys(ends) if number]
@@ -434,7 +367,9 @@ class PathFinder:
 
 
 def mirror_corners(antenna_m: Real, image: ImageRecord | None, scatterer_m: Real) -> Sequence[Real]:
-    """Return where a path meets the mirrors of an image, from antenna to scatterer [m]."""
+    """Return where a path meets the mirrors of an image, from antenna to scatterer, each (3,)
+    [m].
+    """
     if image is None:
         return ()
     planes = list(zip(image.normals, image.offsets_m, strict=True))

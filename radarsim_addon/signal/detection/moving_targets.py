@@ -9,7 +9,7 @@ over all ranges with echoes in the samples:
 
 1. stationary echoes are removed exactly: W(f) / W(0) of the 0 Hz row;
 2. the strongest unexplained peak is taken as an echo, its exact response
-   (:mod:`.maps.single_echo`) subtracted, and the stationary part estimated again;
+   (`maps.point_response`) subtracted, and the stationary part estimated again;
 3. a residual is explained if it is below a quarter of the envelope of the subtracted responses, or
    not above the response of scatterers slower than 1.25 cells at that Doppler. A target that takes
    several echoes is no point: a few points do not have the sidelobes of its scatterers, so up to
@@ -18,7 +18,10 @@ over all ranges with echoes in the samples:
 
 Where the radar moves, stationary objects have a Doppler, too, and 0 Hz is one like others. Then
 nothing is removed at 0 Hz, and peaks are targets only where paths with a moving scatterer have more
-power than all others, sidelobes included (:meth:`.DopplerFolds.exceed_clutter`).
+power than all others, sidelobes included (`DopplerFolds.exceed_clutter`).
+
+A map shows range rates modulo lambda PRF / 2, the paths have the true ones: `DopplerFolds` sums
+their power by cell, and so tells how often a peak has folded.
 """
 
 from __future__ import annotations
@@ -59,49 +62,306 @@ from .peaks import (
     refine_peak,
 )
 
-# -------------------------------------------------------------------------------------------------
-# The map over all ranges whose echoes are in the samples, on which detection works.
-# -------------------------------------------------------------------------------------------------
+#: Fewer pulses do not separate moving from stationary targets.
+_MIN_PULSES = 16
+#: Smallest |Doppler| of a moving target [cells]: below, the main lobe of the 0 Hz ridge covers it.
+SLOWEST_CELLS = 1.5
+#: Fastest scatterer of the ridge [cells], and a margin on its response (amplitude).
+_RIDGE_CELLS, _RIDGE_MARGIN = 1.25, 1.2
+#: Fraction of an echo's envelope that its subtracted response may leave (amplitude), for a point
+#: and for a target of many scatterers.
+_POINT_LEAVES, _EXTENDED_LEAVES = 0.25, 1.0
+#: Up to so many times that (amplitude) a peak without a moving path is a sidelobe: those of many
+#: scatterers add up to several times those of the few echoes that stand for them.
+_WITHOUT_PATH = 8.0
+#: Smallest level of a target over the mean noise of a cell, and over its surroundings [dB].
+_OVER_NOISE_DB, _OVER_AROUND_DB = 15.0, 10.0
+#: Cells (Doppler, range) around a target in which residuals are its own.
+_GUARD_CELLS = (4, 8)
+#: Maximum number of subtracted echoes, and of listed targets.
+_MAX_ECHOES, _MAX_TARGETS = 40, 5
+#: Below this fraction of a peak's energy in its response, an ambiguous Doppler is tried.
+_FITS = 0.97
+#: Rounds of the fit of an echo that the end of the record cuts.
+_CUT_ROUNDS = 3
 
 
-def _heard_window_m(echoes: Echoes) -> tuple[float, float]:
-    """Return the ranges with echoes in the samples, complete or in part [m].
+def find_moving_targets(
+    echoes: Echoes,
+    rd_map: RangeDopplerMap,
+    mti: int = 0,
+    *,
+    tolerance: float = TOLERANCE,
+    noise_power: float = 0.0,
+    slowest_cells: float = SLOWEST_CELLS,
+    noisy_columns: bool = False,
+    recording: Recording | None = None,
+    folds: DopplerFolds | None = None,
+) -> list[Peak]:
+    """Find moving targets within the range limits: at most five, strongest first.
 
-    All of them for sampled frequencies; for pulses a pulse's length more than the range limits.
+    Takes the samples, their map over ``echoes.range_limits_m`` and the pulses of its canceller (0:
+    none). None is found with fewer than 16 pulses. `tolerance` is that of the synthesis: levels 20
+    dB above its error are no rounding. `noise_power` is the mean noise of a cell; with
+    `noisy_columns` strong stationary echoes have noise of their own at all Dopplers (phase noise),
+    and a target also exceeds the median of its range cell by 15 dB. `slowest_cells` is the smallest
+    |Doppler| in cells of 1 / (pulses x interval). `recording` is the result of
+    `received_recording`; None: compute it. Without `folds`, an echo may have folded up to twice,
+    and the radar is stationary.
     """
-    waveform = echoes.radar.waveform
-    if waveform.family == "line":
-        return 0.0, waveform.unambiguous_range_m
-    start_m, stop_m = echoes.range_limits_m
-    reach_m = SPEED_OF_LIGHT_MPS * waveform.duration_s / 2
-    return max(start_m - reach_m, 0.0), stop_m + reach_m
+    if rd_map.values.shape[1] < _MIN_PULSES:
+        return []
+    recording = recording or received_recording(echoes, rd_map, mti)
+    floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
+    floor = max(floor, noise_power * 10 ** (_OVER_NOISE_DB / 10))
+    search = _Search(recording, floor, 10 * tolerance, slowest_cells, noisy_columns, folds)
+    start_m, stop_m = float(rd_map.range_m[0]), float(rd_map.range_m[-1])
+    slack_m = float(rd_map.range_m[1] - start_m) / 2 if rd_map.range_m.size > 1 else 0.0
+    found = []
+    for target in search.targets():
+        peak = search.refined(target)
+        speed = abs(peak.doppler_hz) * rd_map.values.shape[1] / rd_map.radar.burst.prf_hz
+        inside = start_m - slack_m <= peak.range_m <= stop_m + slack_m
+        if inside and (search.radar_moves or speed >= slowest_cells):
+            col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
+            above_db = peak_to_background_db(rd_map.plane_power, target.row, col)
+            found.append(dataclasses.replace(peak, peak_to_background_db=above_db))
+    return sorted(found, key=lambda peak: -peak.level_db)[:_MAX_TARGETS]
 
 
 def received_recording(
     echoes: Echoes, rd_map: RangeDopplerMap, mti: int, compressed: RangeProfiles | None = None
 ) -> Recording:
-    """Return the map over all ranges with echoes in the samples.
+    """Return the map over all ranges with echoes in the samples, complete or in part.
 
-    Parameters
-    ----------
-    echoes, rd_map
-        Samples and range-Doppler map.
-    mti
-        Pulses of the canceller of the map, 0 for none.
-    compressed
-        Profiles that the map was made of, before the canceller; None: compute them.
-
-    Returns
-    -------
-    Recording
-        The extended map with the samples.
+    `mti` is the number of pulses of the canceller of the map, `compressed` are the profiles before
+    it; None: compute them.
     """
-    return Recording.over(echoes, _heard_window_m(echoes), rd_map, mti, compressed)
+    waveform = echoes.radar.waveform
+    if waveform.family == "line":  # sampled frequencies receive all ranges
+        range_limits_m = 0.0, waveform.unambiguous_range_m
+    else:
+        start_m, stop_m = echoes.range_limits_m
+        reach_m = SPEED_OF_LIGHT_MPS * waveform.duration_s / 2
+        range_limits_m = max(start_m - reach_m, 0.0), stop_m + reach_m
+    return Recording.over(echoes, range_limits_m, rd_map, mti, compressed)
 
 
-# -------------------------------------------------------------------------------------------------
-# Shapes of the responses of a map: to a Doppler, to slow paths, and envelopes.
-# -------------------------------------------------------------------------------------------------
+class _Echo(NamedTuple):
+    """A subtracted echo, and the cell of its peak."""
+
+    amplitude: complex
+    response: PointResponse
+    row: int
+    col: int
+
+
+@dataclass(frozen=True)
+class _Target:
+    """A peak, with the echoes that were subtracted within its guard cells."""
+
+    row: int
+    col: int
+    echoes: list[_Echo]
+
+    @property
+    def leaves(self) -> float:
+        """Fraction of the envelope of its echoes that they may leave (amplitude)."""
+        first, *more = (abs(echo.amplitude) for echo in self.echoes)
+        return min(max(sum(more) / first, _POINT_LEAVES), _EXTENDED_LEAVES)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A response fitted to a patch of the map, its values there; see :func:`.maps.fit_point`."""
+
+    response: PointResponse
+    own: Complex
+    amplitude: complex
+    fraction: float
+
+
+class _Search:
+    """State of the search: the residual map, and what the subtracted responses may have left."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        floor: float,
+        error: float,
+        slowest_cells: float,
+        noisy_columns: bool,
+        folds: DopplerFolds | None,
+    ) -> None:
+        rd_map = recording.rd_map
+        self._folds = folds
+        self._pathless = None if folds is None else ~folds.covers(rd_map)
+        self.radar_moves = folds is not None and folds.radar_moves
+        self._recording, self._floor, self._error = recording, floor, error
+        self._pulses = rd_map.values.shape[1]
+        self._zero = self._pulses // 2
+        self._residual = rd_map.plane.copy()
+        #: Amplitude that the subtracted echoes may have left.
+        self._explained = np.zeros(self._residual.shape)
+        weight = slow_time_window(rd_map.doppler_taper, self._pulses)
+        self._still = doppler_line(weight, 0.0)
+        self._ridge = ridge_shape(rd_map.doppler_taper, self._pulses, _RIDGE_CELLS)
+        rows = np.abs(np.arange(self._pulses) - self._zero)
+        self._wanted = (rows >= max(2, math.floor(slowest_cells)))[:, None]
+        if folds is not None and folds.radar_moves:
+            # 0 Hz is a Doppler like others: there may be a car that drives as fast as the radar
+            self._still, self._ridge = np.zeros_like(self._still), np.zeros_like(self._ridge)
+            self._wanted = folds.exceed_clutter(recording)
+        self._noisy_columns = noisy_columns
+        self._cuts = recording.echoes.radar.waveform.family == "pulse"
+        self._take_still()
+
+    def _take_still(self) -> None:
+        row = self._residual[self._zero].copy()
+        for i in np.flatnonzero(np.abs(self._still) > 1e-15):
+            self._residual[i] -= self._still[i] * row
+
+    def targets(self) -> list[_Target]:
+        """Return all targets, including those beyond the range limits."""
+        found: list[_Target] = []
+        refused = np.zeros(self._residual.shape, dtype=bool)
+        for _ in range(_MAX_ECHOES):
+            place = self._strongest(found, refused)
+            if place is None:
+                break
+            row, col, near = place
+            if near is None:
+                near = _Target(row, col, [])
+                found.append(near)
+            before = near.leaves if near.echoes else 0.0
+            near.echoes.append(self._take(row, col, new=not near.echoes))
+            # what its last echo may leave, and more for all if its fraction has grown
+            for echo in near.echoes:
+                more = near.leaves - (0.0 if echo is near.echoes[-1] else before)
+                if more:
+                    around = envelope(echo.response, echo.row, echo.col)
+                    around = np.maximum(around, self._error / _POINT_LEAVES)
+                    self._explained += more * abs(echo.amplitude) * around
+            self._take_still()
+        return found
+
+    def _strongest(
+        self, found: list[_Target], refused: NDArray[np.bool_]
+    ) -> tuple[int, int, _Target | None] | None:
+        """Return the cell of the strongest unexplained peak, and the target it belongs to."""
+        power = self._residual.real**2 + self._residual.imag**2
+        loud = power > np.maximum(self._floor, self._explained**2)
+        loud &= self._wanted
+        loud &= ~refused
+        rows, cols = np.nonzero(loud if self._explained.any() else loud & local_maxima(power))
+        least = (_RIDGE_MARGIN * self._ridge[rows]) ** 2
+        least *= np.maximum(power[self._zero - 1], power[self._zero + 1])[cols]
+        if self._noisy_columns:
+            median = np.median(power, axis=0)[cols]
+            least = np.maximum(least, 10 ** (_OVER_NOISE_DB / 10) * median)
+        if self._pathless is not None:
+            sidelobes = (_WITHOUT_PATH * self._explained[rows, cols]) ** 2
+            least = np.where(self._pathless[rows, cols], np.maximum(least, sidelobes), least)
+        left = np.flatnonzero(power[rows, cols] > least)
+        left = left[are_local_maxima(power, rows[left], cols[left])]
+        rows, cols = rows[left], cols[left]
+        for i in np.argsort(-power[rows, cols], kind="stable"):
+            row, col = int(rows[i]), int(cols[i])
+            for target in found:
+                apart = abs(row - target.row)
+                apart = min(apart, self._pulses - apart)
+                if apart <= _GUARD_CELLS[0] and abs(col - target.col) <= _GUARD_CELLS[1]:
+                    return row, col, target
+            if peak_to_background_db(power, row, col) >= _OVER_AROUND_DB:
+                return row, col, None
+            refused[row, col] = True
+        return None
+
+    def _take(self, row: int, col: int, new: bool) -> _Echo:
+        """Subtract the echo that peaks near a cell."""
+        range_m, cycles = self._place(row, col)
+        rows = (row + np.arange(-2, 3)) % self._pulses
+        cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
+        start_m, stop_m = self._recording.echoes.range_limits_m
+        cut = new and not start_m <= range_m <= stop_m and self._cuts
+        if cut:
+            # cut by the end of the record: a broad peak, and sidelobes that depend on its range
+            range_m = cut_range_m(self._recording, self._residual[row], range_m)
+            cols = np.arange(self._residual.shape[1])
+        patch = self._residual[np.ix_(rows, cols)]
+
+        def fit(at_m: float, at_cycles: float, folds: int) -> _Fit:
+            response = point_response(self._recording, at_m, at_cycles, folds)
+            own = response.doppler[rows] @ response.ranges[:, cols]
+            return _Fit(response, own, *fit_point(own, patch))
+
+        known = 0  # turns per pulse by which the Doppler of the paths there exceeds `cycles`
+        if self._folds is not None:
+            radar = self._recording.echoes.radar
+            velocity_mps = -cycles * radar.burst.prf_hz * radar.waveform.wavelength_m / 2
+            known = -(self._folds.order(range_m, velocity_mps) or 0)
+        found, folded = fit(range_m, cycles, known), known
+        for folds in (-1, 1, -2, 2) if new and not known else ():
+            if found.fraction > _FITS:
+                break
+            other = fit(range_m, cycles, folds)
+            if other.fraction > found.fraction:
+                found, folded = other, folds
+        if cut:
+            found = self._settled(found, patch, range_m, cycles, lambda m, c: fit(m, c, folded))
+        self._residual -= found.response.echo(found.amplitude)
+        return _Echo(found.amplitude, found.response, row, col)
+
+    def _settled(
+        self,
+        found: _Fit,
+        patch: Complex,
+        range_m: float,
+        cycles: float,
+        fit: Callable[[float, float], _Fit],
+    ) -> _Fit:
+        """Fit an echo cut by the end of the record, by Gauss-Newton over range and Doppler.
+
+        The cut changes while the echo migrates, so its peak is off in both.
+        """
+        step_m = self._recording.echoes.radar.waveform.sample_spacing_m / 8
+        step_cycles = 1 / (32 * self._pulses)
+        for _ in range(_CUT_ROUNDS):
+            terms = [found.own]
+            for off_m, off_cycles in ((step_m, 0.0), (0.0, step_cycles)):
+                more = fit(range_m + off_m, cycles + off_cycles).own
+                less = fit(range_m - off_m, cycles - off_cycles).own
+                terms.append((more - less) / 2)
+            columns = np.stack([term.ravel() for term in terms], axis=1)
+            value, *changes = np.linalg.lstsq(columns, patch.ravel(), rcond=None)[0]
+            if not value:
+                break
+            moves = [min(max(float((change / value).real), -8.0), 8.0) for change in changes]
+            range_m, cycles = range_m + step_m * moves[0], cycles + step_cycles * moves[1]
+            found = fit(range_m, cycles)
+        return found
+
+    def _place(self, row: int, col: int) -> tuple[float, float]:
+        """Return range [m] and Doppler [cycles per pulse] of a peak to hundredths of a cell."""
+        pulses, range_m = self._pulses, self._recording.rd_map.range_m
+        cols = np.clip(np.arange(col - 1, col + 2), 0, range_m.size - 1)
+        trains = np.fft.ifft(np.fft.ifftshift(self._residual[:, cols], axes=0), axis=0)
+        pulse = np.arange(pulses)
+        fine = (row - self._zero + np.arange(-16, 17) / 16) / pulses
+        turns = np.exp(-2j * np.pi * np.outer(fine, pulse))
+        spectra = np.abs(np.einsum("fp,pr->fr", turns, trains))
+        best = int(np.argmax(spectra[1:-1, 1])) + 1
+        cycles = fine[best] + vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
+        step_m = float(range_m[1] - range_m[0]) if range_m.size > 1 else 0.0
+        return float(range_m[col]) + step_m * vertex(spectra[best]), float(cycles)
+
+    def refined(self, target: _Target) -> Peak:
+        """Return a target's peak in the map without all other targets."""
+        values = self._residual.copy()
+        for echo in target.echoes:
+            values += echo.response.echo(echo.amplitude)
+        alone = dataclasses.replace(self._recording.rd_map, values=values[None])
+        return refine_peak(alone, target.row, target.col, 0.0)
 
 
 def doppler_line(weight: Real, cells: float) -> Complex:
@@ -157,11 +417,6 @@ def vertex(values: Real) -> float:
     return float(np.clip((low - high) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
 
 
-# -------------------------------------------------------------------------------------------------
-# True range rates behind folded ones: a map shows v modulo lambda PRF / 2, the paths know v.
-# -------------------------------------------------------------------------------------------------
-
-
 _Folded = TypeVar("_Folded", Peak, Detection)
 #: A target takes the paths within so many cells of range, and Doppler rows, of its peak.
 _REACH_CELLS, _REACH_ROWS = 2, 2
@@ -172,13 +427,7 @@ _ROUNDING = 1e-14
 
 
 class DopplerFolds:
-    """Power of the moving paths by range cell and Doppler cell before folding.
-
-    Parameters
-    ----------
-    radar
-        Waveform and burst.
-    """
+    """Power of the moving paths by range cell and Doppler cell before folding."""
 
     def __init__(self, radar: Radar) -> None:
         self._radar = radar
@@ -233,18 +482,11 @@ class DopplerFolds:
         return cell, doppler % self._rows, (doppler + self._rows // 2) // self._rows
 
     def exceed_clutter(self, recording: Recording) -> Mask:
-        """Return where moving scatterers give a map more power than stationary ones do.
+        """Return where moving scatterers give a map more power than stationary ones do, (Doppler,
+        ranges).
 
-        Parameters
-        ----------
-        recording
-            The map.
-
-        Returns
-        -------
-        ndarray
-            (Doppler, ranges). Powers are those of the paths, spread by the sidelobes of the map
-            over Doppler and over range: a target may be below the clutter of another Doppler.
+        Powers are those of the paths, spread by the sidelobes of the map over Doppler and over
+        range: a target may be below the clutter of another Doppler.
         """
         rd_map = recording.rd_map
         (count, size), range_m = rd_map.plane.shape, rd_map.range_m
@@ -340,328 +582,8 @@ def _spread(power: Real, line: Real, echo: Real) -> Real:
 
 
 def velocity_before_folding_mps(target: Peak | Detection) -> float | None:
-    """Return the true range rate of a target whose Doppler has folded.
-
-    Parameters
-    ----------
-    target
-        Target, from `DopplerFolds.unfolded`.
-
-    Returns
-    -------
-    float or None
-        Receding positive [m/s]; None: its Doppler has not folded, or its paths are unknown.
+    """Return the true range rate of a target whose Doppler has folded; None: it has not, or is
+    unknown.
     """
     true_mps = target.unfolded_velocity_mps
     return None if true_mps is None or true_mps == target.velocity_mps else true_mps
-
-
-#: Fewer pulses do not separate moving from stationary targets.
-_MIN_PULSES = 16
-#: Smallest |Doppler| of a moving target [cells]: below, the main lobe of the 0 Hz ridge covers it.
-SLOWEST_CELLS = 1.5
-#: Fastest scatterer of the ridge [cells], and a margin on its response (amplitude).
-_RIDGE_CELLS, _RIDGE_MARGIN = 1.25, 1.2
-#: Fraction of an echo's envelope that its subtracted response may leave (amplitude), for a point
-#: and for a target of many scatterers.
-_POINT_LEAVES, _EXTENDED_LEAVES = 0.25, 1.0
-#: Up to so many times that (amplitude) a peak without a moving path is a sidelobe: those of many
-#: scatterers add up to several times those of the few echoes that stand for them.
-_WITHOUT_PATH = 8.0
-#: Smallest level of a target over the mean noise of a cell, and over its surroundings [dB].
-_OVER_NOISE_DB, _OVER_AROUND_DB = 15.0, 10.0
-#: Cells (Doppler, range) around a target in which residuals are its own.
-_GUARD_CELLS = (4, 8)
-#: Maximum number of subtracted echoes, and of listed targets.
-_MAX_ECHOES, _MAX_TARGETS = 40, 5
-#: Below this fraction of a peak's energy in its response, an ambiguous Doppler is tried.
-_FITS = 0.97
-#: Rounds of the fit of an echo that the end of the record cuts.
-_CUT_ROUNDS = 3
-
-
-class _Echo(NamedTuple):
-    """A subtracted echo, and the cell of its peak."""
-
-    amplitude: complex
-    response: PointResponse
-    row: int
-    col: int
-
-
-@dataclass(frozen=True)
-class _Target:
-    """A peak, with the echoes that were subtracted within its guard cells."""
-
-    row: int
-    col: int
-    echoes: list[_Echo]
-
-    @property
-    def leaves(self) -> float:
-        """Fraction of the envelope of its echoes that they may leave (amplitude)."""
-        first, *more = (abs(echo.amplitude) for echo in self.echoes)
-        return min(max(sum(more) / first, _POINT_LEAVES), _EXTENDED_LEAVES)
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """A response fitted to a patch of the map, its values there; see :func:`.maps.fit_point`."""
-
-    response: PointResponse
-    own: Complex
-    amplitude: complex
-    fraction: float
-
-
-def find_moving_targets(
-    echoes: Echoes,
-    rd_map: RangeDopplerMap,
-    mti: int = 0,
-    *,
-    tolerance: float = TOLERANCE,
-    noise_power: float = 0.0,
-    slowest_cells: float = SLOWEST_CELLS,
-    noisy_columns: bool = False,
-    recording: Recording | None = None,
-    folds: DopplerFolds | None = None,
-) -> list[Peak]:
-    """Find moving targets within the range limits.
-
-    Parameters
-    ----------
-    echoes
-        Samples of the map.
-    rd_map
-        Range-Doppler map over ``echoes.range_limits_m``.
-    mti
-        Pulses of the canceller of the map, 0 for none.
-    tolerance
-        Tolerance of the synthesis: levels 20 dB above its error are no rounding.
-    noise_power
-        Mean noise of a cell: a target is at least 15 dB above it.
-    slowest_cells
-        Smallest |Doppler| of a target, cells of 1 / (pulses x interval).
-    noisy_columns
-        Whether strong stationary echoes have noise of their own at all Dopplers (phase noise): then
-        a target is at least 15 dB above the median of its range cell.
-    recording
-        Result of `received_recording`; None: compute it.
-    folds
-        Range rates of the paths; None: an echo may have folded up to twice, and the radar is
-        stationary.
-
-    Returns
-    -------
-    list of Peak
-        At most five, strongest first. Range in the middle of the burst; empty for fewer than 16
-        pulses.
-    """
-    if rd_map.values.shape[1] < _MIN_PULSES:
-        return []
-    recording = recording or received_recording(echoes, rd_map, mti)
-    floor = recording.strongest * 10 ** (-dynamics_db(tolerance) / 10)
-    floor = max(floor, noise_power * 10 ** (_OVER_NOISE_DB / 10))
-    search = _Search(recording, floor, 10 * tolerance, slowest_cells, noisy_columns, folds)
-    start_m, stop_m = float(rd_map.range_m[0]), float(rd_map.range_m[-1])
-    slack_m = float(rd_map.range_m[1] - start_m) / 2 if rd_map.range_m.size > 1 else 0.0
-    found = []
-    for target in search.targets():
-        peak = search.refined(target)
-        speed = abs(peak.doppler_hz) * rd_map.values.shape[1] / rd_map.radar.burst.prf_hz
-        inside = start_m - slack_m <= peak.range_m <= stop_m + slack_m
-        if inside and (search.radar_moves or speed >= slowest_cells):
-            col = int(np.argmin(np.abs(rd_map.range_m - peak.range_m)))
-            above_db = peak_to_background_db(rd_map.plane_power, target.row, col)
-            found.append(dataclasses.replace(peak, peak_to_background_db=above_db))
-    return sorted(found, key=lambda peak: -peak.level_db)[:_MAX_TARGETS]
-
-
-class _Search:
-    """State of the search: the residual map, and what the subtracted responses may have left."""
-
-    def __init__(
-        self,
-        recording: Recording,
-        floor: float,
-        error: float,
-        slowest_cells: float,
-        noisy_columns: bool,
-        folds: DopplerFolds | None,
-    ) -> None:
-        rd_map = recording.rd_map
-        self._folds = folds
-        self._pathless = None if folds is None else ~folds.covers(rd_map)
-        self.radar_moves = folds is not None and folds.radar_moves
-        self._recording, self._floor, self._error = recording, floor, error
-        self._pulses = rd_map.values.shape[1]
-        self._zero = self._pulses // 2
-        self._residual = rd_map.plane.copy()
-        #: Amplitude that the subtracted echoes may have left.
-        self._explained = np.zeros(self._residual.shape)
-        weight = slow_time_window(rd_map.doppler_taper, self._pulses)
-        self._still = doppler_line(weight, 0.0)
-        self._ridge = ridge_shape(rd_map.doppler_taper, self._pulses, _RIDGE_CELLS)
-        rows = np.abs(np.arange(self._pulses) - self._zero)
-        self._wanted = (rows >= max(2, math.floor(slowest_cells)))[:, None]
-        if folds is not None and folds.radar_moves:
-            # 0 Hz is a Doppler like others: there may be a car that drives as fast as the radar
-            self._still, self._ridge = np.zeros_like(self._still), np.zeros_like(self._ridge)
-            self._wanted = folds.exceed_clutter(recording)
-        self._noisy_columns = noisy_columns
-        self._cuts = recording.echoes.radar.waveform.family == "pulse"
-        self._take_still()
-
-    def _take_still(self) -> None:
-        row = self._residual[self._zero].copy()
-        for i in np.flatnonzero(np.abs(self._still) > 1e-15):
-            self._residual[i] -= self._still[i] * row
-
-    def targets(self) -> list[_Target]:
-        """Return all targets, including those beyond the range limits."""
-        found: list[_Target] = []
-        refused = np.zeros(self._residual.shape, dtype=bool)
-        for _ in range(_MAX_ECHOES):
-            place = self._strongest(found, refused)
-            if place is None:
-                break
-            row, col, near = place
-            if near is None:
-                near = _Target(row, col, [])
-                found.append(near)
-            before = near.leaves if near.echoes else 0.0
-            near.echoes.append(self._take(row, col, new=not near.echoes))
-            self._explain(near, before)
-            self._take_still()
-        return found
-
-    def _strongest(
-        self, found: list[_Target], refused: NDArray[np.bool_]
-    ) -> tuple[int, int, _Target | None] | None:
-        """Return the cell of the strongest unexplained peak, and the target it belongs to."""
-        power = self._residual.real**2 + self._residual.imag**2
-        loud = power > np.maximum(self._floor, self._explained**2)
-        loud &= self._wanted
-        loud &= ~refused
-        rows, cols = np.nonzero(loud if self._explained.any() else loud & local_maxima(power))
-        least = (_RIDGE_MARGIN * self._ridge[rows]) ** 2
-        least *= np.maximum(power[self._zero - 1], power[self._zero + 1])[cols]
-        if self._noisy_columns:
-            median = np.median(power, axis=0)[cols]
-            least = np.maximum(least, 10 ** (_OVER_NOISE_DB / 10) * median)
-        if self._pathless is not None:
-            sidelobes = (_WITHOUT_PATH * self._explained[rows, cols]) ** 2
-            least = np.where(self._pathless[rows, cols], np.maximum(least, sidelobes), least)
-        left = np.flatnonzero(power[rows, cols] > least)
-        left = left[are_local_maxima(power, rows[left], cols[left])]
-        rows, cols = rows[left], cols[left]
-        for i in np.argsort(-power[rows, cols], kind="stable"):
-            row, col = int(rows[i]), int(cols[i])
-            for target in found:
-                apart = abs(row - target.row)
-                apart = min(apart, self._pulses - apart)
-                if apart <= _GUARD_CELLS[0] and abs(col - target.col) <= _GUARD_CELLS[1]:
-                    return row, col, target
-            if peak_to_background_db(power, row, col) >= _OVER_AROUND_DB:
-                return row, col, None
-            refused[row, col] = True
-        return None
-
-    def _explain(self, target: _Target, before: float) -> None:
-        """Add what a target's last echo may leave, and more for all if its fraction has grown."""
-        for echo in target.echoes:
-            more = target.leaves - (0.0 if echo is target.echoes[-1] else before)
-            if more:
-                around = envelope(echo.response, echo.row, echo.col)
-                around = np.maximum(around, self._error / _POINT_LEAVES)
-                self._explained += more * abs(echo.amplitude) * around
-
-    def _take(self, row: int, col: int, new: bool) -> _Echo:
-        """Subtract the echo that peaks near a cell."""
-        range_m, cycles = self._place(row, col)
-        rows = (row + np.arange(-2, 3)) % self._pulses
-        cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
-        start_m, stop_m = self._recording.echoes.range_limits_m
-        cut = new and not start_m <= range_m <= stop_m and self._cuts
-        if cut:
-            # cut by the end of the record: a broad peak, and sidelobes that depend on its range
-            range_m = cut_range_m(self._recording, self._residual[row], range_m)
-            cols = np.arange(self._residual.shape[1])
-        patch = self._residual[np.ix_(rows, cols)]
-
-        def fit(at_m: float, at_cycles: float, folds: int) -> _Fit:
-            response = point_response(self._recording, at_m, at_cycles, folds)
-            own = response.doppler[rows] @ response.ranges[:, cols]
-            return _Fit(response, own, *fit_point(own, patch))
-
-        known = self._known_folds(range_m, cycles)
-        found, folded = fit(range_m, cycles, known), known
-        for folds in (-1, 1, -2, 2) if new and not known else ():
-            if found.fraction > _FITS:
-                break
-            other = fit(range_m, cycles, folds)
-            if other.fraction > found.fraction:
-                found, folded = other, folds
-        if cut:
-            found = self._settled(found, patch, range_m, cycles, lambda m, c: fit(m, c, folded))
-        self._residual -= found.response.echo(found.amplitude)
-        return _Echo(found.amplitude, found.response, row, col)
-
-    def _known_folds(self, range_m: float, cycles: float) -> int:
-        """Return the turns per pulse by which the Doppler of the paths there exceeds `cycles`."""
-        if self._folds is None:
-            return 0
-        radar = self._recording.echoes.radar
-        velocity_mps = -cycles * radar.burst.prf_hz * radar.waveform.wavelength_m / 2
-        return -(self._folds.order(range_m, velocity_mps) or 0)
-
-    def _settled(
-        self,
-        found: _Fit,
-        patch: Complex,
-        range_m: float,
-        cycles: float,
-        fit: Callable[[float, float], _Fit],
-    ) -> _Fit:
-        """Fit an echo cut by the end of the record, by Gauss-Newton over range and Doppler.
-
-        The cut changes while the echo migrates, so its peak is off in both.
-        """
-        step_m = self._recording.echoes.radar.waveform.sample_spacing_m / 8
-        step_cycles = 1 / (32 * self._pulses)
-        for _ in range(_CUT_ROUNDS):
-            terms = [found.own]
-            for off_m, off_cycles in ((step_m, 0.0), (0.0, step_cycles)):
-                more = fit(range_m + off_m, cycles + off_cycles).own
-                less = fit(range_m - off_m, cycles - off_cycles).own
-                terms.append((more - less) / 2)
-            columns = np.stack([term.ravel() for term in terms], axis=1)
-            value, *changes = np.linalg.lstsq(columns, patch.ravel(), rcond=None)[0]
-            if not value:
-                break
-            moves = [min(max(float((change / value).real), -8.0), 8.0) for change in changes]
-            range_m, cycles = range_m + step_m * moves[0], cycles + step_cycles * moves[1]
-            found = fit(range_m, cycles)
-        return found
-
-    def _place(self, row: int, col: int) -> tuple[float, float]:
-        """Return range [m] and Doppler [cycles per pulse] of a peak to hundredths of a cell."""
-        pulses, range_m = self._pulses, self._recording.rd_map.range_m
-        cols = np.clip(np.arange(col - 1, col + 2), 0, range_m.size - 1)
-        trains = np.fft.ifft(np.fft.ifftshift(self._residual[:, cols], axes=0), axis=0)
-        pulse = np.arange(pulses)
-        fine = (row - self._zero + np.arange(-16, 17) / 16) / pulses
-        turns = np.exp(-2j * np.pi * np.outer(fine, pulse))
-        spectra = np.abs(np.einsum("fp,pr->fr", turns, trains))
-        best = int(np.argmax(spectra[1:-1, 1])) + 1
-        cycles = fine[best] + vertex(spectra[best - 1 : best + 2, 1]) / 16 / pulses
-        step_m = float(range_m[1] - range_m[0]) if range_m.size > 1 else 0.0
-        return float(range_m[col]) + step_m * vertex(spectra[best]), float(cycles)
-
-    def refined(self, target: _Target) -> Peak:
-        """Return a target's peak in the map without all other targets."""
-        values = self._residual.copy()
-        for echo in target.echoes:
-            values += echo.response.echo(echo.amplitude)
-        alone = dataclasses.replace(self._recording.rd_map, values=values[None])
-        return refine_peak(alone, target.row, target.col, 0.0)

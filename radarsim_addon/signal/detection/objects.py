@@ -50,10 +50,10 @@ _SMALL_TILE = 1 << 16
 class ObjectEcho:
     """Echo of an object, or of a group of objects.
 
-    Powers in W, cross sections in m^2, each with its standard error; range and rate of the one-way
+    Powers [W] and cross sections [m^2] have their standard errors; range and rate of the one-way
     range at t are means weighted by power. `paths` counts rows of the table, all replicates
-    together. `multi_object_power_w` is that of paths that also touch other objects (first or last
-    vertex); it is not in `power_w`.
+    together. `multi_object_power_w`, of paths that also touch other objects (first or last vertex),
+    is not in `power_w`.
     """
 
     name: str
@@ -68,7 +68,6 @@ class ObjectEcho:
 
     @property
     def power_dbm(self) -> float:
-        """Power over 1 mW [dB]."""
         return 10 * math.log10(self.power_w * 1e3) if self.power_w > 0 else -math.inf
 
     @property
@@ -83,52 +82,7 @@ class ObjectEcho:
 
     @property
     def rcs_dbsm(self) -> float:
-        """Cross section over 1 m^2 [dB]."""
         return 10 * math.log10(self.rcs_m2) if self.rcs_m2 > 0 else -math.inf
-
-
-def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
-    """Return each row's contribution to the cross section of its object, (n,) [m^2].
-
-    A path and its reverse add up coherently.
-    """
-    receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
-    emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
-    there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
-    back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
-    # Without vertices the mean range replaces them.
-    there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
-    back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
-    if record.receiver.kind == "orthographic":
-        back = np.ones_like(back)  # its pixels are areas: they contain no 1/R^2
-    wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
-    scale = (4 * np.pi) ** 3 / (record.transmitter.eirp_w * wavelength_m**2)
-    found = np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
-    if has_images(rows):  # of the object alone, without mirrors
-        found[rows["mirrors"] > 0] = 0.0
-    return found * reverse_factors(rows, record, record.carrier_hz, math.inf)
-
-
-def path_power_w(
-    rows: PathRows,
-    record: PathsRecord,
-    carrier_hz: float,
-    link: Link | None = None,
-    range_resolution_m: float = math.inf,
-    number: Indices | None = None,
-) -> Real:
-    """Return each row's expected power at a carrier [W], with the gains of a link budget, which
-    keeps them by the rows' numbers in the table.
-
-    Paths over one scatterer interfere as far as a range resolution does not tell them apart.
-    """
-    power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
-    if link is not None:
-        power = power * link.mean_factor_of_rows(rows, number)
-    if has_images(rows):
-        power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
-    power = power * reverse_factors(rows, record, carrier_hz, range_resolution_m)
-    return np.asarray(power, dtype=np.float64)
 
 
 def object_echoes(
@@ -137,30 +91,9 @@ def object_echoes(
     link: Link | None = None,
     groups: Mapping[str, Sequence[str]] | None = None,
 ) -> list[ObjectEcho]:
-    """Compute power and cross section of every object with an echo.
+    """Return power and cross section of every object, or group, with an echo, strongest first.
 
-    Parameters
-    ----------
-    frame
-        A radar frame with the sampling mode "paths".
-    carrier_hz
-        Carrier [Hz].
-    link
-        Link budget, for the powers; None: EIRP of the render, G_r = 1.
-    groups
-        Names of objects that are taken together, by the group's name; None: each object separately.
-
-    Returns
-    -------
-    list of ObjectEcho
-        Strongest first.
-
-    Raises
-    ------
-    ConfigError
-        The frame was measured by rings, whose paths have no objects.
-    FrameFileError, SchemaError
-        The table is missing or damaged.
+    Without a link budget the powers are those of the render: its EIRP, and G_r = 1.
     """
     return received_echoes(frame, carrier_hz, link, groups)[0]
 
@@ -187,37 +120,8 @@ def received_echoes(
         rows = rows if kept.all() else rows[kept]
         power = path_power_w(rows, record, carrier_hz, link, waveform.range_resolution_m, number)
         received_w += float(power.sum())
-        grids = _Grids(table.grids, number)
-        sums.add_tile(rows, power, path_rcs_m2(rows, record), grids)
+        sums.add_tile(rows, power, path_rcs_m2(rows, record), table.grids, number)
     return sorted(sums.echoes(names), key=lambda echo: -echo.power_w), received_w
-
-
-def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[Integers]:
-    """Group (from 1; 0: none) of each object (from 1; 0 is unknown), (objects + 1,).
-
-    Several where groups overlap: in each of them an object has one group at most.
-    """
-    numbers = {name: number for number, name in enumerate(objects, start=1)}
-    found: list[Integers] = []
-    for group, names in enumerate(groups.values(), start=1):
-        mine = [numbers[name] for name in names if name in numbers]
-        owner = next((one for one in found if not one[mine].any()), None)
-        if owner is None:
-            owner = np.zeros(len(objects) + 1, dtype=np.int64)
-            found.append(owner)
-        owner[mine] = group
-    return found
-
-
-@dataclass(frozen=True)
-class _Grids:
-    """Finds the pixels of some rows of a tile, all those of some views, by their numbers in it."""
-
-    grids: GridPlaces
-    number: Indices
-
-    def __call__(self, own: Indices | slice) -> Places:
-        return self.grids.of_views(self.number[own])
 
 
 class _Sums:
@@ -235,7 +139,10 @@ class _Sums:
         self._paths = np.zeros(self._size, dtype=np.int64)
         self._range, self._rate, self._shared = np.zeros((3, self._size))
 
-    def add_tile(self, rows: PathRows, power: Real, rcs: Real, grids: _Grids) -> None:
+    def add_tile(
+        self, rows: PathRows, power: Real, rcs: Real, grids: GridPlaces, number: Indices
+    ) -> None:
+        """Add rows of one tile, with their numbers in the table."""
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
         for owner in self._owners:
@@ -248,9 +155,9 @@ class _Sums:
             self._range += self._by_group(label, power * rows["length_m"] / 2)
             self._rate += self._by_group(label, power * rows["range_rate_mps"])
             if self._replicates == 1:
-                self._add_lone(rows, label, power, rcs, grids(slice(None)))
+                self._add_lone(rows, label, power, rcs, grids.of_views(number))
             else:
-                self._add_replicates(rows, label, power, rcs, grids)
+                self._add_replicates(rows, label, power, rcs, grids, number)
 
     def _by_group(self, label: Integers, value: Real) -> Real:
         return np.bincount(label, value, self._size).astype(np.float64, copy=False)
@@ -264,10 +171,16 @@ class _Sums:
         self._variance[:, : found.shape[1]] += found
 
     def _add_replicates(
-        self, rows: PathRows, label: Integers, power: Real, rcs: Real, grids: _Grids
+        self,
+        rows: PathRows,
+        label: Integers,
+        power: Real,
+        rcs: Real,
+        grids: GridPlaces,
+        number: Indices,
     ) -> None:
         count = self._replicates
-        least = self._least_relative(rows, label, power, grids)
+        least = self._least_relative(rows, label, power, grids, number)
         place = label * count + rows["replicate"]
         for mean, variance, value in zip(self._mean, self._variance, (power, rcs), strict=True):
             sums = count * np.bincount(place, value, self._size * count)
@@ -276,7 +189,9 @@ class _Sums:
             mean += own
             variance += np.maximum(by_replicate.var(axis=1, ddof=1) / count, least * own**2)
 
-    def _least_relative(self, rows: PathRows, label: Integers, power: Real, grids: _Grids) -> Real:
+    def _least_relative(
+        self, rows: PathRows, label: Integers, power: Real, grids: GridPlaces, number: Indices
+    ) -> Real:
         """Return the smallest relative variance of the sum of each group's rows of a tile.
 
         It comes from edges along the grid of the tile, on which the replicates may agree.
@@ -292,7 +207,8 @@ class _Sums:
         for first in range(0, count, step):
             own = np.flatnonzero((replicate >= first) & (replicate < first + step))
             mine = rows if own.size == rows.size else rows[own]
-            found = edge_variances(mine, apart[own], relative[own], self._camera, count, grids(own))
+            pixels = grids.of_views(number[own])
+            found = edge_variances(mine, apart[own], relative[own], self._camera, count, pixels)
             variance[: found.size] += found
         return np.asarray((variance / count).reshape(count, size).sum(axis=0))
 
@@ -315,6 +231,23 @@ class _Sums:
         ]
 
 
+def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[Integers]:
+    """Group (from 1; 0: none) of each object (from 1; 0 is unknown), (objects + 1,).
+
+    Several where groups overlap: in each of them an object has one group at most.
+    """
+    numbers = {name: number for number, name in enumerate(objects, start=1)}
+    found: list[Integers] = []
+    for group, names in enumerate(groups.values(), start=1):
+        mine = [numbers[name] for name in names if name in numbers]
+        owner = next((one for one in found if not one[mine].any()), None)
+        if owner is None:
+            owner = np.zeros(len(objects) + 1, dtype=np.int64)
+            found.append(owner)
+        owner[mine] = group
+    return found
+
+
 def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
     """Return first and last row of each tile: rows of one tile are adjacent."""
     if table.size == 0:
@@ -324,25 +257,53 @@ def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in itertools.pairwise(edges)]
 
 
+def path_power_w(
+    rows: PathRows,
+    record: PathsRecord,
+    carrier_hz: float,
+    link: Link | None = None,
+    range_resolution_m: float = math.inf,
+    number: Indices | None = None,
+) -> Real:
+    """Return each row's expected power at a carrier, with the gains of a link budget, which keeps
+    them by the rows' numbers in the table.
+
+    Paths over one scatterer interfere as far as a range resolution does not tell them apart.
+    """
+    power = rows["power_w"] * (record.carrier_hz / carrier_hz) ** 2
+    if link is not None:
+        power = power * link.mean_factor_of_rows(rows, number)
+    if has_images(rows):
+        power = power * interference_factors(rows, power, carrier_hz, range_resolution_m)
+    power = power * reverse_factors(rows, record, carrier_hz, range_resolution_m)
+    return np.asarray(power, dtype=np.float64)
+
+
+def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
+    """Return each row's contribution to the cross section of its object, (n,).
+
+    A path and its reverse add up coherently.
+    """
+    receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
+    emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
+    there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
+    back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
+    # Without vertices the mean range replaces them.
+    there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
+    back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)
+    if record.receiver.kind == "orthographic":
+        back = np.ones_like(back)  # its pixels are areas: they contain no 1/R^2
+    wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
+    scale = (4 * np.pi) ** 3 / (record.transmitter.eirp_w * wavelength_m**2)
+    found = np.asarray(scale * rows["power_w"] * there * back, dtype=np.float64)
+    if has_images(rows):  # of the object alone, without mirrors
+        found[rows["mirrors"] > 0] = 0.0
+    return found * reverse_factors(rows, record, record.carrier_hz, math.inf)
+
+
 def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
-    """Return the objects of a frame by name, by the name of a collection, or by a pattern.
-
-    Parameters
-    ----------
-    frame
-        Radar frame with the sampling mode "paths".
-    pattern
-        Name, which may contain * and ?.
-
-    Returns
-    -------
-    list of str
-        Names of objects.
-
-    Raises
-    ------
-    ConfigError
-        No object or collection has that name.
+    """Return the objects of a frame by name, by the name of a collection, or by a pattern with *
+    and ?.
     """
     frame_input = as_input(frame)
     record, scene = frame_input.table.record, frame_input.ground_truth
@@ -371,27 +332,7 @@ def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
 
 
 def paths_of_objects(frame_input: FrameInput, paths: Paths, names: Collection[str]) -> Paths:
-    """Return the paths whose first or last scatterer is on one of some objects.
-
-    Parameters
-    ----------
-    frame_input
-        The frame of the paths, with the sampling mode "paths".
-    paths
-        Some paths of its table, numbered by `row`.
-    names
-        Names of objects; others than those of the frame are ignored.
-
-    Returns
-    -------
-    Paths
-        Maybe none.
-
-    Raises
-    ------
-    ConfigError
-        The frame was measured by rings, whose paths have no objects.
-    """
+    """Return the paths whose first or last scatterer is on one of some objects."""
     table = frame_input.table
     chosen = [n for n, name in enumerate(table.record.objects, start=1) if name in names]
     rows = table.rows[paths.row]

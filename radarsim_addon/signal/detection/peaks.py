@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Interpolated peaks of a map, and leading edges of a profile."""
+"""Interpolated peaks of a map, and leading edges of a profile.
+
+A peak is a local maximum whose place is that of the trigonometric interpolation of the map
+(`refine_peak`). A leading edge is the range where a profile first reaches half the power of a peak;
+`find_edges` omits those that are sidelobes or paired echoes of stronger peaks.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +23,10 @@ from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..maps import PowerProfile, RangeDopplerMap, expected_power_profile, power_to_db
 from ..paths import make_paths
-from ..radar import Radar, slow_time_window
+from ..radar import slow_time_window
 
 #: Highest ratio to an empty surrounding, so that every level stays a finite number [dB].
 MAX_ABOVE_DB = 300.0
-
-
 #: A peak is told to so many cells: beyond that its top is flat in float64.
 _TOP = 1e-8
 
@@ -132,10 +135,7 @@ def find_peaks(
 
 
 def local_maxima(power: Real) -> NDArray[np.bool_]:
-    """Return the cells not below any of their eight neighbours; Doppler wraps, range does not.
-
-    Takes (pulses, ranges), any unit of power, and returns a mask of that shape.
-    """
+    """Return the cells not below any of their eight neighbours; Doppler wraps, range does not."""
     # the largest of three along the ranges, then of three of these along Doppler
     line = power.copy()
     np.maximum(line[:, 1:], power[:, :-1], out=line[:, 1:])
@@ -146,10 +146,7 @@ def local_maxima(power: Real) -> NDArray[np.bool_]:
 
 
 def are_local_maxima(power: Real, rows: Indices, cols: Indices) -> Mask:
-    """Return which of some cells `local_maxima` finds, (n,); power is above 0 there.
-
-    Of few cells it is much faster.
-    """
+    """Return which of some cells with power `local_maxima` finds, (n,), much faster for few."""
     own, last = power[rows, cols], power.shape[1] - 1
     found = np.ones(rows.size, dtype=bool)
     for down, across in itertools.product((-1, 0, 1), repeat=2):
@@ -208,9 +205,9 @@ def refine_peak(rd_map: RangeDopplerMap, row: int, col: int, peak_to_background_
     Its terms are the tapered pulses and their Fourier coefficients over range. Both axes need sums
     over these alone, whose weights are transformed instead of the map.
 
-    Off 0 Hz an echo a e(f) is fitted together with a stationary one c at the same range:
-    least squares with the taper w as weight, whose inner products are the map's own sums,
-    a = (sum x e(-f) - W(f) sum x) / (1 - |W(f)|^2) for tapered pulses x, W(f) = sum w e(-f).
+    Off 0 Hz an echo a e(f) is fitted together with a stationary one c at the same range: least
+    squares with the taper w as weight, whose inner products are the map's own sums, a = (sum x
+    e(-f) - W(f) sum x) / (1 - |W(f)|^2) for tapered pulses x, W(f) = sum w e(-f).
     """
     plane = rd_map.plane
     pulses, ranges = plane.shape
@@ -364,31 +361,21 @@ def leading_edges(
         if prominence_db[index] < min_prominence_db:
             continue
         far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
-        low = _last_below_half(power, place)
+        below = np.flatnonzero(power[:place] < power[place] / 2)
+        low = int(below[-1]) if below.size else -1
         # Without such a place, the edge is outside the range limits.
         rises = low >= 0 and bool(np.all(power[low:place] <= power[place]))
         if far and rises and len(edges) < count:
+            fraction = (power[place] / 2 - power[low]) / (power[low + 1] - power[low])
             edges.append(
                 LeadingEdge(
-                    range_m=_half_power_after(power, axis_m, low, place),
+                    range_m=float(axis_m[low] + fraction * (axis_m[low + 1] - axis_m[low])),
                     peak_range_m=float(axis_m[place]),
                     level_db=float(level_db[place]),
                     prominence_db=float(prominence_db[index]),
                 )
             )
     return edges
-
-
-def _last_below_half(power: Real, place: int) -> int:
-    """Return the last index before a peak where the power is below half the peak's; -1: none."""
-    below = np.flatnonzero(power[:place] < power[place] / 2)
-    return int(below[-1]) if below.size else -1
-
-
-def _half_power_after(power: Real, axis_m: Real, i: int, place: int) -> float:
-    """Return where the power of the peak at `place` is halved, between `i` and the next range."""
-    fraction = (power[place] / 2 - power[i]) / (power[i + 1] - power[i])
-    return float(axis_m[i] + fraction * (axis_m[i + 1] - axis_m[i]))
 
 
 def _prominence_db(level_db: Real, place: int) -> float:
@@ -404,11 +391,6 @@ def _prominence_db(level_db: Real, place: int) -> float:
     return float(level_db[place] - base)
 
 
-# -------------------------------------------------------------------------------------------------
-# Leading edges that a frame's summary lists.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Dynamic range of a profile of expected power: its convolution rounds at 1e-16 of the largest
 #: value times the square root of its length [dB].
 PROFILE_DYNAMICS_DB = 130.0
@@ -420,11 +402,31 @@ _SEPARATION = 4.0
 _MAX_PEAKS, MAX_EDGES = 50, 5
 
 
-def _paired_reach_m(radar: Radar) -> float:
-    """Return how far from a strong echo its paired echoes may be: a pulse's length [m]."""
-    if radar.waveform.family != "pulse":
-        return 0.0
-    return SPEED_OF_LIGHT_MPS * radar.waveform.duration_s / 2
+def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
+    """Find leading edges by falling prominence, without sidelobes and paired echoes of stronger
+    ones.
+
+    A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
+    down with any taper (the Fresnel ripple of its spectrum). Levels more than `PROFILE_DYNAMICS_DB`
+    below the strongest are rounding.
+    """
+    waveform = profile.radar.waveform
+    pulse_m = SPEED_OF_LIGHT_MPS * waveform.duration_s / 2
+    reach_m = pulse_m if waveform.family == "pulse" else 0.0
+    least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)
+    profile = dataclasses.replace(profile, power=np.maximum(profile.power, least))
+    separation_m = _SEPARATION * waveform.range_resolution_m
+    found = leading_edges(profile, _MAX_PEAKS, by="prominence", separation_m=separation_m)
+    found = _without_sidelobes(profile, found)
+    return [
+        edge
+        for edge in found
+        if not any(
+            abs(edge.peak_range_m - other.peak_range_m) <= 1.02 * reach_m
+            and edge.level_db < other.level_db - 28
+            for other in found
+        )
+    ]
 
 
 def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[LeadingEdge]:
@@ -451,39 +453,3 @@ def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[
         strength = 10 ** (edge.level_db / 10) / max(float(point.max()), 1e-300)
         sidelobes[:count] += strength * point[:count]
     return [edge for edge in found if edge in kept]
-
-
-def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
-    """Find leading edges, without sidelobes and paired echoes of stronger ones.
-
-    Parameters
-    ----------
-    profile
-        Expected power against range.
-
-    Returns
-    -------
-    list of LeadingEdge
-        By falling prominence; the summary lists `MAX_EDGES` of them.
-
-    Notes
-    -----
-    A chirp of low time-bandwidth product has paired echoes up to its own length away, some 38 dB
-    down with any taper (the Fresnel ripple of its spectrum). Levels more than `PROFILE_DYNAMICS_DB`
-    below the strongest are rounding.
-    """
-    reach_m = _paired_reach_m(profile.radar)
-    least = float(profile.power.max(initial=0.0)) * 10 ** (-PROFILE_DYNAMICS_DB / 10)
-    profile = dataclasses.replace(profile, power=np.maximum(profile.power, least))
-    separation_m = _SEPARATION * profile.radar.waveform.range_resolution_m
-    found = leading_edges(profile, _MAX_PEAKS, by="prominence", separation_m=separation_m)
-    found = _without_sidelobes(profile, found)
-    return [
-        edge
-        for edge in found
-        if not any(
-            abs(edge.peak_range_m - other.peak_range_m) <= 1.02 * reach_m
-            and edge.level_db < other.level_db - 28
-            for other in found
-        )
-    ]

@@ -56,18 +56,33 @@ class FrameStatistics:
     in_maps: int = 0
 
 
-class StatisticsSum:
-    """Running statistics over chunks of paths.
+def frame_statistics(
+    frame: RadarFrame | FrameInput, radar: Radar, receiver_gain: float = 1.0
+) -> FrameStatistics:
+    """Compute the statistics of one frame's paths, without echoes.
 
     Parameters
     ----------
+    frame
+        Radar frame.
     radar
         Waveform and burst.
     receiver_gain
         G_r, linear.
-    range_limits_m
-        One-way ranges of the maps [m].
+
+    Returns
+    -------
+    FrameStatistics
+        The sums.
     """
+    total = StatisticsSum(radar, receiver_gain)
+    for part in iter_path_chunks(frame):
+        total.add(part)
+    return total.result(0.0)
+
+
+class StatisticsSum:
+    """Running statistics over chunks of paths; `receiver_gain` is G_r, linear."""
 
     def __init__(
         self,
@@ -116,17 +131,8 @@ class StatisticsSum:
         return np.asarray(found)
 
     def result(self, outside: float) -> FrameStatistics:
-        """Return the statistics of all paths added so far.
-
-        Parameters
-        ----------
-        outside
-            Number of paths that the range limits exclude (mean over the pulses).
-
-        Returns
-        -------
-        FrameStatistics
-            The sums.
+        """Return the statistics; `outside` paths (mean over the pulses) are beyond the range
+        limits.
         """
         some = self._counts.paths > 0
         return FrameStatistics(
@@ -143,31 +149,6 @@ class StatisticsSum:
         )
 
 
-def frame_statistics(
-    frame: RadarFrame | FrameInput, radar: Radar, receiver_gain: float = 1.0
-) -> FrameStatistics:
-    """Compute the statistics of one frame's paths, without echoes.
-
-    Parameters
-    ----------
-    frame
-        Radar frame.
-    radar
-        Waveform and burst.
-    receiver_gain
-        G_r, linear.
-
-    Returns
-    -------
-    FrameStatistics
-        The sums.
-    """
-    total = StatisticsSum(radar, receiver_gain)
-    for part in iter_path_chunks(frame):
-        total.add(part)
-    return total.result(0.0)
-
-
 def statistics_findings(
     statistics: FrameStatistics,
     radar: Radar,
@@ -177,23 +158,8 @@ def statistics_findings(
 ) -> list[Finding]:
     """Find what to know before you trust a frame's products.
 
-    Parameters
-    ----------
-    statistics
-        Of the frame.
-    radar
-        Waveform and burst, whose ambiguities count.
-    sampling_mode
-        "rings" or "paths", whose render has told of mixed pixels.
-    range_limits_m
-        One-way ranges of the maps [m].
-    unranged_fraction
-        Fraction of the received power in paths without a length.
-
-    Returns
-    -------
-    list of Finding
-        Empty where there is nothing to report.
+    The render of sampling mode "paths" has reported mixed pixels itself. `unranged_fraction` is
+    that of the received power in paths without a length.
     """
     counts, found = statistics.counts, []
     of_paths = sampling_mode == "paths"

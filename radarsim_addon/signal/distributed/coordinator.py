@@ -18,9 +18,44 @@ from ...options import Share
 from ...terminal import ProgressLine, printable
 from .workers import MAX_FAILURES, DaskWorkers, LocalWorkers, Reply, as_error, scheduled
 
-# -------------------------------------------------------------------------------------------------
-# Ctrl-C and SIGTERM while workers are at work.
-# -------------------------------------------------------------------------------------------------
+#: Module of the package that does a frame, and that a worker process runs.
+_WORKER_MODULE = f"{__package__.partition('.signal')[0]}.frame_worker"
+#: Findings that are kept apart; more become one for each code.
+_MAX_FINDINGS = 1000
+
+
+def run_frames(
+    words: Sequence[str],
+    share: Share,
+    stream: TextIO,
+    show: Callable[[Reply], None] = lambda reply: None,
+    command: Sequence[str] | None = None,
+    about: Reply | None = None,
+) -> Reply:
+    """Do all frames of a command line by workers; return what is known of the run.
+
+    `show` is called with each answer. `command` starts a worker process of this machine; None: by
+    Python. `about` has "frames", all that the command line names; None: the first worker is asked
+    before the others begin. WorkerError after the last frame, where some were set aside.
+    """
+    folder = os.getcwd()
+    local = command or [sys.executable, "-m", _WORKER_MODULE, folder, *words]
+    with ExitStack() as stack:
+        stack.enter_context(stop_signals())
+        workers: LocalWorkers | DaskWorkers
+        if share.dask is not None:
+            workers = DaskWorkers(share.dask, _WORKER_MODULE, folder, words)
+        else:
+            workers = LocalWorkers(local, share.workers or 1)
+        stack.enter_context(workers)
+        about = workers.open() if about is None else about
+        if "error" in about:
+            raise as_error(about)
+        for line in about.get("lines", ()):
+            print(f"radarsim: {line}", file=stream, flush=True)
+        frames = share.part(about["frames"])
+        _Count(frames, stream, show).run(scheduled(workers, frames))
+    return about
 
 
 class Interrupted(KeyboardInterrupt):
@@ -45,68 +80,6 @@ def stop_signals() -> Iterator[None]:
     finally:
         for name, handler in before.items():
             signal.signal(getattr(signal, name), handler)
-
-
-#: Module of the package that does a frame, and that a worker process runs.
-_WORKER_MODULE = f"{__package__.partition('.signal')[0]}.frame_worker"
-#: Findings that are kept apart; more become one for each code.
-_MAX_FINDINGS = 1000
-
-
-def run_frames(
-    words: Sequence[str],
-    share: Share,
-    stream: TextIO,
-    show: Callable[[Reply], None] = lambda reply: None,
-    command: Sequence[str] | None = None,
-    about: Reply | None = None,
-) -> Reply:
-    """Do all frames of a command line by workers; return what is known of the run.
-
-    Parameters
-    ----------
-    words
-        The command line, such as ``["render", "scene.blend", "--out", "run"]``.
-    share
-        Which workers, and which part of the frames.
-    stream
-        Where findings and progress are written.
-    show
-        Called with each answer.
-    command
-        How a worker process of this machine is started; None: by Python.
-    about
-        What is known of the run: "frames", all that the command line names. None: the first worker
-        is asked before the others begin.
-
-    Returns
-    -------
-    dict
-        `about`, or what the first worker answered.
-
-    Raises
-    ------
-    RadarSimError
-        Of the run as a whole; WorkerError after the last frame, where some were set aside.
-    """
-    folder = os.getcwd()
-    local = command or [sys.executable, "-m", _WORKER_MODULE, folder, *words]
-    with ExitStack() as stack:
-        stack.enter_context(stop_signals())
-        workers: LocalWorkers | DaskWorkers
-        if share.dask is not None:
-            workers = DaskWorkers(share.dask, _WORKER_MODULE, folder, words)
-        else:
-            workers = LocalWorkers(local, share.workers or 1)
-        stack.enter_context(workers)
-        about = workers.open() if about is None else about
-        if "error" in about:
-            raise as_error(about)
-        for line in about.get("lines", ()):
-            print(f"radarsim: {line}", file=stream, flush=True)
-        frames = share.part(about["frames"])
-        _Count(frames, stream, show).run(scheduled(workers, frames))
-    return about
 
 
 class _Count:
@@ -142,7 +115,7 @@ class _Count:
             )
             raise WorkerError(
                 f"{len(self._aside)} of {len(self._frames)} frames failed {MAX_FAILURES} times and "
-                "were set aside; the others are done. Mend what is said here and give the same "
+                "were set aside; the others are done. Correct what is said here and give the same "
                 f"command again, which does these alone:{reasons}"
             )
 

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Workers of a Dask cluster. Its own requeueing of lost tasks is used; see `schedule` for the rest.
+"""Workers that do one frame at a time each, and which frame is done when.
 
-Each worker process keeps the run open between its frames, and does one frame at a time.
+`LocalWorkers` are processes of this machine. They read frames from standard input and answer in
+JSON lines. A worker that loses its coordinator reads the end of its input: it ends after its frame.
+`DaskWorkers` are those of a Dask cluster, whose own requeueing of lost tasks is used; each keeps
+the run open between its frames. `scheduled` gives frames that fail or whose worker is lost out
+again.
 """
 
 from __future__ import annotations
@@ -25,19 +29,13 @@ from typing import IO, Any, Protocol, TypeAlias
 from ... import errors
 from ...errors import ConfigError, MissingDependencyError, WorkerError
 
-# -------------------------------------------------------------------------------------------------
-# Which frame is done when, and what happens to frames that fail or whose worker is lost.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Errors of a frame after which it is set aside.
 MAX_FAILURES = 3
-"""Errors of a frame after which it is set aside."""
 #: Workers that a frame may lose in a row. Nobody kills ten by accident: it crashes them.
 _MAX_LOST = 10
-
+#: Answer of a worker, plain JSON; "error" and "message" where it failed, "held" where another
+#: process has the frame.
 Reply: TypeAlias = dict[str, Any]
-"""Answer of a worker, plain JSON; "error" and "message" where it failed, "held" where another
-process has the frame."""
 
 
 class Workers(Protocol):
@@ -99,13 +97,6 @@ def as_error(reply: Reply) -> errors.RadarSimError:
     return errors.WorkerError(f"A worker failed, {reply['error']}: {reply['message']}")
 
 
-# -------------------------------------------------------------------------------------------------
-# Worker processes of this machine. They read frames from standard input and answer in JSON lines.
-#
-# A worker that loses its coordinator reads the end of its input: it ends after its frame.
-# -------------------------------------------------------------------------------------------------
-
-
 #: What makes the libraries of a worker use one thread.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 #: Time that a worker has to end its step when it is asked to stop [s].
@@ -157,7 +148,7 @@ class _Child:
             self.process.terminate()
 
     def last_words(self) -> str:
-        """What it wrote last on standard error."""
+        """Return what it wrote last on standard error."""
         self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - 2000))
         return self._log.read().decode(errors="replace").strip()
 
@@ -198,22 +189,19 @@ class LocalWorkers:
         raise WorkerError(f"{_MAX_STARTS} worker processes were killed before they answered.")
 
     def free(self) -> int:
-        """Return how many frames more may be given out."""
         return self._count - sum(child.busy for child in self._children)
 
     def submit(self, frame: int) -> None:
-        """Give out a frame."""
         self._idle().ask(frame)
 
     def wait(self) -> list[tuple[int, Reply | None]]:
-        """Wait for an answer; None where the frame's worker was lost."""
         child, reply = self._next()
         busy, child.busy = child.busy, False
         # else killed while it had nothing to do
         return [(child.frame, reply)] if busy and child.frame is not None else []
 
     def _next(self) -> tuple[_Child, Reply | None]:
-        """The next answer; None where its worker ended without one."""
+        """Return the next answer; None where its worker ended without one."""
         child, line = self._replies.get()
         if line:
             child.answered = True
@@ -321,7 +309,6 @@ class DaskWorkers:
         return reply
 
     def free(self) -> int:
-        """Return how many frames more may be given out."""
         self._count()
         return max(1, self._slots) - len(self._frames)
 
@@ -348,19 +335,14 @@ class DaskWorkers:
                 )
 
     def submit(self, frame: int) -> None:
-        """Give out a frame."""
         future = self._client.submit(do_frame, *self._task, frame, pure=False)
         self._frames[future] = frame
         self._answers.add(future)
 
     def wait(self) -> list[tuple[int, Reply | None]]:
-        """Wait for answers; None where the frame's workers were lost."""
-        return [(self._frames.pop(future), self._reply(future)) for future in self._batch()]
-
-    def _batch(self) -> list[Any]:
         self._wait_for(self._answers.has_ready)
-        found: list[Any] = self._answers.next_batch(block=True)
-        return found
+        batch = self._answers.next_batch(block=True)
+        return [(self._frames.pop(future), self._reply(future)) for future in batch]
 
     def _reply(self, future: Any) -> Reply | None:
         if future.status == "finished":

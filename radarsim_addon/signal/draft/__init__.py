@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drafts of profile and map while a scene changes: paths of one reflection by few rays.
 
-In: triangles and surfaces of a scene, antennas in metres. Out: expected power [W]. The window sends
-scenes to a process of its own (`worker`) as messages.
+`scene` finds the triangles that rays meet and makes rows of a path table of them, `draft` computes
+expected power [W] from these and has the messages between the window and the process that drafts,
+`worker` is that process.
 """
 
 from .draft import (
     DRAFT,
     FAULT,
     LEVELS,
-    MOST_CELLS,
-    Draft,
     DraftLevel,
     Message,
     make_draft,
@@ -25,11 +24,8 @@ from .scene import (
     DraftPolygons,
     DraftScene,
     DraftSurface,
-    FirstHits,
     SceneTriangles,
-    SurfaceKind,
     ViewGrid,
-    draft_rows,
     first_hits,
 )
 
@@ -37,20 +33,15 @@ __all__ = [
     "DRAFT",
     "FAULT",
     "LEVELS",
-    "MOST_CELLS",
     "Angles",
-    "Draft",
     "DraftLevel",
     "DraftMesh",
     "DraftPolygons",
     "DraftScene",
     "DraftSurface",
-    "FirstHits",
     "Message",
     "SceneTriangles",
-    "SurfaceKind",
     "ViewGrid",
-    "draft_rows",
     "first_hits",
     "make_draft",
     "mesh_message",

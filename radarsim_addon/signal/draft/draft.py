@@ -4,6 +4,8 @@
 The rays of a draft become a path table in memory, so footprints, antennas, weather, tapers and
 standard errors are those of the processing. Only the paths differ: one reflection, seen without
 refraction, by few rays.
+
+Between the window and the process that drafts go messages: a JSON object and arrays.
 """
 
 from __future__ import annotations
@@ -33,18 +35,14 @@ from .scene import DraftMesh, DraftPolygons, DraftScene, DraftSurface, SceneTria
 MOST_CELLS = 1 << 19
 #: Cells of range per sample of the echo.
 _CELLS_PER_SAMPLE = 2
+#: Bytes that hold the length of the JSON text.
+_LENGTH_BYTES = 8
+#: Kinds of messages: the field "kind".
+MESH, SCENE, DRAFT, FAULT = "mesh", "scene", "draft", "fault"
 
 
 class DraftLevel(NamedTuple):
-    """How fine a draft is.
-
-    Attributes
-    ----------
-    rays
-        Rays of a replicate, about.
-    replicates
-        Number of grids of rays.
-    """
+    """How fine a draft is: about so many rays of a replicate, and replicates (grids of rays)."""
 
     rays: int
     replicates: int
@@ -56,37 +54,25 @@ LEVELS = (DraftLevel(4096, 2), DraftLevel(16384, 2), DraftLevel(16384, 8))
 
 @dataclass(frozen=True)
 class Draft:
-    """Expected power of the paths of one reflection.
+    """Expected power of the paths of one reflection."""
 
-    Attributes
-    ----------
-    range_m
-        One-way range, (ranges,) [m].
-    profile_w, profile_error_w
-        Power and its standard error, (ranges,) [W].
-    velocity_mps
-        Range rate of each row of the map, ascending, receding positive, (pulses,) [m/s].
-    map_w
-        (pulses, ranges) [W].
-    pulses
-        Pulses of the map: fewer than the burst has where the map would have too many cells.
-    rays
-        Rays that met a surface which returns power, in all replicates.
-    noise_w, map_noise_w
-        Mean thermal noise of a range bin of one pulse, and of a cell of the whole burst's map [W];
-        0 without a link budget.
-    gaps_from_m
-        Range from which on rays are further apart than range cells [m]; infinite for none.
-    """
-
+    #: One-way range, (ranges,).
     range_m: Real
+    #: Power and its standard error, (ranges,).
     profile_w: Real
     profile_error_w: Real
+    #: Range rate of each row of the map, ascending, receding positive, (pulses,).
     velocity_mps: Real
+    #: (pulses, ranges).
     map_w: Real
+    #: Pulses of the map: fewer than the burst has where the map would have too many cells.
     pulses: int
+    #: Rays that met a surface which returns power, in all replicates.
     rays: int
+    #: Range from which on rays are further apart than range cells; infinite for none.
     gaps_from_m: float
+    #: Mean thermal noise of a range bin of one pulse, and of a cell of the whole burst's map; 0
+    #: without a link budget.
     noise_w: float = 0.0
     map_noise_w: float = 0.0
 
@@ -99,26 +85,7 @@ class Draft:
 
 
 def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) -> Draft:
-    """Return profile and map of a scene.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    triangles
-        Its triangles, of `SceneTriangles.of`.
-    level
-        How fine.
-
-    Returns
-    -------
-    Draft
-
-    Raises
-    ------
-    ConfigError
-        A clutter model cannot be evaluated, or the waveform has too few range cells.
-    """
+    """Return profile and map of a scene, by its triangles (`SceneTriangles.of`)."""
     edges = scene.receiver
     aspect = (edges.right - edges.left) / (edges.top - edges.bottom)
     rows = max(round(math.sqrt(level.rays / aspect)), 1)
@@ -151,7 +118,7 @@ def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) 
 
 
 def _frame(scene: DraftScene, radar: Radar, table: PathRows, replicates: int) -> FrameInput:
-    """A frame that is in no run."""
+    """Return a frame that is in no run."""
     names = [f"{number}" for number in range(len(scene.meshes))]
     record = unrendered_record(
         scene.receiver, scene.transmitter, radar.waveform.carrier_hz, table, names, replicates
@@ -173,25 +140,8 @@ def _no_images(ring: int, snapshot: int) -> NoReturn:
     raise AssertionError("a draft has no ring images")
 
 
-# -------------------------------------------------------------------------------------------------
-# Messages between the window and the process that drafts: a JSON object and arrays.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Bytes that hold the length of the JSON text.
-_LENGTH_BYTES = 8
-
-
 class Message(NamedTuple):
-    """A JSON object, and arrays by name.
-
-    Attributes
-    ----------
-    fields
-        What JSON can hold.
-    arrays
-        Arrays of numbers by name.
-    """
+    """A JSON object, and arrays of numbers by name."""
 
     fields: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
@@ -200,17 +150,7 @@ class Message(NamedTuple):
 def write_message(
     stream: IO[bytes], fields: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
 ) -> None:
-    """Write a message.
-
-    Parameters
-    ----------
-    stream
-        Pipe to the other process.
-    fields
-        What JSON can hold.
-    arrays
-        Arrays of numbers by name.
-    """
+    """Write a message to the other process."""
     shapes = [(name, item.dtype.str, item.shape) for name, item in arrays.items()]
     text = json.dumps([dict(fields), shapes]).encode()
     stream.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
@@ -220,18 +160,7 @@ def write_message(
 
 
 def read_message(stream: IO[bytes]) -> Message | None:
-    """Read a message.
-
-    Parameters
-    ----------
-    stream
-        Pipe from the other process.
-
-    Returns
-    -------
-    Message or None
-        None where the other process has ended, or ended within a message.
-    """
+    """Read a message; None where the other process has ended, or ended within a message."""
     length = stream.read(_LENGTH_BYTES)
     if len(length) < _LENGTH_BYTES:
         return None
@@ -249,45 +178,14 @@ def read_message(stream: IO[bytes]) -> Message | None:
     return Message(fields, arrays)
 
 
-# -------------------------------------------------------------------------------------------------
-# Meshes, scenes and drafts as messages, and back.
-# -------------------------------------------------------------------------------------------------
-
-
-MESH, SCENE, DRAFT, FAULT = "mesh", "scene", "draft", "fault"
-"""Kinds of messages: the field "kind"."""
-
-
 def mesh_message(key: int, mesh: DraftPolygons) -> Message:
-    """Return the message with a mesh.
-
-    Parameters
-    ----------
-    key
-        By which scenes name it.
-    mesh
-        Mesh.
-
-    Returns
-    -------
-    Message
-    """
+    """Return the message with a mesh; scenes name it by its key."""
     arrays = {item.name: getattr(mesh, item.name) for item in dataclasses.fields(mesh)}
     return Message({"kind": MESH, "key": key}, arrays)
 
 
 def scene_message(scene: DraftScene) -> Message:
-    """Return the message with a scene.
-
-    Parameters
-    ----------
-    scene
-        Scene; its meshes have messages of their own, which go before.
-
-    Returns
-    -------
-    Message
-    """
+    """Return the message with a scene; its meshes have messages of their own, which go before."""
     budget = scene.link_budget
     fields = {
         "kind": SCENE,
@@ -307,12 +205,10 @@ def scene_message(scene: DraftScene) -> Message:
 
 
 def mesh_of(message: Message) -> DraftMesh:
-    """Return the mesh of a message."""
     return DraftPolygons(**message.arrays).triangulated()
 
 
 def scene_of(message: Message) -> DraftScene:
-    """Return the scene of a message."""
     fields = message.fields
     waveform = waveform_from_dict(fields["waveform"])
     budget = fields["link_budget"]
@@ -334,22 +230,7 @@ def scene_of(message: Message) -> DraftScene:
 
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:
-    """Return the message with a draft.
-
-    Parameters
-    ----------
-    draft
-        Draft.
-    level
-        Number of its level.
-    triangles
-        Triangles of the scene.
-
-    Returns
-    -------
-    Message
-        Powers in float32.
-    """
+    """Return the message with a draft, the number of its level and of triangles; map in float32."""
     gaps = draft.gaps_from_m
     fields = {
         "kind": DRAFT,

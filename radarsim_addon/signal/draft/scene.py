@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A scene of triangles, and its paths of one reflection as rows of a path table."""
+"""A scene of triangles, and its paths of one reflection as rows of a path table.
+
+Surfaces are as bright as by the closed forms that the materials' shader nodes follow.
+
+The first triangle that each ray of a perspective view meets is found by projection. All rays begin
+at one point. A triangle with corners a, b, c is met by the direction d where d . (b x c), d . (c x
+a) and d . (a x b) have one sign; these three are proportional to the weights of the corners, and no
+triangle needs to be cut at the plane of the view. Only pixels within the projected box of a
+triangle are tried. Nothing is built in advance, so a scene that moves or deforms costs no more than
+one that does not. View axes are Blender's: x to the right, y up, looking along -z.
+"""
 
 from __future__ import annotations
 
@@ -20,82 +30,47 @@ from ..decoding import pixel_rays
 from ..paths import PATH_DTYPE, PathRows, replicate_offset_px
 from ..radar import Radar, Weather
 
-# -------------------------------------------------------------------------------------------------
-# How bright surfaces are, by the same closed forms that the materials' shader nodes follow.
-# -------------------------------------------------------------------------------------------------
-
-
 SurfaceKind = Literal["silent", "lambert", "simple", "physical"]
 
 
 @dataclass(frozen=True)
 class Angles:
-    """Cosines of n rays at a surface, each (n,).
+    """Cosines of n rays at a surface, each (n,)."""
 
-    Attributes
-    ----------
-    to_transmitter, to_receiver
-        Of the angles from the shading normal.
-    to_facet
-        From the shading normal to the facet half way between both antennas.
-    at_facet
-        From that facet's normal to an antenna.
-    to_receiver_flat
-        From the normal of the triangle to the receiver.
-    """
-
+    #: Of the angles from the shading normal.
     to_transmitter: Real
     to_receiver: Real
+    #: From the shading normal to the facet half way between both antennas.
     to_facet: Real
+    #: From that facet's normal to an antenna.
     at_facet: Real
+    #: From the normal of the triangle to the receiver.
     to_receiver_flat: Real
 
 
 @dataclass(frozen=True)
 class DraftSurface:
-    """A material at the carrier.
+    """A material at the carrier."""
 
-    Attributes
-    ----------
-    kind
-        "silent" returns nothing; "lambert" is diffuse; "simple" and "physical" are the two groups
-        of Radar Materials.
-    n, kappa
-        Complex index n + j kappa.
-    specularity, roughness
-        Of the group "simple": fraction in the specular lobe; roughness of Cycles, 0 for a mirror.
-    albedo
-        Of "lambert".
-    clutter, clutter_path, clutter_parameters, polarisation
-        Clutter model of "physical" with its file; "" for none.
-    """
-
+    #: "silent" returns nothing; "lambert" is diffuse; "simple" and "physical" are the two groups of
+    #: Radar Materials.
     kind: SurfaceKind
+    #: Complex index n + j kappa.
     n: float = 1.0
     kappa: float = 0.0
+    #: Of "simple": fraction in the specular lobe; roughness of Cycles, 0 for a mirror.
     specularity: float = 0.0
     roughness: float = 0.0
+    #: Of "lambert".
     albedo: float = 0.0
+    #: Clutter model of "physical" with its file; "" for none.
     clutter: str = ""
     clutter_path: str = ""
     clutter_parameters: dict[str, float] = field(default_factory=dict)
     polarisation: str = "average"
 
     def brightness(self, angles: Angles, carrier_hz: float) -> Real:
-        """Return 4 pi f cos_in of n rays, f the BRDF, as of `facet_brightness`.
-
-        Parameters
-        ----------
-        angles
-            Of the rays.
-        carrier_hz
-            Carrier, for clutter models [Hz].
-
-        Returns
-        -------
-        ndarray
-            (n,) [m^2/m^2].
-        """
+        """Return 4 pi f cos_in of n rays, f the BRDF, as of `facet_brightness`, (n,) [m^2/m^2]."""
         lambert = 4 * np.maximum(angles.to_transmitter, 0.0)
         if self.kind == "silent":
             return np.zeros(lambert.shape)
@@ -116,7 +91,7 @@ class DraftSurface:
         return np.asarray(total + self._clutter(angles, carrier_hz))
 
     def _clutter(self, angles: Angles, carrier_hz: float) -> Real:
-        """sigma0 over the cosine of the triangle, which a pixel's area cancels, (n,)."""
+        """Return sigma0 over the cosine of the triangle, which a pixel's area cancels, (n,)."""
         if not self.clutter:
             return np.zeros(angles.to_receiver.shape)
         model = clutter_model(self.clutter, self.clutter_path or None)
@@ -127,33 +102,14 @@ class DraftSurface:
         return np.asarray(10 ** (level_db / 10) / np.maximum(angles.to_receiver_flat, 1e-12))
 
 
-# -------------------------------------------------------------------------------------------------
-# The first triangle that each ray of a perspective view meets, by projection.
-#
-# All rays begin at one point. A triangle with corners a, b, c is met by the direction d where d .
-# (b x c), d . (c x a) and d . (a x b) have one sign; these three are proportional to the weights of
-# the corners, and no triangle needs to be cut at the plane of the view. Only pixels within the
-# projected box of a triangle are tried. Nothing is built in advance, so a scene that moves or
-# deforms costs no more than one that does not.
-#
-# View axes are Blender's: x to the right, y up, looking along -z.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Triangles, and pairs of triangle and pixel, that are tried at once: a few megabytes.
 _TRIANGLES, _PAIRS = 1 << 15, 1 << 17
 
 
 @dataclass(frozen=True)
 class ViewGrid:
-    """Pixels of a perspective view.
-
-    Attributes
-    ----------
-    left, right, bottom, top
-        Edges at distance 1.
-    columns, rows
-        Number of pixels across and up; row 0 is the top one.
+    """Pixels of a perspective view: its edges at distance 1, columns and rows; row 0 is the top
+    one.
     """
 
     left: float
@@ -164,7 +120,7 @@ class ViewGrid:
     rows: int
 
     def places(self, column: Indices, row: Indices) -> tuple[Real, Real]:
-        """Return x and y of the centres of pixels at distance 1, (n,) each."""
+        """Return x and y of the centres of pixels at distance 1, each (n,)."""
         across = (self.right - self.left) / self.columns
         down = (self.top - self.bottom) / self.rows
         x, y = self.left + (column + 0.5) * across, self.top - (row + 0.5) * down
@@ -173,41 +129,23 @@ class ViewGrid:
 
 @dataclass(frozen=True)
 class FirstHits:
-    """The first triangle along n rays that meet one.
+    """The first triangle along n rays that meet one."""
 
-    Attributes
-    ----------
-    pixel
-        row * columns + column, ascending, (n,).
-    triangle
-        Number of the triangle, (n,).
-    weights
-        Of its corners, adding up to 1, (n, 3).
-    distance
-        Along -z of the view, (n,).
-    """
-
+    #: row * columns + column, ascending, (n,).
     pixel: Indices
+    #: Number of the triangle, (n,).
     triangle: Indices
+    #: Of its corners, adding up to 1, (n, 3).
     weights: Real
+    #: Along -z of the view, (n,).
     distance: Real
 
 
 def first_hits(points: Real, triangles: Indices, grid: ViewGrid) -> FirstHits:
-    """Return the first triangle along each ray, seen from either side.
+    """Return the first triangle along the ray through the centre of each pixel, seen from either
+    side.
 
-    Parameters
-    ----------
-    points
-        Corners in view axes, (points, 3).
-    triangles
-        Numbers of corners, (triangles, 3).
-    grid
-        Pixels, one ray each through its centre.
-
-    Returns
-    -------
-    FirstHits
+    `points` (points, 3) are corners in view axes, `triangles` (triangles, 3) numbers of corners.
     """
     pixels = grid.columns * grid.rows
     nearest = np.full(pixels, np.inf)
@@ -242,7 +180,9 @@ def first_hits(points: Real, triangles: Indices, grid: ViewGrid) -> FirstHits:
 def _boxes(
     triangles: Indices, ahead: Real, projected: tuple[Real, Real], grid: ViewGrid
 ) -> Indices:
-    """First column, columns, first row and rows of the pixels that triangles may cover, (4, n)."""
+    """Return first column, columns, first row and rows of the pixels that triangles may cover, (4,
+    n).
+    """
     distance = [ahead[triangles[:, corner]] for corner in range(3)]
     in_front = np.minimum(np.minimum(distance[0], distance[1]), distance[2]) > 0
     behind = np.maximum(np.maximum(distance[0], distance[1]), distance[2]) <= 0
@@ -266,7 +206,7 @@ def _boxes(
 
 
 def _tried(corners: Real, boxes: Indices, grid: ViewGrid) -> tuple[Indices, Indices, Real, Real]:
-    """Pixels of triangles (n, 3, 3), their triangles' numbers, weights and distances."""
+    """Return pixels of triangles (n, 3, 3), their triangles' numbers, weights and distances."""
     columns = boxes[1]
     counts = columns * boxes[3]
     number = np.repeat(np.arange(counts.size), counts)
@@ -294,163 +234,147 @@ def _tried(corners: Real, boxes: Indices, grid: ViewGrid) -> tuple[Indices, Indi
 
 @dataclass(frozen=True)
 class DraftMesh:
-    """A mesh in its own axes, Blender units.
+    """A mesh in its own axes, Blender units."""
 
-    Attributes
-    ----------
-    points, triangles
-        Vertices (v, 3), and three of them for each triangle, (m, 3).
-    slots
-        Material slot of each triangle, (m,).
-    normals
-        Shading normals at the corners of triangles, (m, 3, 3); empty where the mesh is flat.
-    """
-
+    #: Vertices (v, 3), and three of them for each triangle, (m, 3).
     points: Single
     triangles: Int32
+    #: Material slot of each triangle, (m,).
     slots: Int32
+    #: Shading normals at the corners of triangles, (m, 3, 3); empty where the mesh is flat.
     normals: Single
 
 
 @dataclass(frozen=True)
-class DraftScene:
-    """A scene at one moment: n objects and instances.
+class DraftPolygons:
+    """A mesh of triangles and quads in its own axes, as Blender stores it: quick to read."""
 
-    Attributes
-    ----------
-    radar, link_budget, weather
-        What measures; without a link budget the transmitter's EIRP goes in all directions.
-    receiver, transmitter
-        Antennas; the receiver is perspective.
-    range_limits_m
-        One-way ranges (start, stop) [m].
-    surfaces
-        Materials at the carrier.
-    meshes
-        Key of the mesh of each object, n.
-    matrices
-        From the axes of each mesh to the world in metres, (n, 4, 4).
-    slots
-        For each object the number in `surfaces` of each material slot, at least one.
-    moves
-        What moves each object within `interval_s`, world space in metres, (n + 2, 4, 4); the last
-        two are those of receiver and transmitter.
-    interval_s
-        Time of `moves` [s].
-    """
+    #: Vertices, (v, 3).
+    points: Single
+    #: Vertex of each corner, polygon after polygon, (c,).
+    corners: Int32
+    #: First corner of each polygon, (p,), which has three or four of them.
+    starts: Int32
+    #: Material slot of each polygon, (p,); empty: the first one for all.
+    slots: Int32
+    #: Shading normals of the corners, (c, 3); empty where the mesh is flat.
+    normals: Single
+
+    def triangulated(self) -> DraftMesh:
+        """Return the mesh as triangles; quads are cut from their first corner to their third.
+
+        One that has a corner inwards is cut from its second corner to its fourth.
+        """
+        starts = self.starts.astype(np.intp)
+        sides = np.diff(np.append(starts, self.corners.size))
+        quads = np.flatnonzero(sides == 4)
+        places = starts[quads][:, None] + np.arange(4)
+        places = np.where(self._bent(places)[:, None], np.roll(places, -1, axis=1), places)
+        whole = np.flatnonzero(sides == 3)
+        polygon = np.concatenate([whole, quads, quads])
+        corner = np.concatenate(
+            [starts[whole][:, None] + np.arange(3), places[:, [0, 1, 2]], places[:, [0, 2, 3]]]
+        )
+        slots = self.slots[polygon] if self.slots.size else np.zeros(polygon.size, dtype=np.int32)
+        normals = self.normals[corner] if self.normals.size else np.zeros((0, 3, 3), np.float32)
+        return DraftMesh(self.points, self.corners[corner], slots, normals)
+
+    def _bent(self, places: Indices) -> Mask:
+        """Return whether a quad's second and fourth corner lie on one side of the line between
+        others.
+        """
+        first, second, third, fourth = self.points[self.corners[places]].transpose(1, 0, 2)
+        along = third - first
+        return np.asarray(dots(crosses(second - first, along), crosses(fourth - first, along)) > 0)
+
+
+@dataclass(frozen=True)
+class DraftScene:
+    """A scene at one moment: n objects and instances."""
 
     radar: Radar
+    #: None: the transmitter's EIRP goes in all directions.
     link_budget: LinkBudget | None
     weather: Weather
+    #: Perspective.
     receiver: ReceiverRecord
     transmitter: TransmitterRecord
     range_limits_m: tuple[float, float]
+    #: Materials at the carrier.
     surfaces: Sequence[DraftSurface]
+    #: Key of the mesh of each object, n.
     meshes: Sequence[int]
+    #: From the axes of each mesh to the world in metres, (n, 4, 4).
     matrices: Real
+    #: For each object the number in `surfaces` of each material slot, at least one.
     slots: Sequence[Sequence[int]]
+    #: What moves each object within `interval_s`, world space in metres, (n + 2, 4, 4); the last
+    #: two are those of receiver and transmitter.
     moves: Real
     interval_s: float
 
 
 @dataclass(frozen=True)
 class SceneTriangles:
-    """All triangles of a scene: corners in the receiver's axes [m], one after the other.
+    """All m triangles of a scene: corners in the receiver's axes, one after the other."""
 
-    Attributes
-    ----------
-    points, triangles
-        (v, 3) [m] and (m, 3).
-    item
-        Object of each triangle, (m,).
-    surface
-        Number of its surface, (m,).
-    normals
-        Shading normals at the corners of k triangles in the mesh's axes, (k, 3, 3).
-    normal_row
-        Row of `normals` of each triangle, (m,); -1 for flat ones.
-    """
-
+    #: (v, 3) [m] and (m, 3).
     points: Real
     triangles: Indices
+    #: Object, and number of the surface, of each triangle, (m,).
     item: Indices
     surface: Indices
+    #: Shading normals at the corners of k triangles in the mesh's axes, (k, 3, 3).
     normals: Single
+    #: Row of `normals` of each triangle, (m,); -1 for flat ones.
     normal_row: Indices
 
     @classmethod
     def of(cls, scene: DraftScene, meshes: Mapping[int, DraftMesh]) -> SceneTriangles:
-        """Gather the meshes of a scene."""
+        """Gather the meshes of a scene that are not behind the receiver."""
         to_receiver = np.linalg.inv(np.array(scene.receiver.matrix_world)) @ scene.matrices
-        parts = _Parts()
+        none = np.zeros(0, dtype=np.intp)
+        points, triangles = [np.zeros((0, 3))], [none.reshape(0, 3)]
+        items, surfaces, normal_rows = [none], [none], [none]
+        normals = [np.zeros((0, 3, 3), dtype=np.float32)]
+        count = smooth = 0
         for item, key in enumerate(scene.meshes):
-            parts.add(item, meshes[key], to_receiver[item], np.array(scene.slots[item]))
-        return parts.joined()
+            mesh, matrix, slots = meshes[key], to_receiver[item], np.array(scene.slots[item])
+            here = mesh.points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+            if not (here[:, 2] < 0).any():
+                continue
+            size = len(mesh.triangles)
+            points.append(here)
+            triangles.append(mesh.triangles.astype(np.intp) + count)
+            items.append(np.full(size, item))
+            surfaces.append(slots[np.minimum(mesh.slots, slots.size - 1)])
+            row = np.full(size, -1, dtype=np.intp)
+            if mesh.normals.size:
+                row = np.arange(smooth, smooth + size)
+                normals.append(mesh.normals)
+                smooth += size
+            normal_rows.append(row)
+            count += len(here)
+        return cls(
+            np.concatenate(points),
+            np.concatenate(triangles),
+            np.concatenate(items),
+            np.concatenate(surfaces),
+            np.concatenate(normals),
+            np.concatenate(normal_rows),
+        )
 
     def __len__(self) -> int:
         return len(self.triangles)
 
 
-@dataclass
-class _Parts:
-    """Arrays of `SceneTriangles` object by object."""
-
-    points: list[Real] = field(default_factory=list)
-    triangles: list[Indices] = field(default_factory=list)
-    item: list[Indices] = field(default_factory=list)
-    surface: list[Indices] = field(default_factory=list)
-    normals: list[Single] = field(default_factory=list)
-    normal_row: list[Indices] = field(default_factory=list)
-    count: int = 0
-    smooth: int = 0
-
-    def add(self, item: int, mesh: DraftMesh, matrix: Real, slots: Indices) -> None:
-        here = mesh.points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-        if not (here[:, 2] < 0).any():  # behind the receiver
-            return
-        size = len(mesh.triangles)
-        self.points.append(here)
-        self.triangles.append(mesh.triangles.astype(np.intp) + self.count)
-        self.item.append(np.full(size, item))
-        self.surface.append(slots[np.minimum(mesh.slots, slots.size - 1)])
-        row = np.full(size, -1, dtype=np.intp)
-        if mesh.normals.size:
-            row = np.arange(self.smooth, self.smooth + size)
-            self.normals.append(mesh.normals)
-            self.smooth += size
-        self.normal_row.append(row)
-        self.count += len(here)
-
-    def joined(self) -> SceneTriangles:
-        none = np.zeros(0, dtype=np.intp)
-        return SceneTriangles(
-            np.concatenate([np.zeros((0, 3)), *self.points]),
-            np.concatenate([none.reshape(0, 3), *self.triangles]),
-            np.concatenate([none, *self.item]),
-            np.concatenate([none, *self.surface]),
-            np.concatenate([np.zeros((0, 3, 3), dtype=np.float32), *self.normals]),
-            np.concatenate([none, *self.normal_row]),
-        )
-
-
 def draft_rows(
     scene: DraftScene, triangles: SceneTriangles, columns: int, rows: int, replicates: int
 ) -> PathRows:
-    """Return the paths of one reflection as rows of a path table.
+    """Return the paths of one reflection as rows of a path table, of one tile, replicate by
+    replicate.
 
-    Parameters
-    ----------
-    scene, triangles
-        The scene and its triangles.
-    columns, rows
-        Rays across and up.
-    replicates
-        Number of grids of rays, each moved by fractions of a pixel.
-
-    Returns
-    -------
-    ndarray
-        (paths,), of one tile, replicate by replicate.
+    Each replicate is a grid of columns x rows rays, moved by fractions of a pixel.
     """
     parts = [
         _replicate(scene, triangles, (columns, rows), number, replicates)
@@ -462,7 +386,7 @@ def draft_rows(
 def _replicate(
     scene: DraftScene, triangles: SceneTriangles, size: tuple[int, int], number: int, count: int
 ) -> PathRows:
-    """Rows of one of `count` replicates."""
+    """Return the rows of one of `count` replicates."""
     receiver = _moved(scene.receiver, size, replicate_offset_px(number))
     grid = ViewGrid(receiver.left, receiver.right, receiver.bottom, receiver.top, *size)
     hits = first_hits(triangles.points, triangles.triangles, grid)
@@ -503,7 +427,7 @@ def _replicate(
 def _moved(
     receiver: ReceiverRecord, size: tuple[int, int], offset: tuple[float, float]
 ) -> ReceiverRecord:
-    """The receiver with its frame moved by fractions of a pixel, across and up."""
+    """Return the receiver with its frame moved by fractions of a pixel, across and up."""
     across = (receiver.right - receiver.left) / size[0] * offset[0]
     up = (receiver.top - receiver.bottom) / size[1] * offset[1]
     return dataclasses.replace(
@@ -552,7 +476,9 @@ class _Places:
         )  # fmt: skip
 
     def angles(self, direction: Real) -> Angles:
-        """Cosines at the surfaces of rays that leave the receiver in these directions."""
+        """Return the cosines at the surfaces of rays that leave the receiver in these
+        directions.
+        """
         half = self.to_transmitter - direction
         half /= np.maximum(norms(half), 1e-300)[:, None]
         return Angles(
@@ -564,7 +490,7 @@ class _Places:
         )
 
     def rates_mps(self, scene: DraftScene, direction: Real) -> Real:
-        """Rate of half the length of each path, (n,) [m/s]."""
+        """Return the rate of half the length of each path, (n,)."""
         moves = (scene.moves - np.eye(4)) / scene.interval_s
         own = moves[self.item]
         velocity = np.einsum("nij,nj->ni", own[:, :3, :3], self.points_m) + own[:, :3, 3]
@@ -580,61 +506,6 @@ class _Places:
 
 
 def _towards(normals: Real, viewer: Real) -> Real:
-    """Unit vectors along normals, on the side of the viewer, (n, 3)."""
+    """Return unit vectors along normals, on the side of the viewer, (n, 3)."""
     length = np.maximum(norms(normals), 1e-300) * np.where(dots(normals, viewer) < 0, -1, 1)
     return np.asarray(normals / length[:, None])
-
-
-# -------------------------------------------------------------------------------------------------
-# Triangles of meshes whose polygons have three or four corners, as Blender cuts them.
-# -------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class DraftPolygons:
-    """A mesh in its own axes, Blender units, as Blender stores it: quick to read.
-
-    Attributes
-    ----------
-    points
-        Vertices, (v, 3).
-    corners
-        Vertex of each corner, polygon after polygon, (c,).
-    starts
-        First corner of each polygon, (p,), which has three or four of them.
-    slots
-        Material slot of each polygon, (p,); empty: the first one for all.
-    normals
-        Shading normals of the corners, (c, 3); empty where the mesh is flat.
-    """
-
-    points: Single
-    corners: Int32
-    starts: Int32
-    slots: Int32
-    normals: Single
-
-    def triangulated(self) -> DraftMesh:
-        """Return the mesh as triangles; quads are cut from their first corner to their third.
-
-        One that has a corner inwards is cut from its second corner to its fourth.
-        """
-        starts = self.starts.astype(np.intp)
-        sides = np.diff(np.append(starts, self.corners.size))
-        quads = np.flatnonzero(sides == 4)
-        places = starts[quads][:, None] + np.arange(4)
-        places = np.where(self._bent(places)[:, None], np.roll(places, -1, axis=1), places)
-        whole = np.flatnonzero(sides == 3)
-        polygon = np.concatenate([whole, quads, quads])
-        corner = np.concatenate(
-            [starts[whole][:, None] + np.arange(3), places[:, [0, 1, 2]], places[:, [0, 2, 3]]]
-        )
-        slots = self.slots[polygon] if self.slots.size else np.zeros(polygon.size, dtype=np.int32)
-        normals = self.normals[corner] if self.normals.size else np.zeros((0, 3, 3), np.float32)
-        return DraftMesh(self.points, self.corners[corner], slots, normals)
-
-    def _bent(self, places: Indices) -> Mask:
-        """Whether a quad's second and fourth corner lie on one side of the line between others."""
-        first, second, third, fourth = self.points[self.corners[places]].transpose(1, 0, 2)
-        along = third - first
-        return np.asarray(dots(crosses(second - first, along), crosses(fourth - first, along)) > 0)

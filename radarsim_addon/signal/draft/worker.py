@@ -50,7 +50,7 @@ class _Inbox:
         self._messages.put(None)
 
     def has_news(self, timeout_s: float = 0.0) -> bool:
-        """Whether there is something new, or comes within a time [s]."""
+        """Return whether there is something new, or comes within a time."""
         end_s = time.monotonic() + timeout_s
         while self._messages.empty() and time.monotonic() < end_s:
             time.sleep(_LOOK_S)
@@ -73,13 +73,7 @@ class _Inbox:
 
 
 def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
-    """Draft scenes until the input ends.
-
-    Parameters
-    ----------
-    reading, writing
-        Pipes from and to the window.
-    """
+    """Draft scenes until the input ends."""
     inbox = _Inbox(reading)
     while (message := inbox.newest_scene()) is not None:
         try:

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """From samples to range profiles, range-Doppler maps, noise floors and expected power.
 
-In: `Echoes` or `Paths`. Out: complex profiles and maps; power in W or relative to a unit amplitude.
+`range_compression` turns echoes into range profiles that peak at the power of a path, and paths
+into the profile that is expected on average over the speckle. `range_doppler_map` transforms
+profiles over the pulses, with an MTI canceller before, and has the noise of a cell.
+`expected_power_map` estimates the map's expected power and its standard error from replicates,
+`single_echo` gives the exact response of a map to one echo, `time_frequency` spectrograms. Powers
+are in W, or relative to a unit amplitude.
 """
 
 from .expected_power_map import ExpectedPower, expected_power

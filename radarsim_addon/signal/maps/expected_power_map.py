@@ -6,14 +6,14 @@ fractions of a pixel. Each replicate is an estimate of profile and map; the scat
 gives the variance of their mean. Replicates are spread more evenly than by chance, so the error is,
 if anything, too large.
 
-The powers are sorted into cells (Doppler, range), each path over all that its pixel covers, see
-:mod:`.paths.footprints`, and smeared by the point response. Where surfaces bend within a pixel (the
-limb of a sphere) all replicates have the same error. All S of them together are a grid S times as
-dense, so each path may be spread over an S-th of its pixel instead; what that changes is part of
-the standard error.
+The powers are sorted into cells (Doppler, range), each path over all that its pixel covers
+(`paths.spread`), and smeared by the point response. Where surfaces bend within a pixel (the limb of
+a sphere) all replicates have the same error. All S of them together are a grid S times as dense, so
+each path may be spread over an S-th of its pixel instead; what that changes is part of the standard
+error.
 
-Clutter has planes of its own among the cells (:mod:`.scattering.clutter_surfaces`), each smeared
-with the Doppler spectrum of its scatterers; they give the powers of clutter alone, too.
+Clutter has planes of its own among the cells (`scattering.ClutterSurfaces`), each smeared with the
+Doppler spectrum of its scatterers; they give the powers of clutter alone, too.
 """
 
 from __future__ import annotations
@@ -51,275 +51,12 @@ from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factor
 from ..spectrum import check_finite, repeat_orders, smooth_size
 from .range_compression import expected_power_profile
 
-# -------------------------------------------------------------------------------------------------
-# Ranges at which single rays leave gaps between range cells.
-# -------------------------------------------------------------------------------------------------
-
-
-class RayGaps:
-    """Ranges at which most rays are further apart than range cells, in all replicates together.
-
-    Ranges with less than `NEGLIGIBLE_FRACTION` of the received power do not count.
-    """
-
-    _BINS = 200
-
-    def __init__(self, range_limits_m: tuple[float, float], widest_m: float) -> None:
-        self._window_m, self._widest_m = range_limits_m, widest_m
-        self._counts = np.zeros((2, self._BINS))
-        self._power_w, self._total_w = np.zeros(self._BINS), 0.0
-
-    def add(self, rows: PathRows, steps: Steps, power_w: Real) -> None:
-        """Add the rows of a view with their powers, (n,)."""
-        # column by column: reductions over axes of two are slow
-        reach_m = np.maximum.reduce(list(abs(steps.length_m).reshape(-1, 4).T)) / 2
-        range_m = np.array(rows["length_m"]) / 2
-        wide = reach_m > self._widest_m
-        for count, ranges_m in enumerate((range_m, range_m[wide])):
-            self._counts[count] += np.histogram(ranges_m, self._BINS, self._window_m)[0]
-        self._power_w += np.histogram(range_m, self._BINS, self._window_m, weights=power_w)[0]
-        self._total_w += float(power_w.sum())
-
-    def start_m(self) -> float:
-        """Return the range from which on rays leave gaps; infinite if they are few."""
-        held = self._power_w > NEGLIGIBLE_FRACTION * self._total_w
-        sparse = held & (self._counts[1] > self._counts[0] / 2)
-        if not sparse.any() or sparse.sum() < 0.05 * held.sum():
-            return math.inf
-        first = int(np.argmax(sparse))
-        low_m, high_m = self._window_m
-        return low_m + (high_m - low_m) * first / self._BINS
-
-
-# -------------------------------------------------------------------------------------------------
-# Cells of range and Doppler that powers are sorted into.
-# -------------------------------------------------------------------------------------------------
-
-
-class ReplicateMean:
-    """Mean of replicates and its standard error (Welford 1962), without keeping them."""
-
-    def __init__(self, shape: int | tuple[int, int]) -> None:
-        self.mean, self._squares, self._count = np.zeros(shape), np.zeros(shape), 0
-
-    def add(self, values: Real) -> None:
-        self._count += 1
-        change = values - self.mean
-        self.mean += change / self._count
-        change *= values - self.mean
-        self._squares += change
-
-    def variance(self) -> Real:
-        """Of the mean; NaN where there is one: it says nothing of its error."""
-        if self._count < 2:
-            return np.full(self.mean.shape, np.nan)
-        return np.asarray(self._squares / ((self._count - 1) * self._count))
-
-
-class PowerCells:
-    """Cells of range and Doppler: fractions of the sample spacing, and of the bins of the map."""
-
-    def __init__(
-        self,
-        radar: Radar,
-        range_limits_m: tuple[float, float],
-        per_sample: int,
-        per_bin: int = 1,
-    ) -> None:
-        self._given, self._per_bin = (radar, range_limits_m, per_sample), per_bin
-        self._start_m, waveform = range_limits_m[0], radar.waveform
-        self.step_m = waveform.sample_spacing_m / per_sample
-        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
-        fold_m = radar.burst.unambiguous_range_m
-        if isinstance(waveform, LineWaveform):
-            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
-        self._period = fold_m / self.step_m
-        stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
-        self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
-        self.pulses = radar.burst.pulses
-        self.shape = self.pulses * per_bin, self.ranges
-        #: One cell of Doppler [m/s].
-        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.shape[0]
-        #: Points' distances in total length (a cell) and range rate, and where a cell begins.
-        self.spacing = 2 * self.step_m, self.step_mps, 2 * self._start_m - self.step_m
-
-    def finer(self, per_bin: int) -> PowerCells:
-        """Cells of which so many are in a bin of Doppler, the first one in its middle."""
-        return PowerCells(*self._given, per_bin)
-
-    @property
-    def range_m(self) -> Real:
-        """Centres of the range cells, (ranges,) [m]."""
-        return np.asarray(self._start_m + self.step_m * np.arange(self.ranges), dtype=np.float64)
-
-    def add(self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None) -> None:
-        """Add the points that rows of these powers are spread over to the cells of a grid, or of
-        several, (grids, ...), with the number of each row's.
-        """
-        seen, number = self.of(part.length_m, part.range_rate_mps)
-        row, share = part.row.take(seen), part.share.take(seen)
-        if grid_of is not None:
-            number += (grid_of * math.prod(self.shape)).take(row)
-        # unbuffered: of a small tile few cells are touched
-        np.add.at(grid.ravel(), number, power.take(row) * share)
-
-    def add_between(
-        self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
-    ) -> None:
-        """As `add`, each point shared by the two cells of Doppler that it lies between."""
-        place = part.range_rate_mps / self.step_mps
-        below = np.floor(place)
-        for cell, share in ((below, below + 1 - place), (below + 1, place - below)):
-            points = Points(part.row, part.length_m, cell * self.step_mps, share * part.share)
-            self.add(grid, points, power, grid_of)
-
-    def of(
-        self, length_m: Real, range_rate_mps: Real
-    ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-        """Points that are seen, again where they fold into a long window, and the cell of each."""
-        ranges, period = self.ranges, self._period
-        cell = (length_m / 2 - self._start_m) / self.step_m
-        if math.isinf(period):
-            seen = np.flatnonzero((cell >= -0.5) & (cell < ranges - 0.5))
-            place = np.rint(cell.take(seen))
-        else:
-            low = np.ceil((cell - (ranges - 0.5)) / period)
-            copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
-            seen = np.repeat(np.arange(copies.size), copies)
-            place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
-        column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
-        bins = np.rint(-range_rate_mps.take(seen) / self.step_mps).astype(np.int64)
-        bins += self.pulses // 2 * self._per_bin
-        if bins.min(initial=0) < 0 or bins.max(initial=0) >= self.shape[0]:
-            bins %= self.shape[0]  # Doppler folds, too
-        return seen, bins * ranges + column
-
-
-# -------------------------------------------------------------------------------------------------
-# The point response over powers in cells of range and Doppler.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Rows of a table that is treated at once, and cells of the grids of all its replicates: 32 MB.
+_SMALL_TABLE, _MOST_CELLS = 1 << 16, 1 << 22
 #: Cells in a bin of Doppler of the planes of clutter.
 FINER = 4
 #: Up to so many rows of Doppler are convolved one by one, faster than by a transform of all.
 _FEW_ROWS = 16
-
-
-class Smearing:
-    """Profiles and maps of planes of powers in cells.
-
-    Parameters
-    ----------
-    radar
-        Waveform and burst.
-    range_taper, doppler_taper
-        Tapers by name.
-    step_m, cells_per_sample
-        Of the cells of range.
-    correlations
-        Of each plane, at lags of the pulses, (pulses,) each: how its echoes keep from pulse to
-        pulse apart from their Doppler. 1 for scatterers that do not move by themselves, as in the
-        first plane.
-    """
-
-    def __init__(
-        self,
-        radar: Radar,
-        range_taper: str,
-        doppler_taper: str,
-        step_m: float,
-        cells_per_sample: int,
-        correlations: Sequence[Real],
-    ) -> None:
-        self._range = _range_response(radar, range_taper, step_m, cells_per_sample)
-        weight = slow_time_window(doppler_taper, radar.burst.pulses)
-        weight = weight / weight.sum()
-        self._doppler = [
-            _doppler_response(weight, one, FINER if plane else 1)
-            for plane, one in enumerate(correlations)
-        ]
-
-    def __call__(self, planes: Sequence[Real], first: int = 0) -> tuple[Real, Real]:
-        """Return profile (ranges,) and map (pulses, ranges) of all planes from one on, together.
-
-        `planes` are powers, (pulses, ranges) the first, with `FINER` times as many rows the others.
-        """
-        profile: Real | float = 0.0
-        image: Real | float = 0.0
-        for plane in range(first, len(planes)):
-            profile = profile + planes[plane].sum(axis=0)
-            step = FINER if plane else 1
-            # most rows of Doppler are empty
-            held = np.flatnonzero(planes[plane].any(axis=1))
-            in_range = _smear(planes[plane][held], self._range)
-            image = image + _smear_doppler(in_range, held, self._doppler[plane], step)
-        return _smear(np.atleast_2d(profile), self._range)[0], np.asarray(image)
-
-
-def _doppler_response(weight: Real, correlation: Real, finer: int) -> Real:
-    """Power of a burst in cells of Doppler from its own, (finer x pulses,)."""
-    cells = finer * weight.size
-    if np.all(correlation == 1):
-        return np.asarray(np.abs(np.fft.fft(weight, cells)) ** 2)
-    # the spectrum of the taper's own correlation times the echoes', at lags of both signs
-    squared = np.abs(np.fft.fft(weight, cells)) ** 2
-    ahead = np.fft.ifft(squared).real[: weight.size] * correlation
-    lags = np.zeros(cells)
-    lags[: weight.size] = ahead
-    lags[cells - weight.size + 1 :] += ahead[:0:-1]
-    return np.asarray(np.maximum(np.fft.fft(lags).real, 0.0))
-
-
-def _range_response(radar: Radar, range_taper: str, step_m: float, cells_per_sample: int) -> Real:
-    """|h|^2 on the cells, its peak in the middle."""
-    if radar.waveform.family == "line":
-        # it repeats with the range: half a period to each side
-        cells = int(radar.waveform.unambiguous_range_m / step_m) // 2 - 3
-        if cells < 1:
-            raise ConfigError("The waveform has too few range cells for an expected profile.")
-    else:
-        # the compressed pulse reaches its length to each side; twice that leaves nothing out
-        cells = int(radar.waveform.duration_s * SPEED_OF_LIGHT_MPS / step_m)
-    middle = cells + 2
-    point = expected_power_profile(
-        make_paths(1.0, 2 * middle * step_m),
-        radar,
-        range_limits_m=(0.0, 2 * middle * step_m),
-        range_taper=range_taper,
-        oversample=cells_per_sample,
-    )
-    response = point.power[middle - cells : middle + cells + 1]
-    return np.asarray(response / response[cells])
-
-
-def _smear(grid: Real, response: Real) -> Real:
-    """Convolve each row with a response whose peak is in its middle."""
-    # What is further from the peak than the grid is long reaches nothing.
-    middle, reach = response.size // 2, grid.shape[1] - 1
-    response = response[max(middle - reach, 0) : middle + reach + 1]
-    size = smooth_size(grid.shape[1] + response.size - 1)
-    spectrum = np.fft.rfft(grid, size, axis=1) * np.fft.rfft(response, size)
-    start = response.size // 2
-    result = np.fft.irfft(spectrum, size, axis=1)[:, start : start + grid.shape[1]]
-    return np.maximum(result, 0.0)
-
-
-def _smear_doppler(rows: Real, held: Indices, response: Real, step: int) -> Real:
-    """Every `step`-th row of a circular convolution over Doppler, of the rows that are `held`."""
-    count = response.size
-    if held.size <= _FEW_ROWS:
-        # sidelobes keep their digits where they are far below the strongest row, too
-        shifts = (np.arange(0, count, step)[:, None] - held) % count
-        return np.asarray(np.einsum("dh,hr->dr", response[shifts], rows))
-    grid = np.zeros((count, rows.shape[1]))
-    grid[held] = rows
-    spectrum = np.fft.rfft(grid, axis=0) * np.fft.rfft(response)[:, None]
-    return np.maximum(np.fft.irfft(spectrum, count, axis=0), 0.0)[::step]
-
-
-#: Rows of a table that is treated at once, and cells of the grids of all its replicates: 32 MB.
-_SMALL_TABLE, _MOST_CELLS = 1 << 16, 1 << 22
 
 
 @dataclass(frozen=True)
@@ -403,7 +140,7 @@ def expected_power(
     footprints
         Takes the steps from ray to ray, which it then need not find again.
     volume
-        Points of the air that return power, too, see :func:`.scattering.rain_rows`. None: none.
+        Points of the air that return power, too. None: none.
 
     Returns
     -------
@@ -466,8 +203,7 @@ def expected_power(
 class _TableSums:
     """Sorts the power of a table's rows into cells, view by view.
 
-    `finer` has every row spread over an S-th of its pixel, summed over all S replicates; `gaps` is
-    where single rays leave gaps.
+    `finer` has every row spread over an S-th of its pixel, summed over all S replicates.
     """
 
     def __init__(
@@ -513,7 +249,11 @@ class _TableSums:
             self._add_rows(planes, number, rows, rows["replicate"].astype(np.int64))
             yield from map(list, zip(*planes, strict=True))
             return
-        self._keep_gains(table)
+        if self._link is not None and table.size <= _SMALL_TABLE:
+            # find and keep all gains at once: of few rows they are all overhead
+            rows = np.asarray(table)
+            number = np.flatnonzero(usable(rows))
+            self._link.mean_factor_of_rows(rows[number], number)
         for views in views_by_replicate(table, count):
             planes = [plane[None].copy() for plane in self._volume]
             for number, rows in views:
@@ -567,7 +307,7 @@ class _TableSums:
         grid_of: Integers | None = None,
     ) -> None:
         """Add rows of views to planes, (grids, ...), with their numbers in the table, and the
-        number of the grid of each, (n,) each; None: the only one.
+        number of the grid of each; None: the only one.
         """
         record, cells = self._record, self._cells
         check_finite(rows["length_m"], number, "length")
@@ -589,13 +329,6 @@ class _TableSums:
             for part in spread(rows, steps, *cells.spacing, views):
                 self._add(self.finer, part, power, rows)
 
-    def _keep_gains(self, table: PathRows) -> None:
-        """Find the gains of a small table at once: of few rows they are all overhead."""
-        if self._link is not None and table.size <= _SMALL_TABLE:
-            rows = np.asarray(table)
-            number = np.flatnonzero(usable(rows))
-            self._link.mean_factor_of_rows(rows[number], number)
-
     def _gain(self, rows: PathRows, number: Indices | None = None) -> Real:
         gain = np.ones(rows.size)
         if self._link is not None:
@@ -603,3 +336,243 @@ class _TableSums:
         if has_images(rows):
             gain = gain * interference_factors(rows, gain * rows["power_w"], *self._band)
         return gain * reverse_factors(rows, self._record, *self._band[:2])
+
+
+class PowerCells:
+    """Cells of range and Doppler: fractions of the sample spacing, and of the bins of the map."""
+
+    def __init__(
+        self,
+        radar: Radar,
+        range_limits_m: tuple[float, float],
+        per_sample: int,
+        per_bin: int = 1,
+    ) -> None:
+        self._given, self._per_bin = (radar, range_limits_m, per_sample), per_bin
+        self._start_m, waveform = range_limits_m[0], radar.waveform
+        self.step_m = waveform.sample_spacing_m / per_sample
+        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
+        fold_m = radar.burst.unambiguous_range_m
+        if isinstance(waveform, LineWaveform):
+            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
+        self._period = fold_m / self.step_m
+        stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
+        self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
+        self.pulses = radar.burst.pulses
+        self.shape = self.pulses * per_bin, self.ranges
+        #: One cell of Doppler [m/s].
+        self.step_mps = radar.waveform.wavelength_m * radar.burst.prf_hz / 2 / self.shape[0]
+        #: Points' distances in total length (a cell) and range rate, and where a cell begins.
+        self.spacing = 2 * self.step_m, self.step_mps, 2 * self._start_m - self.step_m
+
+    def finer(self, per_bin: int) -> PowerCells:
+        """Return the same cells with so many in a bin of Doppler, the first one in its middle."""
+        return PowerCells(*self._given, per_bin)
+
+    @property
+    def range_m(self) -> Real:
+        """Centres of the range cells, (ranges,)."""
+        return np.asarray(self._start_m + self.step_m * np.arange(self.ranges), dtype=np.float64)
+
+    def add(self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None) -> None:
+        """Add the points that rows of these powers are spread over to the cells of a grid, or of
+        several, (grids, ...), with the number of each row's.
+        """
+        seen, number = self.of(part.length_m, part.range_rate_mps)
+        row, share = part.row.take(seen), part.share.take(seen)
+        if grid_of is not None:
+            number += (grid_of * math.prod(self.shape)).take(row)
+        # unbuffered: of a small tile few cells are touched
+        np.add.at(grid.ravel(), number, power.take(row) * share)
+
+    def add_between(
+        self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
+    ) -> None:
+        """As `add`, each point shared by the two cells of Doppler that it lies between."""
+        place = part.range_rate_mps / self.step_mps
+        below = np.floor(place)
+        for cell, share in ((below, below + 1 - place), (below + 1, place - below)):
+            points = Points(part.row, part.length_m, cell * self.step_mps, share * part.share)
+            self.add(grid, points, power, grid_of)
+
+    def of(
+        self, length_m: Real, range_rate_mps: Real
+    ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+        """Return the points that are seen, again where they fold into a long window, and the cell
+        of each.
+        """
+        ranges, period = self.ranges, self._period
+        cell = (length_m / 2 - self._start_m) / self.step_m
+        if math.isinf(period):
+            seen = np.flatnonzero((cell >= -0.5) & (cell < ranges - 0.5))
+            place = np.rint(cell.take(seen))
+        else:
+            low = np.ceil((cell - (ranges - 0.5)) / period)
+            copies = np.maximum(np.floor((cell + 0.5) / period) - low + 1, 0).astype(np.intp)
+            seen = np.repeat(np.arange(copies.size), copies)
+            place = np.rint(cell[seen] - repeat_orders(low, copies) * period)
+        column = np.clip(place, 0, ranges - 1).astype(np.int64)  # halves are rounded to even
+        bins = np.rint(-range_rate_mps.take(seen) / self.step_mps).astype(np.int64)
+        bins += self.pulses // 2 * self._per_bin
+        if bins.min(initial=0) < 0 or bins.max(initial=0) >= self.shape[0]:
+            bins %= self.shape[0]  # Doppler folds, too
+        return seen, bins * ranges + column
+
+
+class ReplicateMean:
+    """Mean of replicates and its standard error (Welford 1962), without keeping them."""
+
+    def __init__(self, shape: int | tuple[int, int]) -> None:
+        self.mean, self._squares, self._count = np.zeros(shape), np.zeros(shape), 0
+
+    def add(self, values: Real) -> None:
+        self._count += 1
+        change = values - self.mean
+        self.mean += change / self._count
+        change *= values - self.mean
+        self._squares += change
+
+    def variance(self) -> Real:
+        """Variance of the mean; NaN for one replicate, which gives no error."""
+        if self._count < 2:
+            return np.full(self.mean.shape, np.nan)
+        return np.asarray(self._squares / ((self._count - 1) * self._count))
+
+
+class Smearing:
+    """Profiles and maps of planes of powers in cells, for tapers by name.
+
+    `step_m` and `cells_per_sample` are those of the range cells. `correlations`, (pulses,) for each
+    plane, give at lags of the pulses how its echoes keep from pulse to pulse apart from their
+    Doppler: 1 for scatterers that do not move by themselves, as in the first plane.
+    """
+
+    def __init__(
+        self,
+        radar: Radar,
+        range_taper: str,
+        doppler_taper: str,
+        step_m: float,
+        cells_per_sample: int,
+        correlations: Sequence[Real],
+    ) -> None:
+        self._range = _range_response(radar, range_taper, step_m, cells_per_sample)
+        weight = slow_time_window(doppler_taper, radar.burst.pulses)
+        weight = weight / weight.sum()
+        self._doppler = [
+            _doppler_response(weight, one, FINER if plane else 1)
+            for plane, one in enumerate(correlations)
+        ]
+
+    def __call__(self, planes: Sequence[Real], first: int = 0) -> tuple[Real, Real]:
+        """Return profile (ranges,) and map (pulses, ranges) of all planes from `first` on,
+        together.
+
+        Planes are (pulses, ranges) the first, with `FINER` times as many rows the others.
+        """
+        profile: Real | float = 0.0
+        image: Real | float = 0.0
+        for plane in range(first, len(planes)):
+            profile = profile + planes[plane].sum(axis=0)
+            step = FINER if plane else 1
+            # most rows of Doppler are empty
+            held = np.flatnonzero(planes[plane].any(axis=1))
+            in_range = _smear(planes[plane][held], self._range)
+            image = image + _smear_doppler(in_range, held, self._doppler[plane], step)
+        return _smear(np.atleast_2d(profile), self._range)[0], np.asarray(image)
+
+
+def _doppler_response(weight: Real, correlation: Real, finer: int) -> Real:
+    """Return the power of a burst in cells of Doppler from its own, (finer x pulses,)."""
+    cells = finer * weight.size
+    if np.all(correlation == 1):
+        return np.asarray(np.abs(np.fft.fft(weight, cells)) ** 2)
+    # the spectrum of the taper's own correlation times the echoes', at lags of both signs
+    squared = np.abs(np.fft.fft(weight, cells)) ** 2
+    ahead = np.fft.ifft(squared).real[: weight.size] * correlation
+    lags = np.zeros(cells)
+    lags[: weight.size] = ahead
+    lags[cells - weight.size + 1 :] += ahead[:0:-1]
+    return np.asarray(np.maximum(np.fft.fft(lags).real, 0.0))
+
+
+def _range_response(radar: Radar, range_taper: str, step_m: float, cells_per_sample: int) -> Real:
+    """Return |h|^2 on the cells, its peak in the middle."""
+    if radar.waveform.family == "line":
+        # it repeats with the range: half a period to each side
+        cells = int(radar.waveform.unambiguous_range_m / step_m) // 2 - 3
+        if cells < 1:
+            raise ConfigError("The waveform has too few range cells for an expected profile.")
+    else:
+        # the compressed pulse reaches its length to each side; twice that leaves nothing out
+        cells = int(radar.waveform.duration_s * SPEED_OF_LIGHT_MPS / step_m)
+    middle = cells + 2
+    point = expected_power_profile(
+        make_paths(1.0, 2 * middle * step_m),
+        radar,
+        range_limits_m=(0.0, 2 * middle * step_m),
+        range_taper=range_taper,
+        oversample=cells_per_sample,
+    )
+    response = point.power[middle - cells : middle + cells + 1]
+    return np.asarray(response / response[cells])
+
+
+def _smear(grid: Real, response: Real) -> Real:
+    """Convolve each row with a response whose peak is in its middle."""
+    # What is further from the peak than the grid is long reaches nothing.
+    middle, reach = response.size // 2, grid.shape[1] - 1
+    response = response[max(middle - reach, 0) : middle + reach + 1]
+    size = smooth_size(grid.shape[1] + response.size - 1)
+    spectrum = np.fft.rfft(grid, size, axis=1) * np.fft.rfft(response, size)
+    start = response.size // 2
+    result = np.fft.irfft(spectrum, size, axis=1)[:, start : start + grid.shape[1]]
+    return np.maximum(result, 0.0)
+
+
+def _smear_doppler(rows: Real, held: Indices, response: Real, step: int) -> Real:
+    """Return every `step`-th row of a circular convolution over Doppler, of the rows `held`."""
+    count = response.size
+    if held.size <= _FEW_ROWS:
+        # sidelobes keep their digits where they are far below the strongest row, too
+        shifts = (np.arange(0, count, step)[:, None] - held) % count
+        return np.asarray(np.einsum("dh,hr->dr", response[shifts], rows))
+    grid = np.zeros((count, rows.shape[1]))
+    grid[held] = rows
+    spectrum = np.fft.rfft(grid, axis=0) * np.fft.rfft(response)[:, None]
+    return np.maximum(np.fft.irfft(spectrum, count, axis=0), 0.0)[::step]
+
+
+class RayGaps:
+    """Ranges at which most rays are further apart than range cells, in all replicates together.
+
+    Ranges with less than `NEGLIGIBLE_FRACTION` of the received power do not count.
+    """
+
+    _BINS = 200
+
+    def __init__(self, range_limits_m: tuple[float, float], widest_m: float) -> None:
+        self._window_m, self._widest_m = range_limits_m, widest_m
+        self._counts = np.zeros((2, self._BINS))
+        self._power_w, self._total_w = np.zeros(self._BINS), 0.0
+
+    def add(self, rows: PathRows, steps: Steps, power_w: Real) -> None:
+        """Add the rows of a view with their powers, (n,)."""
+        # column by column: reductions over axes of two are slow
+        reach_m = np.maximum.reduce(list(abs(steps.length_m).reshape(-1, 4).T)) / 2
+        range_m = np.array(rows["length_m"]) / 2
+        wide = reach_m > self._widest_m
+        for count, ranges_m in enumerate((range_m, range_m[wide])):
+            self._counts[count] += np.histogram(ranges_m, self._BINS, self._window_m)[0]
+        self._power_w += np.histogram(range_m, self._BINS, self._window_m, weights=power_w)[0]
+        self._total_w += float(power_w.sum())
+
+    def start_m(self) -> float:
+        """Return the range from which on rays leave gaps; infinite if they are few."""
+        held = self._power_w > NEGLIGIBLE_FRACTION * self._total_w
+        sparse = held & (self._counts[1] > self._counts[0] / 2)
+        if not sparse.any() or sparse.sum() < 0.05 * held.sum():
+            return math.inf
+        first = int(np.argmax(sparse))
+        low_m, high_m = self._window_m
+        return low_m + (high_m - low_m) * first / self._BINS

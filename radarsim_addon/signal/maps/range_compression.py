@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pulse compression: matched filter with window, and the speckle-free profile it should show."""
+"""Pulse compression: matched filter with window, and the speckle-free profile it should show.
+
+A path of power P peaks at P in the profile of every waveform. Pulses pass the matched filter,
+conj(W(f)) and a window over the band. Waveforms that sample frequencies are transformed over them,
+
+    h(r) = sum_k g_k s_k exp(j 2 pi (k - k0) df 2r/c) / sum_k g_k,
+
+g the window; for PMCW the correlator, g s = sum over repeats of FFT(samples) conj(FFT(code)), no
+window laid over. The expected profile is the sum of powers sum_i P_i |h(r - r_i)|^2, by a
+non-uniform FFT of the powers and a product with the transform of |h|^2.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...arrays import Complex, Real
+from ...arrays import Complex, Mask, Real
 from ...contract import AmplitudeModel
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -31,158 +41,8 @@ from ..radar import (
 from ..scattering import path_amplitude
 from ..spectrum import Backend, nufft1, repeat_orders, smooth_size
 
-# -------------------------------------------------------------------------------------------------
-# Range profiles of waveforms that sample frequencies: a Fourier transform over the frequencies.
-#
-#     h(r) = sum_k g_k s_k exp(j 2 pi (k - k0) df 2r/c) / sum_k g_k
-#
-# A path of power P peaks at P, as after the matched filter of a pulse. g is the window; for PMCW
-# the correlator, g s = sum over repeats of FFT(samples) conj(FFT(code)), no window laid over.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Samples of padded rows that are transformed at a time: 4 MB.
 _PADDED = 1 << 18
-
-
-def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
-    """Return the weights g_k of the frequencies.
-
-    Parameters
-    ----------
-    waveform
-        FMCW, stepped frequency or PMCW.
-    range_taper
-        Range taper by name; PMCW takes the spectrum of its code.
-
-    Returns
-    -------
-    ndarray
-        (frequencies,), in their order.
-    """
-    if isinstance(waveform, PmcwWaveform):
-        return np.fft.fftshift(np.abs(np.fft.fft(replica(waveform))) ** 2)
-    return slow_time_window(range_taper, waveform.grid_count)
-
-
-def line_range_axis(
-    waveform: LineWaveform, range_limits_m: tuple[float, float], oversample: int
-) -> Real:
-    """One-way ranges from the window's start to the unambiguous range at most [m]; a window that
-    begins beyond it is a `ConfigError`.
-    """
-    limit_m = waveform.unambiguous_range_m
-    if range_limits_m[0] >= limit_m:
-        raise ConfigError(
-            f"Range limits from {range_limits_m[0]:g} m; the waveform's range ends at "
-            f"{limit_m:g} m. "
-            "Choose nearer limits, or a waveform with a smaller slope or frequency step."
-        )
-    step_m = waveform.sample_spacing_m / oversample
-    stop_m = min(range_limits_m[1], limit_m - step_m)
-    count = max(1, int(np.floor((stop_m - range_limits_m[0]) / step_m + 1e-9)) + 1)
-    return np.asarray(range_limits_m[0] + step_m * np.arange(count))
-
-
-def compress_lines(
-    waveform: LineWaveform, samples: Complex, range_m: Real, range_taper: str, oversample: int
-) -> Complex:
-    """Range profiles (pulses, ranges) at `range_m`, from `line_range_axis`, of raw samples (rows,
-    N); PMCW has `repeats` rows a pulse.
-    """
-    count = waveform.grid_count
-    if isinstance(waveform, PmcwWaveform):
-        code = np.fft.fft(replica(waveform))
-        codes = samples.reshape(-1, waveform.code_repeats, count).mean(axis=1)
-        spectra = np.fft.fftshift(np.fft.fft(codes, axis=1) * np.conj(code), axes=1)
-        spectra /= np.sum(np.abs(code) ** 2)
-    else:
-        weight = line_weights(waveform, range_taper)
-        # a real ADC holds half the amplitude of the beat
-        real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
-        samples = samples.real.astype(np.complex128) if real else samples
-        spectra = samples * (weight * ((2.0 if real else 1.0) / weight.sum()))
-    k = np.arange(count)
-    start = 2 * range_m[0] / SPEED_OF_LIGHT_MPS * waveform.grid_step_hz
-    size = count * oversample
-    shift = np.exp(2j * np.pi * start * k)
-    turn = np.exp(-2j * np.pi * waveform.grid_middle * (start + np.arange(range_m.size) / size))
-    values = np.empty((spectra.shape[0], range_m.size), dtype=np.complex128)
-    step = max(_PADDED // size, 1)  # a few at a time: no padded copy of them all
-    for first in range(0, len(spectra), step):
-        lines = np.fft.ifft(spectra[first : first + step] * shift, size)[:, : range_m.size]
-        values[first : first + step] = lines * size * turn
-    return values
-
-
-def line_noise_gain(waveform: LineWaveform, range_taper: str) -> float:
-    """Noise power in a range cell over that of a complex sample.
-
-    A real ADC keeps half the noise and a quarter of an echo's power: the gain is 3 dB worse.
-    """
-    if isinstance(waveform, PmcwWaveform):
-        # a correlation with N samples of power |w|^2, averaged over the repeats
-        energy = float(np.sum(np.abs(replica(waveform)) ** 2))
-        return 1 / (energy * waveform.code_repeats)
-    weight = line_weights(waveform, range_taper)
-    gain = float(np.sum(weight**2) / weight.sum() ** 2)
-    return 2 * gain if isinstance(waveform, FmcwWaveform) and waveform.real_adc else gain
-
-
-class LinePower:
-    """Adds up expected powers sum_i P_i |h(r - r_i)|^2; see `compress.expected_power_profile`."""
-
-    def __init__(
-        self,
-        waveform: LineWaveform,
-        range_limits_m: tuple[float, float],
-        range_taper: str,
-        oversample: int,
-        nufft_backend: Backend,
-    ) -> None:
-        self._waveform, self._oversample, self._nufft_backend = waveform, oversample, nufft_backend
-        self.range_m = line_range_axis(waveform, range_limits_m, oversample)
-        weight = line_weights(waveform, range_taper)
-        count = weight.size
-        # |h|^2 has the autocorrelation of the weights as its coefficients, q = -N ... N-1
-        spectrum = np.abs(np.fft.fft(weight, 2 * count)) ** 2
-        self._lags = np.fft.fftshift(np.fft.ifft(spectrum).real) / weight.sum() ** 2
-        self._limits_m = range_limits_m
-        #: Of echoes within the range limits, and of those that reach in from beyond.
-        self._sums = np.zeros((2, 2 * count), dtype=np.complex128)
-
-    def add(self, range_m: Real, power: Real) -> None:
-        """Paths at these one-way ranges [m] with these powers."""
-        if isinstance(self._waveform, FmcwWaveform):
-            heard = range_m < self._waveform.unambiguous_range_m
-            range_m, power = range_m[heard], power[heard]
-        points = 4 * np.pi * self._waveform.grid_step_hz / SPEED_OF_LIGHT_MPS * range_m
-        cell_m, (start_m, stop_m) = self._waveform.range_resolution_m, self._limits_m
-        after_m, period_m = range_m - start_m + cell_m, self._waveform.range_period_m
-        if not (after_m.min(initial=0.0) >= 0 and after_m.max(initial=0.0) < period_m):
-            after_m = np.mod(after_m, period_m)
-        beyond = after_m > stop_m - start_m + 2 * cell_m
-        for total, rows in zip(self._sums, (~beyond, beyond), strict=True):
-            own = slice(None) if rows.all() else rows
-            if rows.any():
-                # 1e-13: far echoes stand many tens of dB below near ones
-                total += nufft1(points[own], power[own], total.size, 1e-13, self._nufft_backend)
-
-    def result(self, within: bool = False) -> Real:
-        """Power at `range_m`, of its shape, in the unit of the powers that were added; `within`: of
-        echoes within the range limits alone.
-        """
-        total = self._sums[0] if within else self._sums.sum(axis=0)
-        count = self._waveform.grid_count
-        q = np.arange(-count, count)
-        start = 2 * self.range_m[0] / SPEED_OF_LIGHT_MPS * self._waveform.grid_step_hz
-        size = count * self._oversample
-        padded = np.zeros(max(size, 2 * count), dtype=np.complex128)
-        padded[q % padded.size] = total * self._lags * np.exp(2j * np.pi * q * start)
-        power = np.fft.ifft(padded).real * padded.size
-        return np.asarray(np.maximum(power[: self.range_m.size], 0.0))
-
-
 #: Ranges of profiles for each sample of the echo.
 OVERSAMPLE = 2
 #: Paths of one transform, at least.
@@ -249,27 +109,6 @@ class PowerProfile:
     range_taper: str
 
 
-def range_axis(radar: Radar, range_limits_m: tuple[float, float], oversample: int) -> Real:
-    """One-way ranges of profiles with so many for each sample of the echo, (ranges,) [m]."""
-    if not (isinstance(oversample, int) and 1 <= oversample <= 64):
-        raise ConfigError(f"Oversampling is {oversample!r}; expected a whole number from 1 to 64.")
-    if isinstance(radar.waveform, LineWaveform):
-        return line_range_axis(radar.waveform, range_limits_m, oversample)
-    step_m = radar.waveform.sample_spacing_m / oversample
-    count = int(np.floor((range_limits_m[1] - range_limits_m[0]) / step_m + 1e-9)) + 1
-    return np.asarray(range_limits_m[0] + step_m * np.arange(count))
-
-
-def _interpolate(spectrum: Complex, oversample: int) -> Complex:
-    """Samples of a band-limited spectrum (FFT order, last axis) on an `oversample` finer grid."""
-    size = spectrum.shape[-1]
-    half = (size + 1) // 2
-    padded = np.zeros((*spectrum.shape[:-1], size * oversample), dtype=np.complex128)
-    padded[..., :half] = spectrum[..., :half]
-    padded[..., half - size :] = spectrum[..., half:]
-    return np.asarray(np.fft.ifft(padded) * oversample)
-
-
 def range_process(
     echoes: Echoes, range_taper: str = "hamming", oversample: int = OVERSAMPLE
 ) -> RangeProfiles:
@@ -283,8 +122,8 @@ def range_process(
     echoes
         Echoes.
     range_taper
-        Window over the band, see :mod:`.radar.windows`. Hamming widens the response 1.47 times and
-        lowers its sidelobes from -13.3 to -42.7 dB.
+        Window over the band, see :func:`.radar.window_at`. Hamming widens the response 1.47 times
+        and lowers its sidelobes from -13.3 to -42.7 dB.
     oversample
         Range samples per sample of the echo.
 
@@ -325,19 +164,156 @@ def range_process(
     return RangeProfiles(values, range_m, echoes.radar, range_taper)
 
 
-class ProfileAccumulator:
-    """Adds up the expected power of paths that come in parts.
+def range_axis(radar: Radar, range_limits_m: tuple[float, float], oversample: int) -> Real:
+    """Return one-way ranges of profiles, `oversample` for each sample of the echo."""
+    if not (isinstance(oversample, int) and 1 <= oversample <= 64):
+        raise ConfigError(f"Oversampling is {oversample!r}; expected a whole number from 1 to 64.")
+    if isinstance(radar.waveform, LineWaveform):
+        return line_range_axis(radar.waveform, range_limits_m, oversample)
+    step_m = radar.waveform.sample_spacing_m / oversample
+    count = int(np.floor((range_limits_m[1] - range_limits_m[0]) / step_m + 1e-9)) + 1
+    return np.asarray(range_limits_m[0] + step_m * np.arange(count))
+
+
+def _interpolate(spectrum: Complex, oversample: int) -> Complex:
+    """Return samples of a band-limited spectrum (FFT order, last axis) on a finer grid."""
+    size = spectrum.shape[-1]
+    half = (size + 1) // 2
+    padded = np.zeros((*spectrum.shape[:-1], size * oversample), dtype=np.complex128)
+    padded[..., :half] = spectrum[..., :half]
+    padded[..., half - size :] = spectrum[..., half:]
+    return np.asarray(np.fft.ifft(padded) * oversample)
+
+
+def line_range_axis(
+    waveform: LineWaveform, range_limits_m: tuple[float, float], oversample: int
+) -> Real:
+    """Return one-way ranges from the window's start to the unambiguous range at most."""
+    limit_m = waveform.unambiguous_range_m
+    if range_limits_m[0] >= limit_m:
+        raise ConfigError(
+            f"Range limits from {range_limits_m[0]:g} m; the waveform's range ends at "
+            f"{limit_m:g} m. "
+            "Choose nearer limits, or a waveform with a smaller slope or frequency step."
+        )
+    step_m = waveform.sample_spacing_m / oversample
+    stop_m = min(range_limits_m[1], limit_m - step_m)
+    count = max(1, int(np.floor((stop_m - range_limits_m[0]) / step_m + 1e-9)) + 1)
+    return np.asarray(range_limits_m[0] + step_m * np.arange(count))
+
+
+def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
+    """Return the weights g_k of the frequencies in their order; PMCW takes the spectrum of its
+    code.
+    """
+    if isinstance(waveform, PmcwWaveform):
+        return np.fft.fftshift(np.abs(np.fft.fft(replica(waveform))) ** 2)
+    return slow_time_window(range_taper, waveform.grid_count)
+
+
+def compress_lines(
+    waveform: LineWaveform, samples: Complex, range_m: Real, range_taper: str, oversample: int
+) -> Complex:
+    """Return range profiles (pulses, ranges) at `range_m`, from `line_range_axis`, of raw samples
+    (rows, N); PMCW has `repeats` rows a pulse.
+    """
+    count = waveform.grid_count
+    if isinstance(waveform, PmcwWaveform):
+        code = np.fft.fft(replica(waveform))
+        codes = samples.reshape(-1, waveform.code_repeats, count).mean(axis=1)
+        spectra = np.fft.fftshift(np.fft.fft(codes, axis=1) * np.conj(code), axes=1)
+        spectra /= np.sum(np.abs(code) ** 2)
+    else:
+        weight = line_weights(waveform, range_taper)
+        # a real ADC holds half the amplitude of the beat
+        real = isinstance(waveform, FmcwWaveform) and waveform.real_adc
+        samples = samples.real.astype(np.complex128) if real else samples
+        spectra = samples * (weight * ((2.0 if real else 1.0) / weight.sum()))
+    k = np.arange(count)
+    start = 2 * range_m[0] / SPEED_OF_LIGHT_MPS * waveform.grid_step_hz
+    size = count * oversample
+    shift = np.exp(2j * np.pi * start * k)
+    turn = np.exp(-2j * np.pi * waveform.grid_middle * (start + np.arange(range_m.size) / size))
+    values = np.empty((spectra.shape[0], range_m.size), dtype=np.complex128)
+    step = max(_PADDED // size, 1)  # a few at a time: no padded copy of them all
+    for first in range(0, len(spectra), step):
+        lines = np.fft.ifft(spectra[first : first + step] * shift, size)[:, : range_m.size]
+        values[first : first + step] = lines * size * turn
+    return values
+
+
+def line_noise_gain(waveform: LineWaveform, range_taper: str) -> float:
+    """Return the noise power in a range cell over that of a complex sample.
+
+    A real ADC keeps half the noise and a quarter of an echo's power: the gain is 3 dB worse.
+    """
+    if isinstance(waveform, PmcwWaveform):
+        # a correlation with N samples of power |w|^2, averaged over the repeats
+        energy = float(np.sum(np.abs(replica(waveform)) ** 2))
+        return 1 / (energy * waveform.code_repeats)
+    weight = line_weights(waveform, range_taper)
+    gain = float(np.sum(weight**2) / weight.sum() ** 2)
+    return 2 * gain if isinstance(waveform, FmcwWaveform) and waveform.real_adc else gain
+
+
+def expected_power_profile(
+    paths: Paths | Iterable[Paths],
+    radar: Radar,
+    *,
+    range_limits_m: tuple[float, float],
+    range_taper: str = "hamming",
+    amplitude_model: AmplitudeModel = "radar-equation",
+    receiver_gain: float = 1.0,
+    oversample: int = 4,
+    nufft_backend: Backend = "auto",
+) -> PowerProfile:
+    """Return the profile of the matched filter, averaged over the speckle.
+
+    The sum of powers sum_i P_i |h(r - r_i)|^2, h the compressed response to one path, about which
+    the coherent profile fluctuates when phases are random. Taken at t, before anything moves.
 
     Parameters
     ----------
-    radar, range_limits_m, range_taper, amplitude_model, receiver_gain, oversample, nufft_backend
-        See :func:`expected_power_profile`.
+    paths
+        Paths, or several tables of them.
+    radar
+        Waveform and burst.
+    range_limits_m
+        One-way ranges (start, stop) [m].
+    range_taper
+        Window over the band, see :func:`.radar.window_at`.
+    amplitude_model, receiver_gain
+        See :func:`.scattering.path_amplitude`; P_i is the square of the amplitude.
+    oversample
+        Ranges per sample of the echo, at least 2.
+    nufft_backend
+        Engine of the non-uniform FFT.
 
-    Raises
-    ------
-    ConfigError
-        Oversampling below 2, unsuitable range limits, or a profile of too many ranges.
+    Returns
+    -------
+    PowerProfile
+        Expected power against one-way range, (ranges,) [W], [m].
+
+    Notes
+    -----
+    Echoes beyond the unambiguous range c / 2 PRF fold, as in :func:`.echoes.synthesize`.
     """
+    accumulator = ProfileAccumulator(
+        radar,
+        range_limits_m,
+        range_taper=range_taper,
+        amplitude_model=amplitude_model,
+        receiver_gain=receiver_gain,
+        oversample=oversample,
+        nufft_backend=nufft_backend,
+    )
+    for part in [paths] if isinstance(paths, Paths) else paths:
+        accumulator.add(part)
+    return accumulator.result()
+
+
+class ProfileAccumulator:
+    """Adds up the expected power of paths that come in parts; see `expected_power_profile`."""
 
     def __init__(
         self,
@@ -418,20 +394,13 @@ class ProfileAccumulator:
         points = offset_m * (2 * np.pi / (step_m * self._size))
         cell_m = self._radar.waveform.range_resolution_m
         beyond = (offset_m < -cell_m) | (offset_m > span_m + cell_m)
-        power = power[near]
-        for total, rows in zip(self._sums, (~beyond, beyond), strict=True):
-            own = slice(None) if rows.all() else rows
-            if rows.any():
-                # 1e-13: far echoes stand many tens of dB below near ones
-                total += nufft1(points[own], power[own], self._size, 1e-13, self._nufft_backend)
+        _add_sums(self._sums, points, power[near], beyond, self._nufft_backend)
 
     def result(self, within: bool = False) -> PowerProfile:
-        """Profile of all paths added so far, or of those within the range limits alone.
+        """Return the profile of all paths added so far.
 
-        Parameters
-        ----------
-        within
-            Leave out what reaches in from beyond: sidelobes without their echo.
+        `within` leaves out what reaches in from beyond the range limits: sidelobes without their
+        echo.
         """
         self._flush()
         if self._lines is not None:
@@ -448,57 +417,57 @@ class ProfileAccumulator:
         return PowerProfile(power, self._range_m, self._radar, self._range_taper)
 
 
-def expected_power_profile(
-    paths: Paths | Iterable[Paths],
-    radar: Radar,
-    *,
-    range_limits_m: tuple[float, float],
-    range_taper: str = "hamming",
-    amplitude_model: AmplitudeModel = "radar-equation",
-    receiver_gain: float = 1.0,
-    oversample: int = 4,
-    nufft_backend: Backend = "auto",
-) -> PowerProfile:
-    """Return the profile of the matched filter, averaged over the speckle.
+def _add_sums(sums: Complex, points: Real, power: Real, beyond: Mask, backend: Backend) -> None:
+    """Add powers of echoes within the range limits to the first sum, from beyond to the second."""
+    for total, rows in zip(sums, (~beyond, beyond), strict=True):
+        own = slice(None) if rows.all() else rows
+        if rows.any():
+            # 1e-13: far echoes stand many tens of dB below near ones
+            total += nufft1(points[own], power[own], total.size, 1e-13, backend)
 
-    The sum of powers sum_i P_i |h(r - r_i)|^2, h the compressed response to one path, about which
-    the coherent profile fluctuates when phases are random. Taken at t, before anything moves.
 
-    Parameters
-    ----------
-    paths
-        Paths, or several tables of them.
-    radar
-        Waveform and burst.
-    range_limits_m
-        One-way ranges (start, stop) [m].
-    range_taper
-        Window over the band, see :mod:`.radar.windows`.
-    amplitude_model, receiver_gain
-        See :func:`.scattering.path_amplitude`; P_i is the square of the amplitude.
-    oversample
-        Ranges per sample of the echo, at least 2.
-    nufft_backend
-        Engine of the non-uniform FFT.
+class LinePower:
+    """Adds up expected powers sum_i P_i |h(r - r_i)|^2 of a waveform that samples frequencies."""
 
-    Returns
-    -------
-    PowerProfile
-        Expected power against one-way range, (ranges,) [W], [m].
+    def __init__(
+        self,
+        waveform: LineWaveform,
+        range_limits_m: tuple[float, float],
+        range_taper: str,
+        oversample: int,
+        nufft_backend: Backend,
+    ) -> None:
+        self._waveform, self._oversample, self._nufft_backend = waveform, oversample, nufft_backend
+        self.range_m = line_range_axis(waveform, range_limits_m, oversample)
+        weight = line_weights(waveform, range_taper)
+        count = weight.size
+        # |h|^2 has the autocorrelation of the weights as its coefficients, q = -N ... N-1
+        spectrum = np.abs(np.fft.fft(weight, 2 * count)) ** 2
+        self._lags = np.fft.fftshift(np.fft.ifft(spectrum).real) / weight.sum() ** 2
+        self._limits_m = range_limits_m
+        #: Of echoes within the range limits, and of those that reach in from beyond.
+        self._sums = np.zeros((2, 2 * count), dtype=np.complex128)
 
-    Notes
-    -----
-    Echoes beyond the unambiguous range c / 2 PRF fold, as in :func:`.echoes.synthesize`.
-    """
-    accumulator = ProfileAccumulator(
-        radar,
-        range_limits_m,
-        range_taper=range_taper,
-        amplitude_model=amplitude_model,
-        receiver_gain=receiver_gain,
-        oversample=oversample,
-        nufft_backend=nufft_backend,
-    )
-    for part in [paths] if isinstance(paths, Paths) else paths:
-        accumulator.add(part)
-    return accumulator.result()
+    def add(self, range_m: Real, power: Real) -> None:
+        if isinstance(self._waveform, FmcwWaveform):
+            heard = range_m < self._waveform.unambiguous_range_m
+            range_m, power = range_m[heard], power[heard]
+        points = 4 * np.pi * self._waveform.grid_step_hz / SPEED_OF_LIGHT_MPS * range_m
+        cell_m, (start_m, stop_m) = self._waveform.range_resolution_m, self._limits_m
+        after_m, period_m = range_m - start_m + cell_m, self._waveform.range_period_m
+        if not (after_m.min(initial=0.0) >= 0 and after_m.max(initial=0.0) < period_m):
+            after_m = np.mod(after_m, period_m)
+        beyond = after_m > stop_m - start_m + 2 * cell_m
+        _add_sums(self._sums, points, power, beyond, self._nufft_backend)
+
+    def result(self, within: bool = False) -> Real:
+        """Return the power at `range_m`; `within`: of echoes within the range limits alone."""
+        total = self._sums[0] if within else self._sums.sum(axis=0)
+        count = self._waveform.grid_count
+        q = np.arange(-count, count)
+        start = 2 * self.range_m[0] / SPEED_OF_LIGHT_MPS * self._waveform.grid_step_hz
+        size = count * self._oversample
+        padded = np.zeros(max(size, 2 * count), dtype=np.complex128)
+        padded[q % padded.size] = total * self._lags * np.exp(2j * np.pi * q * start)
+        power = np.fft.ifft(padded).real * padded.size
+        return np.asarray(np.maximum(power[: self.range_m.size], 0.0))

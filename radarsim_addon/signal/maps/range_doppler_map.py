@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Range-Doppler map: a Fourier transform over the pulses of every range cell."""
+"""Range-Doppler map: a Fourier transform over the pulses of every range cell.
+
+Before it, a canceller may remove stationary echoes (moving-target indication; Skolnik, 3.2).
+
+White noise: a cell's noise power is that of one raw sample, k T_s fs, times a gain well below 1; a
+path of power P peaks at P. So SNR = P / (k T_s fs gain), which for a matched filter without tapers
+is the textbook's P T / (k T_s) times the number of pulses.
+"""
 
 from __future__ import annotations
 
@@ -22,89 +29,13 @@ from ..radar import (
 )
 from .range_compression import RangeProfiles, line_noise_gain
 
-# -------------------------------------------------------------------------------------------------
-# Dynamic range of a map: levels further below its strongest echo are errors.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Levels further below the strongest cell are rounding of float32 renders [dB]. The range is
 #: smaller with a coarse tolerance of the synthesis.
 MAP_DYNAMICS_DB = 160.0
-
-
-def dynamics_db(tolerance: float) -> float:
-    """Return how far below the strongest cell an echo exceeds the error of the synthesis.
-
-    Parameters
-    ----------
-    tolerance
-        Relative L2 error of the echoes' spectrum.
-
-    Returns
-    -------
-    float
-        Dynamic range [dB], at most `MAP_DYNAMICS_DB`.
-    """
-    return min(MAP_DYNAMICS_DB, 20 - 20 * math.log10(tolerance))
-
-
 #: Lowest level in decibels that a picture or a table gets: 1e-30 in power.
 FLOOR_DB = -300.0
-
-
-def power_to_db(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
-    """Return 10 log10(power / reference), never below a floor.
-
-    Parameters
-    ----------
-    power
-        Any shape; zero gives the floor.
-    reference
-        Power of 0 dB, in the unit of `power`.
-    floor_db
-        Smallest level [dB].
-
-    Returns
-    -------
-    ndarray
-        Levels in the shape of `power` [dB].
-    """
-    level = np.full(np.shape(power), float(floor_db))
-    relative = np.asarray(power, dtype=np.float64) / reference
-    np.log10(relative, out=level, where=relative > 0)
-    return np.asarray(np.maximum(np.where(relative > 0, 10 * level, floor_db), floor_db))
-
-
-def level_unit(amplitude_model: str) -> str:
-    """Return the unit of a level.
-
-    Parameters
-    ----------
-    amplitude_model
-        See :func:`.scattering.path_amplitude`.
-
-    Returns
-    -------
-    str
-        "dBW" with "radar-equation", whose powers are watts, else "dB".
-    """
-    return power_unit(amplitude_model) or "dB"
-
-
-def power_unit(amplitude_model: str) -> str:
-    """Return the unit of a picture's powers in decibels.
-
-    Parameters
-    ----------
-    amplitude_model
-        See :func:`.scattering.path_amplitude`.
-
-    Returns
-    -------
-    str
-        "dBW", or "" where powers are no watts.
-    """
-    return "dBW" if amplitude_model == "radar-equation" else ""
+#: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
+_WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6**0.5}
 
 
 @dataclass(frozen=True)
@@ -178,7 +109,7 @@ def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> 
     compressed
         Compressed pulses.
     doppler_taper
-        Window over the pulses, see :mod:`.radar.windows`.
+        Window over the pulses, see :func:`.radar.window_at`.
 
     Returns
     -------
@@ -206,28 +137,8 @@ def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> 
     )
 
 
-# -------------------------------------------------------------------------------------------------
-# White noise after processing: the floor of profiles and maps, for every waveform.
-#
-# A cell's noise power is that of one raw sample, k T_s fs, times a gain well below 1; a path of
-# power P peaks at P. So SNR = P / (k T_s fs gain), which for a matched filter without tapers is the
-# textbook's P T / (k T_s) times the number of pulses.
-# -------------------------------------------------------------------------------------------------
-
-
 def coherent_samples(radar: Radar) -> int:
-    """Return the number of raw samples that add up coherently in one pulse's range cell.
-
-    Parameters
-    ----------
-    radar
-        Waveform and burst.
-
-    Returns
-    -------
-    int
-        Number of samples.
-    """
+    """Return the number of raw samples that add up coherently in one pulse's range cell."""
     waveform = radar.waveform
     if isinstance(waveform, LineWaveform):
         repeats = waveform.code_repeats if isinstance(waveform, PmcwWaveform) else 1
@@ -276,11 +187,6 @@ def map_noise_gain(
     """
     weight = slow_time_window(doppler_taper, radar.burst.pulses)
     return range_noise_gain(radar, range_taper) * float(np.sum(weight**2) / weight.sum() ** 2)
-
-
-# -------------------------------------------------------------------------------------------------
-# Moving-target indication: cancellers that remove stationary echoes (Skolnik, 3.2).
-# -------------------------------------------------------------------------------------------------
 
 
 #: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
@@ -347,24 +253,17 @@ def mti_response(pulses: int, doppler_hz: Real | float, prf_hz: float) -> Real:
     return np.asarray(2 * squared if pulses == 2 else 8 / 3 * squared**2)
 
 
+def _check_pulses(pulses: int) -> None:
+    if pulses not in _WEIGHTS:
+        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")
+
+
 def map_noise_rows(
     rd_map: RangeDopplerMap, range_taper: str, doppler_taper: str, mti: int = 0
 ) -> Real:
-    """Return the noise power of each row of a map over that of a raw complex sample.
+    """Return the noise power of each row of a map over that of a raw complex sample, (Doppler,).
 
-    Parameters
-    ----------
-    rd_map
-        Map whose rows are asked for.
-    range_taper, doppler_taper
-        Range taper and Doppler taper by name.
-    mti
-        Pulses of the canceller of the map, 0 for none: its noise is not white in Doppler.
-
-    Returns
-    -------
-    ndarray
-        Power gain, (Doppler,); without a canceller `map_noise_gain`.
+    After a canceller of `mti` pulses (0: none) it is not white in Doppler.
     """
     taper = slow_time_window(doppler_taper, rd_map.values.shape[1])
     weights = _WEIGHTS[mti] if mti else np.ones(1)
@@ -377,6 +276,44 @@ def map_noise_rows(
     return np.asarray(range_noise_gain(rd_map.radar, range_taper) * rows / taper.sum() ** 2)
 
 
-def _check_pulses(pulses: int) -> None:
-    if pulses not in _WEIGHTS:
-        raise ConfigError(f"MTI canceller of {pulses!r} pulses; expected 2 or 3.")
+def dynamics_db(tolerance: float) -> float:
+    """Return how far below the strongest cell an echo exceeds the error of the synthesis [dB].
+
+    `tolerance` is the relative L2 error of the echoes' spectrum.
+    """
+    return min(MAP_DYNAMICS_DB, 20 - 20 * math.log10(tolerance))
+
+
+def power_to_db(power: Real, reference: float = 1.0, floor_db: float = FLOOR_DB) -> Real:
+    """Return 10 log10(power / reference), never below a floor.
+
+    Parameters
+    ----------
+    power
+        Any shape; zero gives the floor.
+    reference
+        Power of 0 dB, in the unit of `power`.
+    floor_db
+        Smallest level [dB].
+
+    Returns
+    -------
+    ndarray
+        Levels in the shape of `power` [dB].
+    """
+    level = np.full(np.shape(power), float(floor_db))
+    relative = np.asarray(power, dtype=np.float64) / reference
+    np.log10(relative, out=level, where=relative > 0)
+    return np.asarray(np.maximum(np.where(relative > 0, 10 * level, floor_db), floor_db))
+
+
+def level_unit(amplitude_model: str) -> str:
+    """Return the unit of a level: "dBW" with "radar-equation", whose powers are watts, else
+    "dB".
+    """
+    return power_unit(amplitude_model) or "dB"
+
+
+def power_unit(amplitude_model: str) -> str:
+    """Return the unit of a picture's powers in decibels: "dBW", or "" where powers are no watts."""
+    return "dBW" if amplitude_model == "radar-equation" else ""

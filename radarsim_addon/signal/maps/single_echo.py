@@ -44,26 +44,16 @@ _NEAREST_M = 1e-6
 
 @dataclass(frozen=True)
 class Recording:
-    """A range-Doppler map with its samples.
+    """A range-Doppler map with its samples."""
 
-    Attributes
-    ----------
-    echoes
-        The samples, with the range limits of the record.
-    range_limits_m
-        Ranges of the map, possibly beyond those limits [m].
-    rd_map
-        The map.
-    mti
-        Pulses of the canceller, 0 for none.
-    strongest
-        Highest power of a range cell in any pulse, before the canceller.
-    """
-
+    #: The samples, with the range limits of the record.
     echoes: Echoes
+    #: Ranges of the map, possibly beyond those limits.
     range_limits_m: tuple[float, float]
     rd_map: RangeDopplerMap
+    #: Pulses of the canceller, 0 for none.
     mti: int
+    #: Highest power of a range cell in any pulse, before the canceller.
     strongest: float
 
     @classmethod
@@ -75,8 +65,10 @@ class Recording:
         mti: int,
         compressed: RangeProfiles | None = None,
     ) -> Recording:
-        """Return a map over other range limits [m], otherwise processed as `rd_map`, of whose
-        profiles (`compressed`) it is made where they are known and over the same ranges.
+        """Return a map over other range limits, otherwise processed as `rd_map`.
+
+        It is made of that map's profiles (`compressed`) where they are known and over the same
+        ranges.
         """
         wide, found = rd_map, compressed
         if found is None or not np.array_equal(
@@ -92,21 +84,14 @@ class Recording:
 
 @dataclass(frozen=True)
 class PointResponse:
-    """Response of a map to one echo: ``doppler @ ranges``, its magnitude at the echo about 1.
+    """Response of a map to one echo: ``doppler @ ranges``, its magnitude at the echo about 1."""
 
-    Attributes
-    ----------
-    doppler
-        (Doppler, Q), complex.
-    ranges
-        (Q, ranges), complex.
-    image
-        Response to its image at negative beats and the opposite Doppler, which a real ADC adds
-        with the conjugate amplitude; None for a complex ADC.
-    """
-
+    #: (Doppler, Q).
     doppler: Complex
+    #: (Q, ranges).
     ranges: Complex
+    #: Response to its image at negative beats and the opposite Doppler, which a real ADC adds with
+    #: the conjugate amplitude; None for a complex ADC.
     image: PointResponse | None = None
 
     @property
@@ -125,23 +110,11 @@ class PointResponse:
 def point_response(
     recording: Recording, range_m: float, cycles: float, folds: int = 0
 ) -> PointResponse:
-    """Return the response to an echo at a range and a Doppler of the map.
+    """Return the response to an echo at a range in the middle of the burst and a Doppler of the
+    map.
 
-    Parameters
-    ----------
-    recording
-        The map and its samples.
-    range_m
-        One-way range of the echo in the middle of the burst, in the map [m].
-    cycles
-        Doppler, cycles per pulse.
-    folds
-        Turns per pulse of the Doppler ambiguity: the echo migrates with cycles + folds.
-
-    Returns
-    -------
-    PointResponse
-        Factors of the response.
+    `cycles` is the Doppler in cycles per pulse, `folds` are the turns per pulse of its ambiguity:
+    the echo migrates with cycles + folds.
     """
     radar = recording.echoes.radar
     pulses, waveform = radar.burst.pulses, radar.waveform
@@ -167,22 +140,9 @@ def point_response(
 def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     """Return the range of an echo beyond the range limits that fits a line of the map best.
 
-    An echo that the end of the record cuts need not peak at its range. All ranges on that side are
-    tried, half a sample apart.
-
-    Parameters
-    ----------
-    recording
-        The map and its samples, of pulses.
-    line
-        Row of the map at the echo's Doppler, (ranges,).
-    range_m
-        Range of its peak, on that side of the limits [m].
-
-    Returns
-    -------
-    float
-        One-way range [m].
+    An echo that the end of the record cuts need not peak at its range. All ranges on that side of
+    the limits are tried, half a sample apart. `line` is the row of the map at the echo's Doppler,
+    `range_m` the range of its peak.
     """
     echoes, (start_m, stop_m) = recording.echoes, recording.range_limits_m
     waveform, radar = echoes.radar.waveform, echoes.radar
@@ -203,83 +163,14 @@ def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
 
 
 def fit_point(own: Complex, patch: Complex) -> tuple[complex, float]:
-    """Fit a response to a patch of a map by least squares.
+    """Fit a response to a patch of a map in the same cells by least squares.
 
-    Parameters
-    ----------
-    own, patch
-        Response and map in the same cells, of one shape.
-
-    Returns
-    -------
-    amplitude, fraction
-        Of the echo, and of the patch's energy that its response contains (0 to 1).
+    Returns the amplitude of the echo, and the fraction of the patch's energy in its response.
     """
     norm = max(float(np.vdot(own, own).real), 1e-300)
     product = complex(np.vdot(own, patch))
     energy = max(float(np.vdot(patch, patch).real), 1e-300)
     return product / norm, abs(product) ** 2 / (norm * energy)
-
-
-def _unit_echo(
-    recording: Recording,
-    radar: Radar,
-    range_m: float,
-    range_rate_mps: float = 0.0,
-    within_pulse: bool = False,
-) -> Echoes:
-    """Echoes of one scatterer with amplitude 1 in the recording's receive window."""
-    aperture_m2 = radar.waveform.wavelength_m**2 / (4 * math.pi)
-    limits_m = recording.echoes.range_limits_m
-    options = EchoOptions(nufft_backend="direct", motion_within_pulse=within_pulse)
-    synthesizer = synthesizer_for(radar, limits_m, options)
-    synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m, range_rate_mps))
-    return dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
-
-
-def _doppler(recording: Recording, trains: Complex) -> Complex:
-    """Apply canceller, taper and transform of the map to pulse trains (pulses, Q)."""
-    radar, rd_map = recording.echoes.radar, recording.rd_map
-    columns = np.arange(trains.shape[1], dtype=np.float64)
-    profiles = RangeProfiles(trains[None], columns, radar, rd_map.range_taper)
-    return _map(profiles, recording.mti, rd_map.doppler_taper).plane
-
-
-def _map(profiles: RangeProfiles, mti: int, doppler_taper: str) -> RangeDopplerMap:
-    return range_doppler(mti_cancel(profiles, mti) if mti else profiles, doppler_taper)
-
-
-def _lagrange(nodes: Real, places: Real) -> Real:
-    """Return the polynomials that are 1 at one Chebyshev node, (places, nodes), at `places`."""
-    count = nodes.size
-    weights = (-1.0) ** np.arange(count) * np.sin((2 * np.arange(count) + 1) * np.pi / (2 * count))
-    apart = places[:, None] - nodes[None, :]
-    hit = np.abs(apart) < 1e-14
-    terms = weights / np.where(hit, 1.0, apart)
-    values = terms / terms.sum(axis=1, keepdims=True)
-    on_node = hit.any(axis=1)
-    values[on_node] = hit[on_node]
-    return np.asarray(values)
-
-
-def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
-    """How much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a chirp.
-
-    A Doppler shift turns the spectrum W of w(t) by the spectrum T of t w(t); the slope of its phase
-    over the band is a delay. Codes of PMCW are shown in the middle of their repeats.
-    """
-    samples = replica(waveform)
-    times_s = (np.arange(samples.size) - (samples.size - 1) / 2) / waveform.sampling_rate_hz
-    repeats = isinstance(waveform, PmcwWaveform)
-    size = samples.size * (1 if repeats else 4)
-    f = frequencies_hz(waveform, size)
-    spectrum = np.fft.fft(samples, size)
-    late = np.fft.fft(times_s * samples, size)
-    size_of = np.maximum(np.abs(spectrum), 1e-300)
-    weight = 1.0 if repeats else np.abs(matched_filter(waveform, size, range_taper)) / size_of
-    slope = np.sum(weight * f * (late * np.conj(spectrum)).real)
-    coupling = slope / np.sum(weight * f**2 * np.abs(spectrum) ** 2)
-    return float(waveform.carrier_hz * coupling + (waveform.duration_s / 2 if repeats else 0.0))
 
 
 def _profiles(
@@ -306,7 +197,7 @@ def _profiles(
 def _still_profiles(
     recording: Recording, waveform: FmcwWaveform | SteppedWaveform, ranges_m: Real
 ) -> tuple[Complex, Complex | None]:
-    """`_profiles` of stationary echoes at these ranges, with beats from their closed form."""
+    """Return `_profiles` of stationary echoes, with beats from their closed form."""
     real = False
     if isinstance(waveform, FmcwWaveform) and waveform.real_adc:
         real = True
@@ -332,7 +223,69 @@ def _still_profiles(
     return own, _compressed(recording, dataclasses.replace(echo, samples=np.conj(beats)[None]))
 
 
+def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
+    """Return how much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a
+    chirp.
+
+    A Doppler shift turns the spectrum W of w(t) by the spectrum T of t w(t); the slope of its phase
+    over the band is a delay. Codes of PMCW are shown in the middle of their repeats.
+    """
+    samples = replica(waveform)
+    times_s = (np.arange(samples.size) - (samples.size - 1) / 2) / waveform.sampling_rate_hz
+    repeats = isinstance(waveform, PmcwWaveform)
+    size = samples.size * (1 if repeats else 4)
+    f = frequencies_hz(waveform, size)
+    spectrum = np.fft.fft(samples, size)
+    late = np.fft.fft(times_s * samples, size)
+    size_of = np.maximum(np.abs(spectrum), 1e-300)
+    weight = 1.0 if repeats else np.abs(matched_filter(waveform, size, range_taper)) / size_of
+    slope = np.sum(weight * f * (late * np.conj(spectrum)).real)
+    coupling = slope / np.sum(weight * f**2 * np.abs(spectrum) ** 2)
+    return float(waveform.carrier_hz * coupling + (waveform.duration_s / 2 if repeats else 0.0))
+
+
+def _unit_echo(
+    recording: Recording,
+    radar: Radar,
+    range_m: float,
+    range_rate_mps: float = 0.0,
+    within_pulse: bool = False,
+) -> Echoes:
+    """Return echoes of one scatterer with amplitude 1 in the recording's receive window."""
+    aperture_m2 = radar.waveform.wavelength_m**2 / (4 * math.pi)
+    limits_m = recording.echoes.range_limits_m
+    options = EchoOptions(nufft_backend="direct", motion_within_pulse=within_pulse)
+    synthesizer = synthesizer_for(radar, limits_m, options)
+    synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m, range_rate_mps))
+    return dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
+
+
 def _compressed(recording: Recording, echo: Echoes) -> Complex:
-    """Profiles of echoes over the ranges of the map, (pulses, ranges)."""
+    """Return profiles of echoes over the ranges of the map, (pulses, ranges)."""
     found = range_process(echo, recording.rd_map.range_taper).values[0]
     return np.asarray(found[:, : recording.rd_map.range_m.size])
+
+
+def _lagrange(nodes: Real, places: Real) -> Real:
+    """Return the polynomials that are 1 at one Chebyshev node, (places, nodes), at `places`."""
+    count = nodes.size
+    weights = (-1.0) ** np.arange(count) * np.sin((2 * np.arange(count) + 1) * np.pi / (2 * count))
+    apart = places[:, None] - nodes[None, :]
+    hit = np.abs(apart) < 1e-14
+    terms = weights / np.where(hit, 1.0, apart)
+    values = terms / terms.sum(axis=1, keepdims=True)
+    on_node = hit.any(axis=1)
+    values[on_node] = hit[on_node]
+    return np.asarray(values)
+
+
+def _doppler(recording: Recording, trains: Complex) -> Complex:
+    """Apply canceller, taper and transform of the map to pulse trains (pulses, Q)."""
+    radar, rd_map = recording.echoes.radar, recording.rd_map
+    columns = np.arange(trains.shape[1], dtype=np.float64)
+    profiles = RangeProfiles(trains[None], columns, radar, rd_map.range_taper)
+    return _map(profiles, recording.mti, rd_map.doppler_taper).plane
+
+
+def _map(profiles: RangeProfiles, mti: int, doppler_taper: str) -> RangeDopplerMap:
+    return range_doppler(mti_cancel(profiles, mti) if mti else profiles, doppler_taper)

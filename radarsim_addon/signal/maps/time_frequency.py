@@ -102,7 +102,7 @@ def spectrogram(
         Window, overlap and range limits; the defaults where None. The object is the caller's
         matter, who hands in its echoes.
     doppler_taper
-        Window over the pulses of a transform, see :mod:`.radar.windows`.
+        Window over the pulses of a transform, see :func:`.radar.window_at`.
 
     Returns
     -------
@@ -164,7 +164,7 @@ def spectrogram(
 
 
 def _response_energy(radar: Radar, range_taper: str, step_m: float) -> float:
-    """Sum of |response|^2 of a unit path over range cells that are `step_m` apart."""
+    """Return the sum of |response|^2 of a unit path over range cells that are `step_m` apart."""
     waveform = radar.waveform
     reach_m = min(
         _RESPONSE_CELLS * waveform.range_resolution_m, waveform.unambiguous_range_m / 2.01

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Figures of echoes, profiles, maps and antennas. Imports matplotlib when it draws.
 
-In: results of earlier rooms. Out: matplotlib figures and PNG or GIF files.
+`figure` has what all pictures share: numbers and units, joined cells, sheets that are drawn once
+for many frames, numbered points. `echo`, `profile`, `map` and `antennas` draw one kind each,
+`frame_pictures` all pictures of a frame and the animation of a run's maps.
 """
 
 from .antennas import ANTENNA_PICTURE, COVERAGE_PICTURE, plot_antennas, plot_coverage

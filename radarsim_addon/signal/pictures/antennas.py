@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Antenna patterns: peak, beamwidths, and a picture of the cuts through the peak."""
+"""Pictures of antenna patterns (cuts through the peak) and of coverage diagrams."""
 
 from __future__ import annotations
 
@@ -35,21 +35,13 @@ _DYNAMICS_DB = 60.0
 _HEADROOM_DB = 12.0
 #: Cuts are drawn this many half-power beamwidths to each side, at most the full circle.
 _BEAMWIDTHS = 12.0
+COVERAGE_PICTURE = "coverage.png"
+#: Levels that are drawn, over that of free space [dB].
+_LEAST_DB, _MOST_DB = -40.0, 12.5
 
 
 def plot_antennas(system: RadarSystem) -> Figure:
-    """Draw cuts through the peak of both antennas, around the beam and over the full circle.
-
-    Parameters
-    ----------
-    system
-        Link budget with the antennas at a wavelength.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The picture.
-    """
+    """Draw cuts through the peak of both antennas, around the beam and over the full circle."""
     figure = new_figure(11, 8)
     for row, (title, antenna) in enumerate(
         (("Transmitter", system.transmitter), ("Receiver", system.receiver))
@@ -108,16 +100,6 @@ def _draw(near: Axes, round_: PolarAxes, antenna: PeakedAntenna, title: str) -> 
     round_.set_title("full circle", fontsize=10)
 
 
-# -------------------------------------------------------------------------------------------------
-# Picture of a coverage diagram: levels over height and range, and the curve at one range.
-# -------------------------------------------------------------------------------------------------
-
-
-COVERAGE_PICTURE = "coverage.png"
-#: Levels that are drawn, over that of free space [dB].
-_LEAST_DB, _MOST_DB = -40.0, 12.5
-
-
 def decibels(power: Real) -> Real:
     """Return powers in decibels, NaN where there is none."""
     with np.errstate(divide="ignore"):
@@ -127,19 +109,9 @@ def decibels(power: Real) -> Real:
 def plot_coverage(found: Coverage, curve: CoverageCurve) -> Figure:
     """Draw a coverage diagram.
 
-    Parameters
-    ----------
-    found
-        Diagram.
-    curve
-        Its curve at one range.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Left: the pattern-propagation factor F^4 over range and height, with the line on which the
-        echo is as strong as at the last range in free space. Right: the curve, and the flat
-        two-ray model.
+    Left: the pattern-propagation factor F^4 over range and height, with the line on which the echo
+    is as strong as at the last range in free space. Right: the curve at one range, and the flat
+    two-ray model.
     """
     figure = new_figure(13, 6.5)
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 1))
@@ -178,7 +150,7 @@ def plot_coverage(found: Coverage, curve: CoverageCurve) -> Figure:
 
 
 def _draw_lines(axes: Axes, found: Coverage, x: Real, level_db: Real) -> None:
-    """The line of equal echoes, and that below which rays do not hold."""
+    """Draw the line of equal echoes, and that below which rays do not hold."""
     free_db = 40 * np.log10(found.range_m[-1] / found.range_m)
     echo_db = level_db + free_db
     if np.nanmin(echo_db) < 0 < np.nanmax(echo_db):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture of the raw samples: magnitude and real part, pulse against fast time."""
+"""Pictures of the raw samples, pulse against fast time, and of the rings that they come from."""
 
 from __future__ import annotations
 
@@ -44,6 +44,8 @@ _SPAN_DB = 60.0
 _MOST_SAMPLES, _MOST_PULSES = 900, 280
 #: Real parts are drawn in units in which their limit is below this.
 _WIDEST = 999.0
+#: Widest picture of one ring in the montage [px].
+_THUMBNAIL_PX = 480
 
 
 def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
@@ -88,7 +90,7 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
 
 
 def draw_echo(echoes: Echoes, title: str) -> NDArray[np.uint8] | None:
-    """The picture of `plot_echo` of a burst, (height, width, 3); None of a single pulse."""
+    """Return the picture of `plot_echo` of a burst, (height, width, 3); None for a single pulse."""
     if echoes.plane.shape[0] == 1:
         return None
     burst, sheet = _sheet(_axes_of(echoes))
@@ -98,7 +100,7 @@ def draw_echo(echoes: Echoes, title: str) -> NDArray[np.uint8] | None:
 
 @dataclass(frozen=True)
 class _Axes:
-    """What the axes of a picture are made of: time, its unit, kind of waveform, rows."""
+    """Parts of the axes of a picture: time, its unit, kind of waveform, rows."""
 
     across: CellAxis
     along: CellAxis
@@ -111,14 +113,18 @@ class _Axes:
 def _axes_of(echoes: Echoes) -> _Axes:
     unit = time_unit(float(np.abs(echoes.fast_time_s).max()))
     waveform = echoes.radar.waveform
-    # each sample of a line holds the echoes of all ranges
+    prf_hz = echoes.radar.burst.prf_hz
+    hertz = frequency_unit(prf_hz)
+    rate = f"PRF {prf_hz / hertz.size:.6g} {hertz.name}"
+    rows = echoes.samples.shape[1] // echoes.radar.burst.pulses
     return _Axes(
         cell_axis(echoes.fast_time_s, _MOST_SAMPLES, unit.size),
         cell_axis(np.arange(echoes.plane.shape[0], dtype=np.float64), _MOST_PULSES),
         unit,
+        # each sample of a line holds the echoes of all ranges
         _LINE_BEGINS[waveform.kind] if waveform.family == "line" else "",
         range_unit(float(echoes.fast_time_s[-1]) * SPEED_OF_LIGHT_MPS / 2),
-        _row_text(echoes),
+        f"pulse ({rate})" if rows == 1 else f"code ({rows} per pulse, {rate})",
     )
 
 
@@ -185,7 +191,6 @@ class _Burst:
         _label_times(first, second, axes)
 
     def show(self, echoes: Echoes, scale: _Scale, title: str) -> None:
-        """Fill the figure."""
         joined = strongest(np.abs(echoes.plane), self._steps)
         self.images[0].set_data(power_to_db(joined**2, scale.top**2 or 1.0, -_SPAN_DB))
         self.images[1].set_data(echoes.plane.real / scale.size)
@@ -220,15 +225,6 @@ def _say_empty(*axes: Axes) -> None:
         )  # fmt: skip
 
 
-def _row_text(echoes: Echoes) -> str:
-    """Return the name of a row of samples and its rate."""
-    prf_hz = echoes.radar.burst.prf_hz
-    unit = frequency_unit(prf_hz)
-    rate = f"PRF {prf_hz / unit.size:.6g} {unit.name}"
-    rows = echoes.samples.shape[1] // echoes.radar.burst.pulses
-    return f"pulse ({rate})" if rows == 1 else f"code ({rows} per pulse, {rate})"
-
-
 def _label_times(first: Axes, second: Axes, axes: _Axes) -> None:
     second.ticklabel_format(axis="x", useOffset=False)
     if axes.line_begins:
@@ -237,15 +233,6 @@ def _label_times(first: Axes, second: Axes, axes: _Axes) -> None:
     second.set_xlabel(f"fast time since the middle of the pulse [{axes.time.name}]")
     factor = SPEED_OF_LIGHT_MPS / 2 * axes.time.size / axes.range_unit.size
     scale_on_top(first, factor, f"one-way range of the echo's middle [{axes.range_unit.name}]")
-
-
-# -------------------------------------------------------------------------------------------------
-# Picture of all rings of a frame.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Widest picture of one ring in the montage [px].
-_THUMBNAIL_PX = 480
 
 
 def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60.0) -> Figure:
@@ -297,10 +284,8 @@ def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60
             axis.set_title(f"{ring * step_m:g}-{(ring + 1) * step_m:g} m", fontsize=7, pad=2)
     bar = figure.colorbar(axes.flat[0].images[0], ax=axes, fraction=0.02)
     bar.set_label("radiance\n[dB re strongest pixel]", fontsize=8)
-    later = (
-        ""
-        if snapshot_index == 0
-        else f", second snapshot, {frame.record.snapshot_interval_s:g} s later"
-    )
+    later = ""
+    if snapshot_index:
+        later = f", second snapshot, {frame.record.snapshot_interval_s:g} s later"
     figure.suptitle(f"Rings, frame {frame.number}, t = {frame.time_s:.4g} s{later}", fontsize=10)
     return figure

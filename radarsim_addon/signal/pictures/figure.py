@@ -1,7 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Figures of the results. matplotlib is imported with the first one, and pyplot never.
+"""Shared parts of all figures. matplotlib is imported with the first one, and pyplot never.
 
-Each function returns a matplotlib Figure: a notebook shows it, :func:`save_figure` writes it.
+Numbers for people have no "-0.0", as many digits as the cells support, km for long ranges; stored
+values are never rounded. Cells beyond the resolution of a screen are joined, and the strongest
+counts: a picture with more rows than pixels would omit rows, and with them targets of one row.
+
+Axes with their ticks and texts take longer to make, to lay out and to draw than what differs from
+frame to frame. A `Sheet` is laid out with texts of its own, so that a picture does not depend on
+those drawn before it.
 """
 
 from __future__ import annotations
@@ -34,15 +40,20 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
 
-# -------------------------------------------------------------------------------------------------
-# Numbers and units for people: no "-0.0", as many digits as the cells support, km for long ranges.
-#
-# Functions of this module return text; stored values are never rounded.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Maximum number of decimals: float64 holds no more of a range of metres.
 _MOST_DIGITS = 12
+#: Pixels per inch of files.
+DPI = 120
+#: Text as high as any, in place of one that changes.
+TALL_TEXT = "[(|g"
+#: Places of a number around its point [pt]; the first one that is free is used.
+_OFFSETS_PT = tuple(
+    (far * across, far * up)
+    for far in (1, 2, 3)
+    for across, up in ((9, 8), (-9, 8), (9, -8), (-9, -8), (0, 12), (0, -12), (13, 0), (-13, 0))
+)
+#: Half of the width and height of a number [pt].
+_HALF_PT = 4.5
 
 
 @dataclass(frozen=True)
@@ -54,21 +65,8 @@ class Unit:
 
 
 def fixed(value: float, decimals: int, *, signed: bool = False) -> str:
-    """Return a number with `decimals` decimals; zero has no sign.
-
-    Parameters
-    ----------
-    value
-        Number, finite or not.
-    decimals
-        Digits after the point, 0 or more.
-    signed
-        Whether a positive number has a plus sign.
-
-    Returns
-    -------
-    str
-        The number.
+    """Return a number with `decimals` decimals; zero has no sign, `signed` gives positive ones a
+    plus.
     """
     text = f"{value:{'+' if signed else ''}z.{decimals}f}"
     # the option z takes the minus from zero, not the plus
@@ -76,17 +74,8 @@ def fixed(value: float, decimals: int, *, signed: bool = False) -> str:
 
 
 def decimals_for(step: float) -> int:
-    """Return the number of decimals that shows a tenth of a step.
-
-    Parameters
-    ----------
-    step
-        Step such as the width of a cell, in the unit of the text.
-
-    Returns
-    -------
-    int
-        0 to 12; 0 if the step is not finite or not positive.
+    """Return the number of decimals that shows a tenth of a step; 0 if it is not finite or
+    positive.
     """
     if not (math.isfinite(step) and step > 0):
         return 0
@@ -94,18 +83,7 @@ def decimals_for(step: float) -> int:
 
 
 def cell_width(centres: ArrayLike) -> float:
-    """Return the distance between the evenly spaced cells of an axis.
-
-    Parameters
-    ----------
-    centres
-        Centres of the cells, (cells,).
-
-    Returns
-    -------
-    float
-        In the unit of the centres; 0 for a single cell.
-    """
+    """Return the distance between the evenly spaced cells of an axis; 0 for a single cell."""
     values = np.asarray(centres, dtype=np.float64)
     return float(abs(values[1] - values[0])) if values.size > 1 else 0.0
 
@@ -159,13 +137,6 @@ def with_minus(text: str) -> str:
     return re.sub(r"-(?=[\d.])", "\N{MINUS SIGN}", text)
 
 
-# -------------------------------------------------------------------------------------------------
-# Cells of a picture: cells beyond the resolution of a screen are joined, and the strongest counts.
-#
-# A picture with more rows than pixels would omit rows, and with them targets of one row.
-# -------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class CellAxis:
     """Outer edges of the joined cells of a picture's axis, in the axis' unit.
@@ -202,39 +173,13 @@ def strongest(values: Real, steps: Sequence[int]) -> Real:
     return values
 
 
-#: Pixels per inch of files.
-DPI = 120
-
-
 def has_matplotlib() -> bool:
-    """Whether matplotlib is installed.
-
-    Returns
-    -------
-    bool
-        True if pictures can be drawn.
-    """
+    """Return whether matplotlib is installed."""
     return importlib.util.find_spec("matplotlib") is not None
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """Return an empty figure that does not belong to pyplot.
-
-    Parameters
-    ----------
-    width_in, height_in
-        Size [inches].
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        With constrained layout and an Agg canvas.
-
-    Raises
-    ------
-    MissingDependencyError
-        matplotlib is not installed.
-    """
+    """Return an empty figure with constrained layout that does not belong to pyplot."""
     if not has_matplotlib():
         raise MissingDependencyError(
             "matplotlib is not installed, so no pictures can be drawn. Install it with "
@@ -307,29 +252,8 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = DPI) -> Path:
     return path
 
 
-# -------------------------------------------------------------------------------------------------
-# Figures whose axes are drawn once for many pictures: of frames with the same axes.
-#
-# Axes with their ticks and texts take longer to make, to lay out and to draw than what differs from
-# frame to frame. A sheet is laid out with texts of its own, so that a picture does not depend on
-# those drawn before it.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Text as high as any, in place of one that changes.
-TALL_TEXT = "[(|g"
-
-
 class Sheet:
-    """A figure that is laid out and drawn once, but for what changes.
-
-    Parameters
-    ----------
-    figure
-        The figure; nothing but `changing` will change in it.
-    changing
-        What changes, in the order in which it is drawn.
-    """
+    """A figure that is laid out and drawn once, except what changes, in the order of drawing."""
 
     def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: int = DPI) -> None:
         figure.set_dpi(dpi)
@@ -351,7 +275,7 @@ class Sheet:
         self._still = set(self._children())
 
     def _children(self) -> list[Artist]:
-        """All but those of axes that change themselves."""
+        """Return all parts, without those of axes that change themselves."""
         still = [axes for axes in self._figure.axes if axes not in self._changing]
         return [child for part in (self._figure, *still) for child in part.get_children()]
 
@@ -373,21 +297,6 @@ def save_picture(pixels: NDArray[np.uint8], path: Path) -> Path:
     with replaced(path) as temporary:
         temporary.write_bytes(png_bytes(pixels, DPI))
     return path
-
-
-# -------------------------------------------------------------------------------------------------
-# Numbers at points of a picture, and the texts that belong to them below it.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Places of a number around its point [pt]; the first one that is free is used.
-_OFFSETS_PT = tuple(
-    (far * across, far * up)
-    for far in (1, 2, 3)
-    for across, up in ((9, 8), (-9, 8), (9, -8), (-9, -8), (0, 12), (0, -12), (13, 0), (-13, 0))
-)
-#: Half of the width and height of a number [pt].
-_HALF_PT = 4.5
 
 
 def number_points(

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of a frame: ``png``."""
+"""The pictures of a frame (writer "png"), and the animation of a run's range-Doppler maps.
+
+All maps of an animation have the same axes and colours; it is a GIF or MP4.
+"""
 
 from __future__ import annotations
 
@@ -34,25 +37,16 @@ from .map import (
 from .profile import draw_range_profile
 
 _NAMES = ("rings", "echo", "range_profile", "range_doppler", "clutter", "spectrogram")
+#: Pictures per second.
+FRAMES_PER_SECOND = 5
+#: Pixels per inch.
+_DPI = 80
+_ARRAYS = ("doppler_hz", "velocity_mps", "range_m", "power")
 
 
 @result_writer("png", *(f"_{name}.png" for name in _NAMES))
 def draw_results(result: FrameResult, folder: Path) -> list[Path]:
-    """Draw the pictures of a frame.
-
-    Parameters
-    ----------
-    result
-        Result of a frame. The images of rings are read again.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``; of rings ``_rings.png``, with
-        clutter ``_clutter.png``, where there is a spectrogram ``_spectrogram.png``, too.
-    """
+    """Draw the pictures of a frame into an existing folder; images of rings are read again."""
     title = f"frame {result.frame}, t = {result.time_s:.4g} s"
     if uncertain := result.budget.uncertain_text:
         title += f", {uncertain}"
@@ -112,53 +106,21 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
     return files
 
 
-# -------------------------------------------------------------------------------------------------
-# Range-Doppler maps of a run as GIF or MP4, with the same axes and colours in all frames.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Pictures per second.
-FRAMES_PER_SECOND = 5
-#: Pixels per inch.
-_DPI = 80
-_ARRAYS = ("doppler_hz", "velocity_mps", "range_m", "power")
-
-
 @dataclass(frozen=True)
 class MapFile:
-    """A frame's ``_map.npz``, and what its picture needs before the file is read.
-
-    Attributes
-    ----------
-    path
-        The file.
-    frame, time_s
-        Number and scene time [s] of the frame, written above the picture.
-    strongest, median, noise_power
-        Power of the strongest cell, median of all, and mean noise of a cell (0: not known).
-    """
+    """A frame's ``_map.npz``, and what its picture needs before the file is read."""
 
     path: Path
     frame: int
     time_s: float
+    #: Power of the strongest cell, median of all, and mean noise of a cell (0: not known).
     strongest: float
     median: float
     noise_power: float
 
 
 def map_file(result: FrameResult, folder: Path) -> MapFile:
-    """Describe the map that the writer "npz" wrote.
-
-    Parameters
-    ----------
-    result, folder
-        Result of a frame, and where it was written.
-
-    Returns
-    -------
-    MapFile
-        Path of the map, and the numbers that set its colours.
-    """
+    """Describe the map that the writer "npz" wrote into a folder."""
     return MapFile(
         frame_file(folder, result.frame, "_map.npz"),
         result.frame,
@@ -169,48 +131,17 @@ def map_file(result: FrameResult, folder: Path) -> MapFile:
 
 
 def common_scale(maps: Sequence[MapFile], unit: str = "") -> ColourScale:
-    """Return the colours that all maps share, without a look into their files.
-
-    Parameters
-    ----------
-    maps
-        At least one.
-    unit
-        Unit of the powers in decibels, such as "dBW"; "": unknown.
-
-    Returns
-    -------
-    ColourScale
-        Decibels relative to the strongest cell of all frames.
-    """
+    """Return the colours that all maps share, without a look into their files."""
     top, noise_power = max(item.strongest for item in maps), maps[-1].noise_power
     floor_db = max(floor_db_of(top, item.median, noise_power) for item in maps)
     return ColourScale(top, floor_db, noise_power, unit, "strongest cell of all")
 
 
 def animate_maps(maps: Sequence[MapFile], out: Path, scale: ColourScale) -> Path:
-    """Write the maps of several frames as a GIF or MP4 file, read one at a time.
+    """Write the maps of several frames, in order of display, as a .gif or .mp4 file; return it.
 
-    Parameters
-    ----------
-    maps
-        Maps in order of display, all with the same axes.
-    out
-        File to write; its ending, .gif or .mp4, is the format.
-    scale
-        Colours of all frames, see `common_scale`.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    FrameFileError
-        A map is missing or damaged, or has other axes than the first one.
-    MissingDependencyError, OutputError
-        Blender's module bpy, whose FFmpeg writes MP4 files, is not installed or fails.
+    They are read one at a time, and must have the same axes. FFmpeg of Blender's module bpy writes
+    MP4.
     """
     pictures = _pictures(maps, _read(maps[0].path), scale)
     with replaced(out) as temporary:
@@ -268,7 +199,7 @@ def _read(path: Path) -> Mapping[str, Real]:
 
 
 def _axes_of(arrays: Mapping[str, Real]) -> MapAxes:
-    """Axes of a map's picture; range rate over Doppler is 0 where there is one row."""
+    """Return axes of a map's picture; range rate over Doppler is 0 where there is one row."""
     doppler_hz = arrays["doppler_hz"]
     place = int(np.argmax(np.abs(doppler_hz)))
     largest_hz = float(doppler_hz[place])

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picture of a range-Doppler map: levels, targets, numbers of the strongest."""
+"""Picture of a range-Doppler map: levels, targets, numbers of the strongest. Spectrogram and
+clutter.
+
+Levels are in decibels over the strongest cell. Colours begin 10 dB below the noise where that is
+known; otherwise 80 dB below the strongest cell, or higher if more than half of the map is noise.
+"""
 
 from __future__ import annotations
 
@@ -46,11 +51,6 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
 
 
-# -------------------------------------------------------------------------------------------------
-# Which targets of a map get a number in its picture.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Maximum number of labels, and of labels of stationary targets.
 _LABELS, _STILL_LABELS = 5, 2
 #: A peak this far below a labelled one at its Doppler or range may be its sidelobe [dB].
@@ -59,6 +59,205 @@ _SHADOW_DB = 25.0
 _NEAR = 0.03
 #: Tapers widen a response to at most three cells on each side: slower targets count as stationary.
 _STILL_CELLS = 3.0
+#: Decibels from the strongest cell to the lowest colour of a picture without noise.
+SPAN_DB = 80.0
+#: With noise the colours begin this far below its mean [dB].
+BELOW_NOISE_DB = 10.0
+#: Smallest span of the colours [dB].
+LEAST_SPAN_DB = 20.0
+#: Most cells along an axis of a picture; more are joined.
+MOST_CELLS = 640
+
+
+@dataclass(frozen=True)
+class MapAxes:
+    """Cells of a picture along both axes, and the units of its axes."""
+
+    doppler: CellAxis
+    ranges: CellAxis
+    doppler_unit: Unit
+    range_unit: Unit
+    rate_unit: Unit
+    #: Range rate over Doppler [m].
+    rate_per_hz: float
+    #: Number of rows of the map.
+    pulses: int
+
+
+@dataclass(frozen=True)
+class ColourScale:
+    """Meaning of the colours of a map."""
+
+    #: Power of 0 dB; 0: an empty map.
+    reference: float
+    #: Level where the colours begin.
+    floor_db: float
+    #: Mean noise of a cell; 0: unknown.
+    noise_power: float = 0.0
+    #: Unit of the reference in decibels; "": unknown.
+    unit: str = ""
+    #: Name of the reference.
+    of: str = "strongest cell"
+
+
+def plot_range_doppler(
+    rd_map: RangeDopplerMap,
+    peaks: Sequence[Peak] = (),
+    title: str = "Range-Doppler map",
+    floor_db: float | None = None,
+    *,
+    targets: Sequence[Detection] = (),
+    left_out: int = 0,
+    noise_power: float = 0.0,
+    unit: str = "",
+) -> Figure:
+    """Draw a map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
+
+    Parameters
+    ----------
+    rd_map
+        Range-Doppler map.
+    peaks
+        Moving targets, the strongest first: circled and numbered.
+    title
+        Text above the axes.
+    floor_db
+        Level where the colours begin, relative to the strongest cell; None: see `picture_floor_db`.
+    targets
+        CFAR detections: all are marked, with smaller marks the more there are. Up to five numbers
+        in all; peaks come first, then moving, then stationary targets.
+    left_out
+        Number of CFAR peaks beyond the maximum that the detector keeps.
+    noise_power
+        Mean thermal noise of a cell (:func:`.maps.map_noise_gain` times that of a sample), marked
+        at the colour bar; 0: unknown.
+    unit
+        Unit of the map's powers in decibels, "dBW" with the amplitude model "radar-equation".
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The picture.
+    """
+    axes, scale = _of_map(rd_map, noise_power, unit, floor_db)
+    figure = new_figure(8, 6.5)
+    axis, _ = draw_map(figure, rd_map.plane_power, axes, scale)
+    axis.set_title(title, fontsize=10)
+    _mark_targets(axis, axes, targets, left_out)
+    _number_targets(figure, axis, rd_map, axes, foremost(rd_map, peaks, targets))
+    return figure
+
+
+def draw_range_doppler(
+    rd_map: RangeDopplerMap,
+    peaks: Sequence[Peak],
+    title: str,
+    *,
+    targets: Sequence[Detection],
+    left_out: int,
+    noise_power: float,
+    unit: str,
+) -> NDArray[np.uint8]:
+    """Return the picture of `plot_range_doppler`, (height, width, 3)."""
+    axes, scale = _of_map(rd_map, noise_power, unit)
+    chosen = foremost(rd_map, peaks, targets)
+    lines = [_label_text(item, rd_map, axes).count("\n") for item in chosen]
+    parts = _sheet(axes, scale.floor_db, len(lines), max(lines, default=0))
+    parts.image.set_data(joined_level(rd_map.plane_power, axes, scale))
+    _label_colours(parts.axis, parts.bar, scale)
+    parts.axis.title.set_text(title)  # it keeps its place above the upper scale
+    _mark_targets(parts.axis, axes, targets, left_out)
+    _number_targets(parts.figure, parts.axis, rd_map, axes, chosen)
+    return parts.sheet.picture()
+
+
+class _Parts(NamedTuple):
+    """A figure for maps of some axes, and what changes in it."""
+
+    figure: Figure
+    axis: Axes
+    image: AxesImage
+    bar: Colorbar
+    sheet: Sheet
+
+
+@functools.lru_cache(maxsize=8)
+def _sheet(axes: MapAxes, floor_db: float, texts: int, lines: int) -> _Parts:
+    """Return a sheet with room for so many texts of so many lines more than one."""
+    figure = new_figure(8, 6.5)
+    axis, image, bar = empty_map(figure, axes, floor_db)
+    title = axis.set_title(TALL_TEXT, fontsize=10)
+    bar.set_label(TALL_TEXT)
+    room = list_texts(figure, [TALL_TEXT + lines * f"\n{TALL_TEXT}"] * texts) if texts else None
+    changing = [image, *axis.spines.values(), title, bar.ax.yaxis.label]
+    lay_out(figure)
+    if room is not None:
+        room.remove()
+    return _Parts(figure, axis, image, bar, Sheet(figure, changing))
+
+
+def _of_map(
+    rd_map: RangeDopplerMap, noise_power: float, unit: str, floor_db: float | None = None
+) -> tuple[MapAxes, ColourScale]:
+    """Return axes and colours of a map's picture."""
+    power, radar = rd_map.plane_power, rd_map.radar
+    top = float(power.max(initial=0.0))
+    floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
+    axes = map_axes(
+        rd_map.doppler_hz, rd_map.range_m, -radar.waveform.wavelength_m / 2, radar.burst.prf_hz
+    )
+    return axes, ColourScale(top, floor_db, noise_power, unit)
+
+
+def _mark_targets(axis: Axes, axes: MapAxes, targets: Sequence[Detection], left_out: int) -> None:
+    """Draw circles where CFAR found targets, and the legend."""
+    if not targets:
+        return
+    size, width = (8.0, 1.0) if len(targets) <= 20 else (5.0, 0.8)
+    if len(targets) > 60:
+        size, width = 2.5, 0.5
+    axis.plot(
+        *zip(*(_place(item, axes) for item in targets), strict=True),
+        "o", ls="", mfc="none", mec="C1", ms=size, mew=width,
+        label=f"CFAR: {target_count(len(targets), left_out)}",
+    )  # fmt: skip
+    axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
+
+
+def _number_targets(
+    figure: Figure,
+    axis: Axes,
+    rd_map: RangeDopplerMap,
+    axes: MapAxes,
+    chosen: Sequence[Peak | Detection],
+) -> None:
+    spots = [_place(item, axes) for item in chosen]
+    for spot in spots:
+        axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
+    number_points(figure, axis, spots, [_label_text(item, rd_map, axes) for item in chosen])
+
+
+def _place(item: Peak | Detection, axes: MapAxes) -> tuple[float, float]:
+    return item.doppler_hz / axes.doppler_unit.size, item.range_m / axes.range_unit.size
+
+
+def _label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) -> str:
+    """Return range, range rate and Doppler as text, with the digits that the cells support."""
+    length, rate, hertz = axes.range_unit, axes.rate_unit, axes.doppler_unit
+    step_m, step_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)
+    text = fixed(item.range_m / length.size, decimals_for(step_m / length.size)) + f" {length.name}"
+    if axes.pulses == 1:
+        return text
+    speed_digits = decimals_for(step_hz * abs(axes.rate_per_hz) / rate.size)
+    speed = fixed(item.velocity_mps / rate.size, speed_digits, signed=True)
+    doppler = fixed(item.doppler_hz / hertz.size, decimals_for(step_hz / hertz.size), signed=True)
+    lines = [text, f"{speed} {rate.name}"]
+    true_mps = velocity_before_folding_mps(item)
+    if true_mps is not None:
+        lines.append(f"true {fixed(true_mps / rate.size, speed_digits, signed=True)} {rate.name}")
+    if float(doppler):
+        lines.append(f"{doppler} {hertz.name}")
+    return with_minus("\n".join(lines))
 
 
 def foremost(
@@ -93,7 +292,7 @@ def _hidden(
     cell_m: float,
     shape: tuple[int, ...],
 ) -> bool:
-    """Whether a target is the other one, or may be its sidelobe."""
+    """Return whether a target is the other one, or may be its sidelobe."""
     apart_hz = abs(item.doppler_hz - other.doppler_hz)
     apart_m = abs(item.range_m - other.range_m)
     near_hz, near_m = (
@@ -104,32 +303,6 @@ def _hidden(
         return True
     aligned = apart_hz <= 2 * cell_hz or apart_m <= 4 * cell_m
     return aligned and item.level_db < other.level_db - _SHADOW_DB
-
-
-#: Decibels from the strongest cell to the lowest colour of a picture without noise.
-SPAN_DB = 80.0
-#: With noise the colours begin this far below its mean [dB].
-BELOW_NOISE_DB = 10.0
-#: Smallest span of the colours [dB].
-LEAST_SPAN_DB = 20.0
-#: Most cells along an axis of a picture, see :mod:`.pictures.cells`.
-MOST_CELLS = 640
-
-
-@dataclass(frozen=True)
-class MapAxes:
-    """Cells of a picture along both axes, and the units of its axes.
-
-    `rate_per_hz` is range rate over Doppler [m], `pulses` the number of rows of the map.
-    """
-
-    doppler: CellAxis
-    ranges: CellAxis
-    doppler_unit: Unit
-    range_unit: Unit
-    rate_unit: Unit
-    rate_per_hz: float
-    pulses: int
 
 
 def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float = 0.0) -> MapAxes:
@@ -148,22 +321,6 @@ def map_axes(doppler_hz: Real, range_m: Real, rate_per_hz: float, prf_hz: float 
         rate_per_hz,
         doppler_hz.size,
     )
-
-
-@dataclass(frozen=True)
-class ColourScale:
-    """Meaning of the colours of a map.
-
-    `reference` is the power of 0 dB (0: an empty map) and `of` its name, `floor_db` the level where
-    the colours begin, `noise_power` the mean noise of a cell (0: unknown), `unit` that of the
-    reference in decibels ("": unknown).
-    """
-
-    reference: float
-    floor_db: float
-    noise_power: float = 0.0
-    unit: str = ""
-    of: str = "strongest cell"
 
 
 def joined_level(power: Real, axes: MapAxes, scale: ColourScale) -> Real:
@@ -205,15 +362,10 @@ def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, Axe
     """Draw the axes of a map into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
     image = axis.imshow(
-        np.zeros((1, 1)),
-        aspect="auto",
-        origin="lower",
+        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
         extent=(axes.doppler.low, axes.doppler.high, axes.ranges.low, axes.ranges.high),
-        vmin=floor_db,
-        vmax=0,
-        cmap="viridis",
-        interpolation="nearest",
-    )
+        vmin=floor_db, vmax=0,
+    )  # fmt: skip
     axis.set_xlim(axes.doppler.low, axes.doppler.end)
     axis.set_ylim(axes.ranges.low, axes.ranges.end)
     bar = figure.colorbar(image, ax=axis, pad=0.02)
@@ -231,7 +383,12 @@ def _label_colours(axis: Axes, bar: Colorbar, scale: ColourScale) -> None:
         return
     bar.set_label(f"power [dB re {scale.of}{reference_text(scale.reference, scale.unit)}]")
     if scale.noise_power > 0:
-        _mark_noise(bar, 10 * math.log10(scale.noise_power / scale.reference))
+        noise_db = 10 * math.log10(scale.noise_power / scale.reference)
+        bar.ax.axhline(noise_db, color="white", lw=1.2)
+        bar.ax.annotate(
+            "noise", (0.5, noise_db), xycoords=("axes fraction", "data"), xytext=(0, 2),
+            textcoords="offset points", ha="center", va="bottom", fontsize=7, color="white",
+        )  # fmt: skip
 
 
 def _label_axes(axis: Axes, axes: MapAxes) -> None:
@@ -253,192 +410,6 @@ def _label_axes(axis: Axes, axes: MapAxes) -> None:
         scale_on_top(axis, factor, label)
 
 
-def _mark_noise(bar: Colorbar, noise_db: float) -> None:
-    """Draw a line at the colour bar at the mean noise."""
-    bar.ax.axhline(noise_db, color="white", lw=1.2)
-    bar.ax.annotate(
-        "noise",
-        (0.5, noise_db),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, 2),
-        textcoords="offset points",
-        ha="center",
-        va="bottom",
-        fontsize=7,
-        color="white",
-    )
-
-
-def plot_range_doppler(
-    rd_map: RangeDopplerMap,
-    peaks: Sequence[Peak] = (),
-    title: str = "Range-Doppler map",
-    floor_db: float | None = None,
-    *,
-    targets: Sequence[Detection] = (),
-    left_out: int = 0,
-    noise_power: float = 0.0,
-    unit: str = "",
-) -> Figure:
-    """Draw a map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
-
-    Parameters
-    ----------
-    rd_map
-        Range-Doppler map.
-    peaks
-        Moving targets, the strongest first: circled and numbered.
-    title
-        Text above the axes.
-    floor_db
-        Level where the colours begin, relative to the strongest cell; None: see `picture_floor_db`.
-    targets
-        CFAR detections: all are marked, with smaller marks the more there are. Up to five numbers
-        in all; peaks come first, then moving, then stationary targets.
-    left_out
-        Number of CFAR peaks beyond the maximum that the detector keeps.
-    noise_power
-        Mean thermal noise of a cell (:func:`.maps.noise_floor.map_noise_gain` times that of a
-        sample), marked at the colour bar; 0: unknown.
-    unit
-        Unit of the map's powers in decibels, "dBW" with the amplitude model "radar-equation".
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The picture.
-    """
-    axes, scale = _of_map(rd_map, noise_power, unit, floor_db)
-    figure = new_figure(8, 6.5)
-    axis, _ = draw_map(figure, rd_map.plane_power, axes, scale)
-    axis.set_title(title, fontsize=10)
-    _mark_targets(axis, axes, targets, left_out)
-    _number_targets(figure, axis, rd_map, axes, foremost(rd_map, peaks, targets))
-    return figure
-
-
-def draw_range_doppler(
-    rd_map: RangeDopplerMap,
-    peaks: Sequence[Peak],
-    title: str,
-    *,
-    targets: Sequence[Detection],
-    left_out: int,
-    noise_power: float,
-    unit: str,
-) -> NDArray[np.uint8]:
-    """The picture of `plot_range_doppler`, (height, width, 3)."""
-    axes, scale = _of_map(rd_map, noise_power, unit)
-    chosen = foremost(rd_map, peaks, targets)
-    lines = [_label_text(item, rd_map, axes).count("\n") for item in chosen]
-    parts = _sheet(axes, scale.floor_db, len(lines), max(lines, default=0))
-    parts.image.set_data(joined_level(rd_map.plane_power, axes, scale))
-    _label_colours(parts.axis, parts.bar, scale)
-    parts.axis.title.set_text(title)  # it keeps its place above the upper scale
-    _mark_targets(parts.axis, axes, targets, left_out)
-    _number_targets(parts.figure, parts.axis, rd_map, axes, chosen)
-    return parts.sheet.picture()
-
-
-class _Parts(NamedTuple):
-    """A figure for maps of some axes, and what changes in it."""
-
-    figure: Figure
-    axis: Axes
-    image: AxesImage
-    bar: Colorbar
-    sheet: Sheet
-
-
-@functools.lru_cache(maxsize=8)
-def _sheet(axes: MapAxes, floor_db: float, texts: int, lines: int) -> _Parts:
-    """Sheet with room for so many texts of so many lines more than one."""
-    figure = new_figure(8, 6.5)
-    axis, image, bar = empty_map(figure, axes, floor_db)
-    title = axis.set_title(TALL_TEXT, fontsize=10)
-    bar.set_label(TALL_TEXT)
-    room = list_texts(figure, [TALL_TEXT + lines * f"\n{TALL_TEXT}"] * texts) if texts else None
-    changing = [image, *axis.spines.values(), title, bar.ax.yaxis.label]
-    lay_out(figure)
-    if room is not None:
-        room.remove()
-    return _Parts(figure, axis, image, bar, Sheet(figure, changing))
-
-
-def _of_map(
-    rd_map: RangeDopplerMap, noise_power: float, unit: str, floor_db: float | None = None
-) -> tuple[MapAxes, ColourScale]:
-    """Axes and colours of a map's picture."""
-    power, radar = rd_map.plane_power, rd_map.radar
-    top = float(power.max(initial=0.0))
-    floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
-    axes = map_axes(
-        rd_map.doppler_hz, rd_map.range_m, -radar.waveform.wavelength_m / 2, radar.burst.prf_hz
-    )
-    return axes, ColourScale(top, floor_db, noise_power, unit)
-
-
-def _number_targets(
-    figure: Figure,
-    axis: Axes,
-    rd_map: RangeDopplerMap,
-    axes: MapAxes,
-    chosen: Sequence[Peak | Detection],
-) -> None:
-    spots = [_place(item, axes) for item in chosen]
-    for spot in spots:
-        axis.plot(*spot, "o", mfc="none", mec="w", ms=9, mew=1.0)
-    number_points(figure, axis, spots, [_label_text(item, rd_map, axes) for item in chosen])
-
-
-def _mark_targets(axis: Axes, axes: MapAxes, targets: Sequence[Detection], left_out: int) -> None:
-    """Draw circles where CFAR found targets, and the legend."""
-    if not targets:
-        return
-    size, width = _marker(len(targets))
-    axis.plot(
-        *zip(*(_place(item, axes) for item in targets), strict=True),
-        "o", ls="", mfc="none", mec="C1", ms=size, mew=width,
-        label=f"CFAR: {target_count(len(targets), left_out)}",
-    )  # fmt: skip
-    axis.legend(fontsize=8, loc="upper right", markerscale=max(5 / size, 1.0))
-
-
-def _label_text(item: Peak | Detection, rd_map: RangeDopplerMap, axes: MapAxes) -> str:
-    """Return range, range rate and Doppler as text, with the digits that the cells support."""
-    length, rate, hertz = axes.range_unit, axes.rate_unit, axes.doppler_unit
-    step_m, step_hz = cell_width(rd_map.range_m), cell_width(rd_map.doppler_hz)
-    text = fixed(item.range_m / length.size, decimals_for(step_m / length.size)) + f" {length.name}"
-    if axes.pulses == 1:
-        return text
-    speed_digits = decimals_for(step_hz * abs(axes.rate_per_hz) / rate.size)
-    speed = fixed(item.velocity_mps / rate.size, speed_digits, signed=True)
-    doppler = fixed(item.doppler_hz / hertz.size, decimals_for(step_hz / hertz.size), signed=True)
-    lines = [text, f"{speed} {rate.name}"]
-    true_mps = velocity_before_folding_mps(item)
-    if true_mps is not None:
-        lines.append(f"true {fixed(true_mps / rate.size, speed_digits, signed=True)} {rate.name}")
-    if float(doppler):
-        lines.append(f"{doppler} {hertz.name}")
-    return with_minus("\n".join(lines))
-
-
-def _place(item: Peak | Detection, axes: MapAxes) -> tuple[float, float]:
-    return item.doppler_hz / axes.doppler_unit.size, item.range_m / axes.range_unit.size
-
-
-def _marker(count: int) -> tuple[float, float]:
-    """Return size and line width of marks [pt], smaller for many marks."""
-    if count <= 20:
-        return 8.0, 1.0
-    return (5.0, 0.8) if count <= 60 else (2.5, 0.5)
-
-
-# -------------------------------------------------------------------------------------------------
-# Picture of the clutter that is expected in the range-Doppler map.
-# -------------------------------------------------------------------------------------------------
-
-
 def plot_clutter(
     expected: ExpectedPower,
     radar: Radar,
@@ -449,23 +420,7 @@ def plot_clutter(
 ) -> Figure:
     """Draw the expected power of clutter in the range-Doppler map, without a canceller.
 
-    Parameters
-    ----------
-    expected
-        With clutter.
-    radar
-        Waveform and burst of the map.
-    title
-        Text above the axes.
-    noise_power
-        Mean thermal noise of a cell, marked at the colour bar; 0: unknown.
-    unit
-        Unit of the powers in decibels, "dBW" with the amplitude model "radar-equation".
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The picture.
+    Arguments as for `plot_range_doppler`.
     """
     power = np.zeros_like(expected.map) if expected.clutter_map is None else expected.clutter_map
     top = float(power.max(initial=0.0))
@@ -478,11 +433,6 @@ def plot_clutter(
     axis, _ = draw_map(figure, power, axes, scale)
     axis.set_title(title, fontsize=10)
     return figure
-
-
-# -------------------------------------------------------------------------------------------------
-# Picture of a spectrogram: Doppler and range rate against time.
-# -------------------------------------------------------------------------------------------------
 
 
 def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str = "") -> Figure:
@@ -516,15 +466,9 @@ def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str =
     axis = figure.subplots()
     level = power_to_db(strongest(power, (across.step, up.step)), top or 1.0, floor_db)
     image = axis.imshow(
-        level.T,
-        aspect="auto",
-        origin="lower",
-        extent=(across.low, across.high, up.low, up.high),
-        vmin=floor_db,
-        vmax=0,
-        cmap="viridis",
-        interpolation="nearest",
-    )
+        level.T, aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
+        extent=(across.low, across.high, up.low, up.high), vmin=floor_db, vmax=0,
+    )  # fmt: skip
     axis.set_xlim(across.low, across.end)
     axis.set_ylim(up.low, up.end)
     axis.set_xlabel(f"time [{seconds.name}]")

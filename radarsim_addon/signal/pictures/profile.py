@@ -72,8 +72,8 @@ def plot_range_profile(
     expected
         Expected power with its standard error, drawn as a band of one standard error.
     noise_power
-        Mean thermal noise of a range bin (:func:`.maps.noise_floor.range_noise_gain` times that of
-        a sample), drawn as a line; 0: unknown.
+        Mean thermal noise of a range bin (:func:`.maps.range_noise_gain` times that of a sample),
+        drawn as a line; 0: unknown.
     unit
         Unit of the powers in decibels, "dBW" with the amplitude model "radar-equation".
 
@@ -102,7 +102,7 @@ def draw_range_profile(
     noise_power: float,
     unit: str,
 ) -> NDArray[np.uint8]:
-    """The picture of `plot_range_profile`, (height, width, 3)."""
+    """Return the picture of `plot_range_profile`, (height, width, 3)."""
     shown = _Shown.of(compressed, profile, edges, expected, None, noise_power, unit)
     scale = dataclasses.replace(shown.scale, reference=1.0)
     figure, axis, sheet = _sheet(scale, shown.ends, len(shown.texts))
@@ -165,8 +165,10 @@ class _Shown:
         curves = _curves(compressed, profile)
         top = max((float(curve.power.max(initial=0.0)) for curve in curves), default=0.0)
         if floor_db is None:
-            known = noise_power > 0 and top > 0
-            floor_db = _floor_db(10 * math.log10(noise_power / top)) if known else -SPAN_DB
+            floor_db = -SPAN_DB
+            if noise_power > 0 and top > 0:
+                noise_db = 10 * math.log10(noise_power / top)
+                floor_db = min(5.0 * math.floor((noise_db - BELOW_NOISE_DB) / 5), -20.0)
         farthest_m = max((float(np.abs(curve.range_m).max()) for curve in curves), default=0.0)
         scale = _Scale(top or 1.0, floor_db, range_unit(farthest_m))
         ends = None
@@ -189,9 +191,14 @@ class _Shown:
             axis.plot(x, level_db, label=curve.text, lw=curve.width, color=curve.colour)
         _draw_error(axis, self.expected, self.scale)
         if self.noise_power > 0 and top > 0:
+            level = with_minus(fixed(10 * math.log10(self.noise_power), 1))
+            text = f"mean noise, {level} {self.unit}".rstrip()
             noise_db = 10 * math.log10(self.noise_power / top)
-            _draw_noise(axis, noise_db, self.noise_power, self.unit)
-        _draw_references(axis, self.references_m, self.scale)
+            axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
+        for number, range_m in enumerate(self.references_m):
+            # a label that begins with an underscore is not in the legend
+            text = "true near face" if number == 0 else "_"
+            axis.axvline(range_m / length.size, ls="--", lw=0.8, color="C2", zorder=0, label=text)
         text = f"power [dB re strongest{reference_text(top, self.unit)}]" if top else "power [dB]"
         axis.set_ylabel(text)
         if self.spots:
@@ -219,7 +226,7 @@ def _empty_axes(figure: Figure, scale: _Scale, ends: tuple[float, float] | None)
 def _sheet(
     scale: _Scale, ends: tuple[float, float] | None, texts: int
 ) -> tuple[Figure, Axes, Sheet]:
-    """Sheet with room for so many texts."""
+    """Return a sheet with room for so many texts."""
     figure = new_figure(10, 4.5)
     axis = _empty_axes(figure, scale, ends)
     title, label = axis.set_title(TALL_TEXT, fontsize=10), axis.set_ylabel(TALL_TEXT)
@@ -244,25 +251,6 @@ def _curves(compressed: RangeProfiles | None, profile: PowerProfile | None) -> l
     return found
 
 
-def _floor_db(noise_db: float) -> float:
-    """Return the lowest level [dB] of a picture whose noise has this level."""
-    return min(5.0 * math.floor((noise_db - BELOW_NOISE_DB) / 5), -20.0)
-
-
-def _draw_noise(axis: Axes, noise_db: float, noise_power: float, unit: str) -> None:
-    level = with_minus(fixed(10 * math.log10(noise_power), 1))
-    text = f"mean noise, {level} {unit}".rstrip()
-    axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
-
-
-def _draw_references(axis: Axes, ranges_m: Sequence[float], scale: _Scale) -> None:
-    for number, range_m in enumerate(ranges_m):
-        # a label that begins with an underscore is not in the legend
-        text = "true near face" if number == 0 else "_"
-        place = range_m / scale.length.size
-        axis.axvline(place, ls="--", lw=0.8, color="C2", zorder=0, label=text)
-
-
 def _draw_error(axis: Axes, expected: ExpectedPower | None, scale: _Scale) -> None:
     """Draw a band of one standard error if it is known."""
     if expected is None or not np.isfinite(expected.profile_error).all():
@@ -278,7 +266,7 @@ def _draw_error(axis: Axes, expected: ExpectedPower | None, scale: _Scale) -> No
 def _edge_spots(
     edges: Sequence[LeadingEdge], scale: _Scale, cell_m: float
 ) -> tuple[list[tuple[float, float]], list[str]]:
-    """Places of the leading edges in the picture, and their ranges as text."""
+    """Return places of the leading edges in the picture, and their ranges as text."""
     length, spots, texts = scale.length, [], []
     for edge in edges:
         half_db = edge.level_db - 10 * math.log10(2 * scale.reference)

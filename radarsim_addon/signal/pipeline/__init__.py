@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run folder to all its products, and the `radarsim` command.
 
-In: a run folder and options. Out: results frame by frame, files, text on the console.
+`options` settles how a run is processed, `frame` takes one frame from its input to its result
+without a file, and `process` does so for all frames of a folder and writes the products, keeping
+those that are there already. `cli` has the command `radarsim` and the processing by workers,
+`commands` the commands that process nothing (info, objects, antennas, merge), `console` the text
+for people.
 """
 
 from ..results import FrameResult
@@ -9,12 +13,11 @@ from .cli import FrameProcessor, main, parse_process_arguments, process_options
 from .commands import write_coverage
 from .frame import process_frame
 from .options import ProcessOptions, ResolvedOptions
-from .process import KeptFrame, Progress, process_run
+from .process import Progress, process_run
 
 __all__ = [
     "FrameProcessor",
     "FrameResult",
-    "KeptFrame",
     "ProcessOptions",
     "Progress",
     "ResolvedOptions",

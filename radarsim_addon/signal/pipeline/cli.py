@@ -39,11 +39,7 @@ from .commands import (
 )
 from .console import Subcommands, frame_lines, kept_lines
 from .options import ProcessOptions
-from .process import Products, Progress, open_products, process_run, products_folder
-
-# -------------------------------------------------------------------------------------------------
-# Arguments of ``radarsim process``, and the options that they make.
-# -------------------------------------------------------------------------------------------------
+from .process import Products, open_products, process_run, products_folder
 
 
 def frame_numbers(text: str) -> list[int]:
@@ -61,7 +57,6 @@ frame_numbers.__name__ = "frames (like 1:10)"  # argparse names the type in its 
 
 
 def add_process_parser(commands: Subcommands) -> None:
-    """Add ``process`` to the commands."""
     process = commands.add_parser(
         "process",
         help="echo, range profile, range-Doppler map and products of every frame",
@@ -103,23 +98,7 @@ def add_process_parser(commands: Subcommands) -> None:
 
 
 def process_options(chosen: argparse.Namespace) -> ProcessOptions:
-    """Return options from parsed arguments.
-
-    Parameters
-    ----------
-    chosen
-        From `parse_process_arguments`.
-
-    Returns
-    -------
-    ProcessOptions
-        How the run is to be processed.
-
-    Raises
-    ------
-    ConfigError, FrameFileError
-        Options that do not fit together, or a file that cannot be read.
-    """
+    """Return options from parsed arguments; those that do not fit together are a `ConfigError`."""
     radar = None
     if chosen.waveform is not None:
         # a waveform file may hold no burst: then the run's own
@@ -160,36 +139,37 @@ def chosen_frames(chosen: argparse.Namespace) -> list[int]:
 
 
 def parse_process_arguments(words: list[str]) -> argparse.Namespace:
-    """Parse a command line without the other commands.
-
-    Parameters
-    ----------
-    words
-        Words from "process" on.
-
-    Returns
-    -------
-    argparse.Namespace
-        Values by the names of the options.
-    """
+    """Parse a command line from the word "process" on, without the other commands."""
     parser = CommandParser()
     add_process_parser(parser.add_subparsers(dest="command", required=True))
     return parser.parse_args(words)
 
 
-# -------------------------------------------------------------------------------------------------
-# ``radarsim process`` by workers: the coordinator's part, and what a worker does.
-# -------------------------------------------------------------------------------------------------
+def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
+    """Process a run by workers; return the exit code."""
+    maps: dict[int, MapFile] = {}
+    findings: list[Finding] = []
+
+    def show(reply: Reply) -> None:
+        print("\n".join(reply.get("lines", ())))
+        findings.extend(from_json(item, "worker") for item in reply.get("findings", ()))
+        if "map" in reply:
+            path = Path(reply["map"]["path"])
+            maps[reply["frame"]] = MapFile(**(reply["map"] | {"path": path}))
+
+    run = open_run(chosen.folder)
+    options = process_options(chosen).for_run(run)
+    with open_products(run, options, chosen.out, chosen.allow_incomplete) as products:
+        about = {"frames": chosen.frames or run.record.frames}
+        run_frames(words, share_of(chosen), sys.stdout, show, about=about)
+        path = products.draw_common([maps[n] for n in chosen_frames(chosen) if n in maps])
+    if path is not None:
+        print(f"animation: {path}")
+    return exit_code(findings, chosen_frames(chosen) or run.record.frames)
 
 
 class FrameProcessor:
-    """Processes frames of a run; see :class:`radarsim_addon.frame_worker`.
-
-    Parameters
-    ----------
-    chosen
-        Arguments of ``radarsim process``, parsed.
-    """
+    """Processes frames of a run in a worker; see :class:`radarsim_addon.frame_worker`."""
 
     def __init__(self, chosen: argparse.Namespace) -> None:
         run = open_run(Path(chosen.folder).absolute())
@@ -230,27 +210,46 @@ def _reply(lines: list[str], findings: list[Finding], shown: MapFile) -> dict[st
     return {"lines": lines, "findings": [to_json(f) for f in findings], "map": described}
 
 
-def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
-    """Process a run by workers; return the exit code."""
-    maps: dict[int, MapFile] = {}
+def _process(chosen: argparse.Namespace) -> int:
+    options, numbers = process_options(chosen), chosen_frames(chosen)
+    live = sys.stderr.isatty()
+    events = process_run(
+        chosen.folder,
+        options,
+        out=chosen.out,
+        frames=numbers,
+        allow_incomplete=chosen.allow_incomplete,
+        resume=not chosen.again,
+    )
     findings: list[Finding] = []
-
-    def show(reply: Reply) -> None:
-        print("\n".join(reply.get("lines", ())))
-        findings.extend(from_json(item, "worker") for item in reply.get("findings", ()))
-        if "map" in reply:
-            path = Path(reply["map"]["path"])
-            maps[reply["frame"]] = MapFile(**(reply["map"] | {"path": path}))
-
-    run = open_run(chosen.folder)
-    options = process_options(chosen).for_run(run)
-    with open_products(run, options, chosen.out, chosen.allow_incomplete) as products:
-        about = {"frames": chosen.frames or run.record.frames}
-        run_frames(words, share_of(chosen), sys.stdout, show, about=about)
-        path = products.draw_common([maps[n] for n in chosen_frames(chosen) if n in maps])
-    if path is not None:
-        print(f"animation: {path}")
-    return exit_code(findings, chosen_frames(chosen) or run.record.frames)
+    seen: list[int] = []
+    try:
+        for event in events:
+            lines: list[str] = []
+            if isinstance(event, FrameResult):
+                lines, found, frames = frame_lines(event), event.findings, [event.frame]
+            elif event.kept is not None:
+                lines, found = kept_lines(event.kept), event.kept.findings
+                frames = [event.kept.frame]
+            elif event.finding is not None:
+                found, frames = [event.finding], list(event.finding.frames)
+            elif event.file is not None:
+                lines, found, frames = [event.text], [], []
+            else:
+                if live:
+                    percent = 100 * event.done / event.total
+                    line = f"\r\x1b[K{percent:3.0f} %  {event.text}"
+                    print(line, end="", file=sys.stderr, flush=True)
+                continue
+            if lines:
+                print("\r\x1b[K" if live else "", end="", file=sys.stderr)
+                print("\n".join(lines))
+            findings += found
+            seen += frames
+    finally:  # of the frames that are done, whatever ended the run
+        for line in finding_lines(findings, seen):
+            print(line)
+    return exit_code(findings, seen)
 
 
 def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
@@ -277,18 +276,7 @@ def _parser(others: Mapping[str, str]) -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | None = None) -> int:
     """Run the command and return its exit code.
 
-    Parameters
-    ----------
-    arguments
-        Words of the command line; None: those of the process.
-    others
-        Commands of the caller with their help, for the list of commands.
-
-    Returns
-    -------
-    int
-        0, 3 if a finding of severity error concerns all frames, 130 after an interruption, or the
-        exit code of the named error.
+    `others` are commands of the caller with their help, for the list of commands.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
@@ -326,51 +314,6 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         text = "Interrupted; files written so far are whole. The same command resumes."
         print(f"radarsim: {text}", file=sys.stderr)
         return getattr(stop, "exit_code", 130)  # 128 + SIGINT, as in shells
-
-
-def _process(chosen: argparse.Namespace) -> int:
-    options, numbers = process_options(chosen), chosen_frames(chosen)
-    live = sys.stderr.isatty()
-    events = process_run(
-        chosen.folder,
-        options,
-        out=chosen.out,
-        frames=numbers,
-        allow_incomplete=chosen.allow_incomplete,
-        resume=not chosen.again,
-    )
-    findings: list[Finding] = []
-    seen: list[int] = []
-    try:
-        for event in events:
-            lines: list[str] = []
-            if isinstance(event, FrameResult):
-                lines, found, frames = frame_lines(event), event.findings, [event.frame]
-            elif event.kept is not None:
-                lines, found = kept_lines(event.kept), event.kept.findings
-                frames = [event.kept.frame]
-            elif event.finding is not None:
-                found, frames = [event.finding], list(event.finding.frames)
-            elif event.file is not None:
-                lines, found, frames = [event.text], [], []
-            else:
-                if live:
-                    _show(event)
-                continue
-            if lines:
-                print("\r\x1b[K" if live else "", end="", file=sys.stderr)
-                print("\n".join(lines))
-            findings += found
-            seen += frames
-    finally:  # of the frames that are done, whatever ended the run
-        for line in finding_lines(findings, seen):
-            print(line)
-    return exit_code(findings, seen)
-
-
-def _show(progress: Progress) -> None:
-    share = 100 * progress.done / progress.total
-    print(f"\r\x1b[K{share:3.0f} %  {progress.text}", end="", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

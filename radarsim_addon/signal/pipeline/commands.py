@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A coverage diagram to its files."""
+"""Commands that process no frame: ``radarsim info``, ``objects``, ``antennas`` and ``merge``.
+
+Each has a function that prints and returns the exit code. `write_coverage` puts a coverage diagram
+into files.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ import itertools
 import math
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from ...atomic_files import cannot_write, make_folder
@@ -52,13 +56,12 @@ from ..results import frame_file
 from ..runs import RadarFrame, Run, open_run, shared_plan
 from .console import Subcommands
 
-# -------------------------------------------------------------------------------------------------
-# ``radarsim info``: what a run is, and whether it is complete.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Rounding of the range encoding in float32, relative to its length or the path's, the larger one.
 _CODE_NOISE = 7e-8
+#: Above this a unit was mistaken: an array of wavelengths would not fit into memory.
+_HIGHEST_CARRIER_GHZ = 1e4
+#: Fields in which parts of a run may differ: each names its own frames.
+_FRAMES = ("frames", "frame_times_s")
 
 
 def print_run(folder: str) -> int:
@@ -139,7 +142,7 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
 
 
 def _print_quality(record: PathsRecord) -> None:
-    """What the table of a frame says of itself."""
+    """Print what the table of a frame records of its quality."""
     replicates = "1 replicate" if record.replicates == 1 else f"{record.replicates} replicates"
     print(
         f"  tiles            {record.tiles}, {replicates} each, finest level "
@@ -185,7 +188,7 @@ def _print_quality(record: PathsRecord) -> None:
 
 
 def _noise_rows(run: Run) -> list[tuple[str, str]]:
-    """What float32 costs at the far end of the rings."""
+    """Return what float32 costs at the far end of the rings."""
     record = run.record
     noise_m = (
         _CODE_NOISE * max(record.range_encoding_length_m, 2 * record.rings * record.ring_step_m) / 2
@@ -197,13 +200,7 @@ def _noise_rows(run: Run) -> list[tuple[str, str]]:
     return rows
 
 
-# -------------------------------------------------------------------------------------------------
-# ``radarsim objects DIR --object NAME``: cross section and power of objects, frame by frame.
-# -------------------------------------------------------------------------------------------------
-
-
 def add_objects_parser(commands: Subcommands, frame_numbers: Callable[[str], list[int]]) -> None:
-    """Add the command to an argparse collection of commands."""
     parser = commands.add_parser(
         "objects",
         help="radar cross section and power of objects, from their paths",
@@ -255,17 +252,7 @@ def print_objects(
     return 0
 
 
-# -------------------------------------------------------------------------------------------------
-# ``radarsim antennas``: gains, beamwidths and a picture of two antennas.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Above this a unit was mistaken: an array of wavelengths would not fit into memory.
-_HIGHEST_CARRIER_GHZ = 1e4
-
-
 def add_antennas_parser(commands: Subcommands) -> None:
-    """Add the command to an argparse collection of commands."""
     parser = commands.add_parser(
         "antennas",
         help="picture of the antennas' patterns",
@@ -321,17 +308,7 @@ def print_antennas(source: str, out: str | None, carrier_ghz: float | None) -> i
     return 0
 
 
-# -------------------------------------------------------------------------------------------------
-# ``radarsim merge``: one run folder of parts that were measured apart.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Fields in which parts of a run may differ: each names its own frames.
-_FRAMES = ("frames", "frame_times_s")
-
-
 def add_merge_parser(commands: Subcommands) -> None:
-    """Add ``merge`` to the commands."""
     parser = commands.add_parser(
         "merge",
         help="one run of parts that were measured into folders of their own",
@@ -374,7 +351,7 @@ def merge_parts(out: str | Path, parts: Sequence[str | Path]) -> int:
 
 
 def _merged_record(runs: Sequence[Run]) -> RunRecord:
-    """The plan of all parts; ConfigError where they are not parts of one run."""
+    """Return the plan of all parts; ConfigError where they are not parts of one run."""
     first = runs[0].record
     for run in runs[1:]:
         here, there = shared_plan(first), shared_plan(run.record)
@@ -404,7 +381,9 @@ def _merged_record(runs: Sequence[Run]) -> RunRecord:
 
 
 def _checked_files(frame: RadarFrame) -> list[Path]:
-    """Files of a frame and its products; a named error where a file is not as it was written."""
+    """Return files of a frame and its products; a named error where a file is not as it was
+    written.
+    """
     frame.scene()
     if frame.sampling_mode == "paths":
         for render in map(frame.of_burst, range(frame.visibility_updates)):
@@ -413,16 +392,20 @@ def _checked_files(frame: RadarFrame) -> list[Path]:
     else:
         for ring, snapshot in itertools.product(range(frame.rings), range(frame.snapshots)):
             frame.image(ring, snapshot)
-    root = frame.run.path
-    files = list(_files(root / frame_dir(frame.number)))
+    files: list[Path] = []
+    for path in sorted((frame.run.path / frame_dir(frame.number)).rglob("*")):
+        if path.is_symlink():
+            raise FrameFileError(f"{path} is a symbolic link; expected a file. Put it there.")
+        if path.is_file():
+            files.append(path)
     for path in files:
         if path.suffix == ".json" and path.name != MOTION_FILE:
             check_digest(path)
-    return [*files, *_checked_products(root / PRODUCTS_DIR, frame.number)]
+    return [*files, *_checked_products(frame.run.path / PRODUCTS_DIR, frame.number)]
 
 
 def _checked_products(folder: Path, frame: int) -> list[Path]:
-    """Products of a frame; a named error where one is not as its summary has it."""
+    """Return products of a frame; a named error where one is not as its summary has it."""
     summary = frame_file(folder, frame, SUMMARY_ENDING)
     fields = check_digest(summary) if summary.is_file() else {}
     for name, digest in fields.get("files_sha256", {}).items():
@@ -433,15 +416,6 @@ def _checked_products(folder: Path, frame: int) -> list[Path]:
                 "Process this part again."
             )
     return sorted(folder.glob(f"frame_{frame:04d}_*"))
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    """Files of a frame, of all its renders."""
-    for path in sorted(folder.rglob("*")):
-        if path.is_symlink():
-            raise FrameFileError(f"{path} is a symbolic link; expected a file. Put it there.")
-        if path.is_file():
-            yield path
 
 
 def _put(root: Path, folder: Path, files: Iterable[Path]) -> None:
@@ -462,26 +436,7 @@ def _put(root: Path, folder: Path, files: Iterable[Path]) -> None:
 def write_coverage(found: Coverage, folder: Path, curve_m: float | None = None) -> list[Path]:
     """Write a diagram as npz, its curve over height as CSV, and, with matplotlib, the picture.
 
-    Parameters
-    ----------
-    found
-        Diagram.
-    folder
-        Made if it is missing.
-    curve_m
-        Range of the curve [m]; None: the last one of the diagram.
-
-    Returns
-    -------
-    list of Path
-        Files written.
-
-    Raises
-    ------
-    ConfigError
-        The range of the curve is not above 0.
-    OutputError
-        A file cannot be written.
+    The curve is at the range `curve_m`; None: the last one of the diagram.
     """
     curve = coverage_curve(found, curve_m)
     files = write_coverage_files(found, curve, make_folder(folder))

@@ -1,5 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One radar frame: from its input to its result, without a file."""
+"""One radar frame: from its input to its result, without a file.
+
+Paths of the frame get the gains of the link budget and, where they are rough, random phases; the
+synthesizer adds up their echoes, weather and receiver change them. Then come range profiles and the
+range-Doppler map, and in parallel what is expected on average over the speckle. Moving targets and
+detections are found in the first channel. With several visibility updates in a burst the echoes of
+all updates are interpolated.
+"""
 
 from __future__ import annotations
 
@@ -60,73 +67,8 @@ from ..results import FrameResult
 from ..scattering import FrameSpeckle, rain_paths, rain_rows, table_footprints
 from .options import ResolvedOptions
 
-# -------------------------------------------------------------------------------------------------
-# What to know before trusting a frame: findings of its render and of every stage of processing.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Carriers that differ by more than this are worth a word about materials.
 _CARRIER_SLACK = 0.01
-
-
-def findings_of_frame(
-    frame_input: FrameInput,
-    statistics: FrameStatistics,
-    budget: BudgetReport,
-    speckle: FrameSpeckle,
-    expected: ExpectedPower | None,
-    received: ReceivedSignal,
-    weather: Weather,
-) -> list[Finding]:
-    """Find what to know before trusting the frame, from every stage; `weather` as it is shown."""
-    scatterers, report = speckle.report(), received.echoes.report
-    mode = frame_input.frame.sampling_mode
-    rendered = [*frame_input.frame.record.findings]
-    rendered += itertools.chain(*(table.record.findings for table in frame_input.tables))
-    explained = any(item.code in NO_ECHO_CODES for item in rendered)
-    unranged = frame_input.table.record.unranged_power_fraction if frame_input.tables else 0.0
-    of_paths = statistics_findings(
-        statistics, frame_input.radar, mode, frame_input.range_limits_m, unranged
-    )
-    found = itertools.chain(
-        rendered,
-        (item for item in of_paths if item.code != "no-echo" or not explained),
-        weather.findings(frame_input.radar.waveform.carrier_hz),
-        budget.findings,
-        speckle.findings,
-        [] if expected is None else expected.findings,
-        [] if report is None else report.accuracy_findings(),
-        [] if scatterers is None else scatterers.findings,
-        _radar_findings(frame_input, statistics.power_w > 0),
-        _receiver_findings(received),
-    )
-    return [item.in_frame(frame_input.frame.number) for item in found]
-
-
-def _radar_findings(frame_input: FrameInput, echoing: bool) -> list[Finding]:
-    radar, stop_m = frame_input.radar, frame_input.range_limits_m[1]
-    # A run without an echo ends where it begins: its range limits tell nothing of a scene.
-    found = find_suspicious_parameters(radar, stop_m if echoing else None)
-    own_hz, now_hz = frame_input.frame.run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
-    if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
-        found.append(finding("carrier-differs-from-run", carrier_hz=now_hz, run_carrier_hz=own_hz))
-    unambiguous_m = radar.waveform.unambiguous_range_m
-    if stop_m > unambiguous_m * (1 + 1e-9):
-        numbers = {"range_limit_m": stop_m, "unambiguous_range_m": unambiguous_m}
-        if radar.waveform.kind == "fmcw":
-            found.append(finding("range-limits-beyond-sampled-band", **numbers))
-        else:
-            found.append(finding("range-limits-beyond-unambiguous-range", **numbers))
-    return found
-
-
-def _receiver_findings(received: ReceivedSignal) -> list[Finding]:
-    if not received.clipped:
-        return []
-    samples = received.echoes.samples.size
-    return [finding("adc-clipped", count=received.clipped, samples=samples)]
-
-
 #: Slowest moving target, in Doppler cells, where echoes are blended over the burst: blending
 #: makes sidelobes next to 0 Hz.
 _SLOWEST_BLENDED_CELLS = 3.0
@@ -205,8 +147,14 @@ def frame_steps(
         if not frame_input.tables:
             yield f"frame {number}: ring {ring + 1} of {frame_input.frame.rings}"
     echo_sum.add_rain(rain)
-    received = apply_receiver(_burst_echoes(echo_sum, frame_input, options), options.receiver)
-    compressed, rd_map = _compressed_and_map(received.echoes, options)
+    echoes = echo_sum.result()
+    if len(frame_input.tables) > 1:
+        later = (_echoes_of(frame_input, n, options) for n in range(1, len(frame_input.tables)))
+        echoes = interpolate_renders(itertools.chain([echoes], later), render_times_s(frame_input))
+    received = apply_receiver(echoes, options.receiver)
+    compressed = range_process(received.echoes, options.range_taper)
+    filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
+    rd_map = range_doppler(filtered, options.doppler_taper)
     profile = profile_sum.result()
     statistics = statistics_sum.result(received.echoes.outside)
     report = echo_sum.budget.report(
@@ -301,18 +249,8 @@ class _EchoSum:
         return self._synthesizer.result()
 
 
-def _burst_echoes(first: _EchoSum, frame_input: FrameInput, options: ResolvedOptions) -> Echoes:
-    """Echoes of the whole burst, from the first render and those of later visibility updates."""
-    updates = len(frame_input.tables)
-    if updates < 2:
-        return first.result()
-    later = (_echoes_of(frame_input, n, options) for n in range(1, updates))
-    parts = itertools.chain([first.result()], later)
-    return interpolate_renders(parts, render_times_s(frame_input))
-
-
 def _pulses_of_update(frame_input: FrameInput, number: int) -> Mask | None:
-    """Pulses that a visibility update takes part in; None: all."""
+    """Return the pulses that a visibility update takes part in; None: all."""
     if len(frame_input.tables) < 2:
         return None
     return pulses_of_render(frame_input.radar, render_times_s(frame_input), number)
@@ -324,7 +262,9 @@ def _echoes_of(
     options: ResolvedOptions,
     objects: Collection[str] | None = None,
 ) -> Echoes:
-    """Echoes of one visibility update; `objects`: of paths alone that end at one of these."""
+    """Return echoes of one visibility update; `objects`: of paths alone that end at one of
+    these.
+    """
     update, wanted = frame_input.of_update(number), _pulses_of_update(frame_input, number)
     echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
     for paths in iter_path_chunks(update, max_range_rate_mps=options.max_range_rate_mps):
@@ -334,33 +274,15 @@ def _echoes_of(
     return echo_sum.result()
 
 
-def _spectrogram(
-    frame_input: FrameInput, options: ResolvedOptions, compressed: RangeProfiles
-) -> Spectrogram | None:
-    """The spectrogram that was asked for: of all echoes, or of those of some objects."""
-    wanted = options.spectrogram
-    if wanted is None:
-        return None
-    if wanted.object_name is not None:
-        objects = frozenset(matching_objects(frame_input, wanted.object_name))
-        updates = range(len(frame_input.tables))
-        parts = [_echoes_of(frame_input, number, options, objects) for number in updates]
-        times_s = render_times_s(frame_input)
-        echoes = interpolate_renders(parts, times_s) if len(parts) > 1 else parts[0]
-        received = apply_receiver(echoes, options.receiver).echoes
-        compressed = range_process(received, options.range_taper)
-    return spectrogram(compressed.channel(0), wanted, options.doppler_taper)
-
-
 def _rain(frame_input: FrameInput, options: ResolvedOptions) -> PathRows | None:
-    """Points of the rain of a frame; None without. Every frame has drops of its own."""
+    """Return points of the rain of a frame; None without. Every frame has drops of its own."""
     if not (_shows_rain(frame_input, options.weather) and options.weather.rain_mm_per_h):
         return None
     return rain_rows(frame_input, options.weather, _rain_seed(frame_input, options))
 
 
 def _shows_rain(frame_input: FrameInput, weather: Weather) -> bool:
-    """Whether the echo of rain is asked for, and known for this kind of frame."""
+    """Return whether the echo of rain is wanted, and known for this kind of frame."""
     known = bool(frame_input.tables) and frame_input.receiver.kind != "orthographic"
     return weather.rain_echo and known
 
@@ -368,14 +290,6 @@ def _shows_rain(frame_input: FrameInput, weather: Weather) -> bool:
 def _rain_seed(frame_input: FrameInput, options: ResolvedOptions) -> int:
     seed = options.echo_options.speckle_seed or 0
     return seed * 1_000_003 + frame_input.frame.number
-
-
-def _compressed_and_map(
-    echoes: Echoes, options: ResolvedOptions
-) -> tuple[RangeProfiles, RangeDopplerMap]:
-    compressed = range_process(echoes, options.range_taper)
-    filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
-    return compressed, range_doppler(filtered, options.doppler_taper)
 
 
 def _moving_targets(
@@ -417,3 +331,73 @@ def _detections(
         noise_power=received.floor_power_w * gain if known else None,
     )  # fmt: skip
     return dataclasses.replace(found, targets=folds.unfolded(found.targets))
+
+
+def _spectrogram(
+    frame_input: FrameInput, options: ResolvedOptions, compressed: RangeProfiles
+) -> Spectrogram | None:
+    """Return the spectrogram of all echoes, or of those of some objects; None: none is wanted."""
+    wanted = options.spectrogram
+    if wanted is None:
+        return None
+    if wanted.object_name is not None:
+        objects = frozenset(matching_objects(frame_input, wanted.object_name))
+        updates = range(len(frame_input.tables))
+        parts = [_echoes_of(frame_input, number, options, objects) for number in updates]
+        times_s = render_times_s(frame_input)
+        echoes = interpolate_renders(parts, times_s) if len(parts) > 1 else parts[0]
+        received = apply_receiver(echoes, options.receiver).echoes
+        compressed = range_process(received, options.range_taper)
+    return spectrogram(compressed.channel(0), wanted, options.doppler_taper)
+
+
+def findings_of_frame(
+    frame_input: FrameInput,
+    statistics: FrameStatistics,
+    budget: BudgetReport,
+    speckle: FrameSpeckle,
+    expected: ExpectedPower | None,
+    received: ReceivedSignal,
+    weather: Weather,
+) -> list[Finding]:
+    """Find what to know before trusting the frame, from every stage; `weather` as it is shown."""
+    scatterers, report = speckle.report(), received.echoes.report
+    clipped, samples = received.clipped, received.echoes.samples.size
+    mode = frame_input.frame.sampling_mode
+    rendered = [*frame_input.frame.record.findings]
+    rendered += itertools.chain(*(table.record.findings for table in frame_input.tables))
+    explained = any(item.code in NO_ECHO_CODES for item in rendered)
+    unranged = frame_input.table.record.unranged_power_fraction if frame_input.tables else 0.0
+    of_paths = statistics_findings(
+        statistics, frame_input.radar, mode, frame_input.range_limits_m, unranged
+    )
+    found = itertools.chain(
+        rendered,
+        (item for item in of_paths if item.code != "no-echo" or not explained),
+        weather.findings(frame_input.radar.waveform.carrier_hz),
+        budget.findings,
+        speckle.findings,
+        [] if expected is None else expected.findings,
+        [] if report is None else report.accuracy_findings(),
+        [] if scatterers is None else scatterers.findings,
+        _radar_findings(frame_input, statistics.power_w > 0),
+        [finding("adc-clipped", count=clipped, samples=samples)] if clipped else [],
+    )
+    return [item.in_frame(frame_input.frame.number) for item in found]
+
+
+def _radar_findings(frame_input: FrameInput, echoing: bool) -> list[Finding]:
+    radar, stop_m = frame_input.radar, frame_input.range_limits_m[1]
+    # A run without an echo ends where it begins: its range limits tell nothing of a scene.
+    found = find_suspicious_parameters(radar, stop_m if echoing else None)
+    own_hz, now_hz = frame_input.frame.run.radar.waveform.carrier_hz, radar.waveform.carrier_hz
+    if abs(now_hz / own_hz - 1) > _CARRIER_SLACK:
+        found.append(finding("carrier-differs-from-run", carrier_hz=now_hz, run_carrier_hz=own_hz))
+    unambiguous_m = radar.waveform.unambiguous_range_m
+    if stop_m > unambiguous_m * (1 + 1e-9):
+        numbers = {"range_limit_m": stop_m, "unambiguous_range_m": unambiguous_m}
+        if radar.waveform.kind == "fmcw":
+            found.append(finding("range-limits-beyond-sampled-band", **numbers))
+        else:
+            found.append(finding("range-limits-beyond-unambiguous-range", **numbers))
+    return found

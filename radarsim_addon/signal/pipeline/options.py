@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a run is processed."""
+"""How a run is processed: options, and what of them a run settles."""
 
 from __future__ import annotations
 
@@ -19,10 +19,9 @@ from ..radar import WINDOW_NAMES, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
 
+#: File that an animation of all frames is written as.
 AnimationFormat: TypeAlias = Literal["gif", "mp4"]
-"""File that an animation of all frames is written as."""
-
-# no choices: two of the names stand for patterns with numbers
+#: Not choices: two of the names stand for patterns with numbers.
 _TAPERS = ", ".join(WINDOW_NAMES)
 
 
@@ -31,19 +30,6 @@ def _seed_or_none(text: str) -> int | None:
 
 
 _seed_or_none.__name__ = "seed (a whole number or none)"  # argparse names the type
-
-
-def _hint(name: str, options: list[str]) -> str:
-    """Where a name belongs that is no option of processing, or which it resembles."""
-    parts: dict[str, Any] = {
-        "receiver": Receiver, "link_budget": LinkBudget, "weather": Weather, "cfar": Cfar,
-        "spectrogram": SpectrogramOptions,
-    }  # fmt: skip
-    for option, kind in parts.items():
-        if name in declared(kind):
-            return f"it is one of {option}={kind.__name__}({name}=...)."
-    near = difflib.get_close_matches(name, options, 2, 0.6)
-    return f"did you mean {' or '.join(near)}?" if near else "docs/signal.md lists them."
 
 
 @documented
@@ -211,6 +197,19 @@ class ProcessOptions:
             noise_figure_db=link_budget.noise_figure_db,
             antenna_temperature_k=link_budget.antenna_temperature_k,
         )
+
+
+def _hint(name: str, options: list[str]) -> str:
+    """Return where a name belongs that is no option of processing, or which it resembles."""
+    parts: dict[str, Any] = {
+        "receiver": Receiver, "link_budget": LinkBudget, "weather": Weather, "cfar": Cfar,
+        "spectrogram": SpectrogramOptions,
+    }  # fmt: skip
+    for option, kind in parts.items():
+        if name in declared(kind):
+            return f"it is one of {option}={kind.__name__}({name}=...)."
+    near = difflib.get_close_matches(name, options, 2, 0.6)
+    return f"did you mean {' or '.join(near)}?" if near else "docs/signal.md lists them."
 
 
 @documented

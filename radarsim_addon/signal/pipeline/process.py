@@ -6,6 +6,11 @@
 
 yields a :class:`Progress` after each step and a :class:`FrameResult` after each frame. Memory is
 bounded by one frame, however many there are, as long as the caller lets go of the results.
+
+Products of an earlier processing are kept where nothing has changed. A frame's summary is written
+last. It holds the fingerprint of all that the products are made of: settings, the frame's files,
+and this software. Before a frame is processed again its summary is removed, so that products next
+to a summary are always those that it was written for.
 """
 
 from __future__ import annotations
@@ -50,15 +55,6 @@ from ..runs import RadarFrame, Run, open_run, shared_plan
 from .frame import frame_steps
 from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
-# -------------------------------------------------------------------------------------------------
-# Frames that are processed already: their products are kept where nothing has changed.
-#
-# A frame's summary is written last. It holds the fingerprint of all that the products are made of:
-# settings, the frame's files, and this software. Before a frame is processed again its summary is
-# removed, so that products next to a summary are always those that it was written for.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Packages besides numpy whose versions change products.
 _PACKAGES = ("finufft", "matplotlib")
 #: Fields of a run's plan that change where frames are added to it.
@@ -68,28 +64,247 @@ _OF_NO_FRAME = ("animate", "animation_format", "plots")
 _MOST_BYTES = 1 << 26
 #: In a frame's record: no product depends on it, and the record's digest does.
 _RENDER_TIME = re.compile(rb'"(render_time_s|record_sha256)": *[^,}\s]*')
+#: The animation of all frames' maps, in the folder of the products; it ends in its format.
+_ANIMATION_NAME = "range_doppler"
+#: Steps of a frame after its rings: echoes and map, products, pictures.
+_STEPS_AFTER_RINGS = 3
+
+
+@dataclass(frozen=True)
+class Progress:
+    """A step of processing.
+
+    Attributes
+    ----------
+    done, total
+        Steps that are done, and all steps of the whole run.
+    text
+        What the step did.
+    finding
+        Why a frame was skipped.
+    file
+        What was written for all frames together.
+    kept
+        A frame whose products were there already.
+    """
+
+    done: int
+    total: int
+    text: str
+    finding: Finding | None = None
+    file: Path | None = None
+    kept: KeptFrame | None = None
 
 
 @dataclass(frozen=True)
 class KeptFrame:
-    """A frame whose products were there already.
-
-    Attributes
-    ----------
-    frame
-        Its number.
-    files
-        Its products.
-    findings
-        What to know before you trust the frame.
-    map
-        Its map, for the animation.
-    """
+    """A frame whose products were there already; the map is for the animation."""
 
     frame: int
     files: tuple[Path, ...]
     findings: list[Finding]
     map: MapFile
+
+
+def process_run(
+    path: str | Path,
+    options: ProcessOptions | None = None,
+    *,
+    out: str | Path | None = None,
+    frames: Sequence[int] | None = None,
+    allow_incomplete: bool = False,
+    resume: bool = False,
+) -> Generator[Progress | FrameResult, None, None]:
+    """Process a run frame by frame.
+
+    Parameters
+    ----------
+    path
+        Folder that holds ``run.json``.
+    options
+        How; the defaults where None.
+    out
+        Folder for the products, made where missing; default ``products`` in the run's folder.
+    frames
+        Frames to process; all where None.
+    allow_incomplete
+        Skip frames whose renders are not all there, instead of raising.
+    resume
+        Keep products that are there, made of the same renders with the same settings by the same
+        software. Such a frame yields a Progress, no result.
+
+    Yields
+    ------
+    Progress or FrameResult
+        Progress after each step, a result after each frame. Files of a frame, in `out`:
+        ``frame_0001_amplitude_t0.exr`` and the other three products;
+        ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
+        velocity_mps, range_m, power [channel, Doppler, range]); ``_summary.json``; where asked for
+        ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
+        ``_rings.png``, ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``. With a
+        system ``antennas.png``, and with several frames ``range_doppler.gif``, in the end.
+
+    Raises
+    ------
+    RadarSimError
+        One of its named kinds, see :mod:`radarsim_addon.errors`.
+    """
+    run = open_run(path)
+    settled = (options or ProcessOptions()).for_run(run)
+    chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
+    with open_products(run, settled, out, allow_incomplete) as products:
+        yield from _process_frames(replace(products, resume=resume), chosen)
+
+
+def _process_frames(
+    products: Products, chosen: Sequence[RadarFrame]
+) -> Generator[Progress | FrameResult, None, None]:
+    steps = products.run.record.rings + _STEPS_AFTER_RINGS
+    total, finished = steps * len(chosen), 0
+    maps: list[MapFile] = []
+    for frame in chosen:
+        skipped = products.skipped(frame)
+        if skipped is not None:
+            finished += steps
+            yield Progress(finished, total, f"frame {frame.number} skipped", skipped)
+            continue
+        kept = products.kept(frame)
+        if kept is not None:
+            finished += steps
+            maps.append(kept.map)
+            yield Progress(finished, total, f"frame {frame.number} kept", kept=kept)
+            continue
+        for event in products.process(frame):
+            if isinstance(event, FrameResult):
+                maps.append(map_file(event, products.folder))
+                yield event
+            else:
+                finished += 1
+                yield Progress(finished, total, event)
+    path = products.draw_common(maps)
+    if path is not None:
+        yield Progress(total, total, f"animation: {path}", file=path)
+
+
+@contextlib.contextmanager
+def open_products(
+    run: Run, options: ResolvedOptions, out: str | Path | None, allow_incomplete: bool
+) -> Iterator[Products]:
+    """Make the folder for a run's products; what is refused leaves none behind."""
+    if options.animation_format == "mp4" and options.animate is not False:
+        movie_encoder()  # an error now, not after the frames
+    folder = products_folder(run, out)
+    fresh = not os.path.exists(folder)  # Path.exists raises for names it cannot look at
+    make_folder(folder, within=run.path if out is None else None)
+    remove_abandoned(folder)
+    try:
+        try:
+            yield Products(run, options, folder, allow_incomplete)
+        finally:  # workers may have been killed
+            remove_abandoned(folder)
+    except RadarSimError:
+        # If a folder was removed, report that, not the file error that follows from it.
+        for place, kind in ((run.path, FrameFileError), (folder, OutputError)):
+            if not place.is_dir():
+                raise kind(
+                    f"The folder {place} has vanished during the processing: it was removed or "
+                    "renamed, or its drive is gone. Put it back, or process again."
+                ) from None
+        if fresh:
+            with contextlib.suppress(OSError):  # it holds products: it stays
+                folder.rmdir()
+        raise
+
+
+def products_folder(run: Run, out: str | Path | None) -> Path:
+    """Return where products go: `out`, else a folder in that of the run."""
+    return Path(out) if out is not None else run.path / PRODUCTS_DIR
+
+
+@dataclass(frozen=True)
+class Products:
+    """The folder that a run's products go to, and how they are made; see `open_products`."""
+
+    run: Run
+    options: ResolvedOptions
+    folder: Path
+    allow_incomplete: bool = False
+    resume: bool = False
+
+    @functools.cached_property
+    def _fingerprints(self) -> Fingerprints:
+        return Fingerprints(self.run, self.options, self.draws)
+
+    @property
+    def draws(self) -> bool:
+        """Whether pictures are drawn."""
+        plots = self.options.plots
+        return figures.has_matplotlib() if plots is None else plots
+
+    def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
+        """Open, process and write a frame; yield what was done, the result in the end."""
+        options, folder, number = self.options, self.folder, frame.number
+        fingerprint, summary = self._fingerprints.of(frame), self._summary(frame)
+        result = yield from frame_steps(options.open(frame), options)
+        # A summary tells that the others are whole and its own.
+        remove_file(summary)
+        try:
+            files = write_result(result, folder, options.writers)
+            yield f"frame {number}: products"
+            if self.draws:
+                files += write_result(result, folder, ["png"])
+            yield f"frame {number}: pictures"
+            remove_stale(folder, number, [*files, summary])
+            result = replace(result, files=tuple(files), fingerprint=fingerprint)
+            files += write_result(result, folder, ["json"])
+        except RadarSimError:  # a full disk: what there is of the frame is of no use
+            with contextlib.suppress(OutputError):
+                remove_stale(folder, number, [])
+            raise
+        yield replace(result, files=tuple(files))
+
+    def kept(self, frame: RadarFrame) -> KeptFrame | None:
+        """Return a frame whose products are there; None where it has to be processed."""
+        if not self.resume or not self._summary(frame).is_file():
+            return None
+        return kept_frame(self.folder, frame, self._fingerprints.of(frame))
+
+    def _summary(self, frame: RadarFrame) -> Path:
+        return frame_file(self.folder, frame.number, SUMMARY_ENDING)
+
+    def skipped(self, frame: RadarFrame) -> Finding | None:
+        """Return why a frame is left out; FrameFileError: it is incomplete and must not be."""
+        gaps = frame.missing()
+        if gaps and not self.allow_incomplete:
+            raise FrameFileError(
+                f"{frame.path} lacks {len(gaps)} of {frame.planned} renders; the first: "
+                f"{gaps[0].reason}. Render the run again: radarsim render resumes where it "
+                "stopped. Or process only what is complete with --allow-incomplete."
+            )
+        skipped = finding("frame-incomplete", missing=len(gaps)).in_frame(frame.number)
+        return skipped if gaps else None
+
+    def draw_common(self, maps: Sequence[MapFile]) -> Path | None:
+        """Draw what all frames share, when they are done: the antennas and, if asked for, the maps
+        with common colours. Return the file of the maps.
+        """
+        if not maps:
+            raise FrameFileError(
+                f"{self.run.path} has no complete frame to process. Render the run again: "
+                "radarsim render resumes where it stopped."
+            )
+        options, path = self.options, self.folder / _ANIMATION_NAME
+        if self.draws and options.link_budget is not None:
+            system = make_system(options.link_budget, options.radar.waveform.wavelength_m)
+            save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
+        wanted = options.animate or (options.animate is None and self.draws and len(maps) > 1)
+        for kind in get_args(AnimationFormat):
+            if not wanted or kind != options.animation_format:
+                remove_file(path.with_suffix(f".{kind}"))
+        if not wanted:
+            return None
+        scale = common_scale(maps, power_unit(options.amplitude_model))
+        return animate_maps(maps, path.with_suffix(f".{options.animation_format}"), scale)
 
 
 class Fingerprints:
@@ -151,7 +366,7 @@ def kept_frame(folder: Path, frame: RadarFrame, fingerprint: str) -> KeptFrame |
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON that is the same for equal values, arrays by their hash."""
+    """Return a value as JSON that is the same for equal values, arrays by their hash."""
     if isinstance(value, np.ndarray):
         return [str(value.dtype), value.shape, hashlib.sha256(value.tobytes()).hexdigest()]
     if isinstance(value, dict):
@@ -167,7 +382,7 @@ def _plain(value: Any) -> Any:
 
 @functools.cache
 def _software() -> dict[str, str]:
-    """Versions, and the hash of the source: a checkout changes without its version."""
+    """Return versions, and the hash of the source: a checkout changes without its version."""
     root = Path(__file__).resolve().parents[2]
     found = {"radarsim": __version__, "numpy": np.__version__}
     for name in _PACKAGES:
@@ -178,236 +393,3 @@ def _software() -> dict[str, str]:
         if path.relative_to(root).parts[0] != "blender":
             digest.update(path.read_bytes())
     return found | {"source": digest.hexdigest()}
-
-
-#: The animation of all frames' maps, in the folder of the products; it ends in its format.
-_ANIMATION_NAME = "range_doppler"
-#: Steps of a frame after its rings: echoes and map, products, pictures.
-_STEPS_AFTER_RINGS = 3
-
-
-@dataclass(frozen=True)
-class Progress:
-    """A step of processing.
-
-    Attributes
-    ----------
-    done, total
-        Steps that are done, and all steps of the whole run.
-    text
-        What the step did.
-    finding
-        Why a frame was skipped.
-    file
-        What was written for all frames together.
-    kept
-        A frame whose products were there already.
-    """
-
-    done: int
-    total: int
-    text: str
-    finding: Finding | None = None
-    file: Path | None = None
-    kept: KeptFrame | None = None
-
-
-def process_run(
-    path: str | Path,
-    options: ProcessOptions | None = None,
-    *,
-    out: str | Path | None = None,
-    frames: Sequence[int] | None = None,
-    allow_incomplete: bool = False,
-    resume: bool = False,
-) -> Generator[Progress | FrameResult, None, None]:
-    """Process a run frame by frame.
-
-    Parameters
-    ----------
-    path
-        Folder that holds ``run.json``.
-    options
-        How; the defaults where None.
-    out
-        Folder for the products, made where missing; default ``products`` in the run's folder.
-    frames
-        Frames to process; all where None.
-    allow_incomplete
-        Skip frames whose renders are not all there, instead of raising.
-    resume
-        Keep products that are there, made of the same renders with the same settings by the same
-        software. Such a frame yields a Progress, no result.
-
-    Yields
-    ------
-    Progress or FrameResult
-        Progress after each step, a result after each frame. Files of a frame, in `out`:
-        ``frame_0001_amplitude_t0.exr`` and the other three products;
-        ``_profile.npz`` (range_m, expected_power, coherent_power); ``_map.npz`` (doppler_hz,
-        velocity_mps, range_m, power [channel, Doppler, range]); ``_summary.json``; where asked for
-        ``_detections.csv`` and ``.json``, ``.h5``, ``.sigmf-data`` and ``.sigmf-meta``; pictures
-        ``_rings.png``, ``_echo.png``, ``_range_profile.png``, ``_range_doppler.png``. With a
-        system ``antennas.png``, and with several frames ``range_doppler.gif``, in the end.
-
-    Raises
-    ------
-    RadarSimError
-        One of its named kinds, see :mod:`radarsim_addon.errors`.
-    """
-    run = open_run(path)
-    settled = (options or ProcessOptions()).for_run(run)
-    chosen = [run.frame(n) for n in frames] if frames is not None else list(run.frames())
-    with open_products(run, settled, out, allow_incomplete) as products:
-        yield from _process_frames(replace(products, resume=resume), chosen)
-
-
-@dataclass(frozen=True)
-class Products:
-    """The folder that a run's products go to, and how they are made; see `open_products`."""
-
-    run: Run
-    options: ResolvedOptions
-    folder: Path
-    allow_incomplete: bool = False
-    resume: bool = False
-
-    @functools.cached_property
-    def _fingerprints(self) -> Fingerprints:
-        return Fingerprints(self.run, self.options, self.draws)
-
-    @property
-    def draws(self) -> bool:
-        """Whether pictures are drawn."""
-        plots = self.options.plots
-        return figures.has_matplotlib() if plots is None else plots
-
-    def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
-        """Open, process and write a frame; yield what was done, the result in the end."""
-        options, folder, number = self.options, self.folder, frame.number
-        fingerprint, summary = self._fingerprints.of(frame), self._summary(frame)
-        result = yield from frame_steps(options.open(frame), options)
-        # A summary tells that the others are whole and its own.
-        remove_file(summary)
-        try:
-            files = write_result(result, folder, options.writers)
-            yield f"frame {number}: products"
-            if self.draws:
-                files += write_result(result, folder, ["png"])
-            yield f"frame {number}: pictures"
-            remove_stale(folder, number, [*files, summary])
-            result = replace(result, files=tuple(files), fingerprint=fingerprint)
-            files += write_result(result, folder, ["json"])
-        except RadarSimError:  # a full disk: what there is of the frame is of no use
-            with contextlib.suppress(OutputError):
-                remove_stale(folder, number, [])
-            raise
-        yield replace(result, files=tuple(files))
-
-    def kept(self, frame: RadarFrame) -> KeptFrame | None:
-        """Return a frame whose products are there; None where it has to be processed."""
-        if not self.resume or not self._summary(frame).is_file():
-            return None
-        return kept_frame(self.folder, frame, self._fingerprints.of(frame))
-
-    def _summary(self, frame: RadarFrame) -> Path:
-        return frame_file(self.folder, frame.number, SUMMARY_ENDING)
-
-    def skipped(self, frame: RadarFrame) -> Finding | None:
-        """Why a frame is left out; FrameFileError: it is incomplete and must not be."""
-        gaps = frame.missing()
-        if gaps and not self.allow_incomplete:
-            raise FrameFileError(
-                f"{frame.path} lacks {len(gaps)} of {frame.planned} renders; the first: "
-                f"{gaps[0].reason}. Render the run again: radarsim render resumes where it "
-                "stopped. Or process only what is complete with --allow-incomplete."
-            )
-        skipped = finding("frame-incomplete", missing=len(gaps)).in_frame(frame.number)
-        return skipped if gaps else None
-
-    def draw_common(self, maps: Sequence[MapFile]) -> Path | None:
-        """Draw what all frames share, when they are done: the antennas and, if asked for, the maps
-        with common colours. Return the file of the maps.
-        """
-        if not maps:
-            raise FrameFileError(
-                f"{self.run.path} has no complete frame to process. Render the run again: "
-                "radarsim render resumes where it stopped."
-            )
-        options, path = self.options, self.folder / _ANIMATION_NAME
-        if self.draws and options.link_budget is not None:
-            system = make_system(options.link_budget, options.radar.waveform.wavelength_m)
-            save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
-        wanted = options.animate or (options.animate is None and self.draws and len(maps) > 1)
-        for kind in get_args(AnimationFormat):
-            if not wanted or kind != options.animation_format:
-                remove_file(path.with_suffix(f".{kind}"))
-        if not wanted:
-            return None
-        scale = common_scale(maps, power_unit(options.amplitude_model))
-        return animate_maps(maps, path.with_suffix(f".{options.animation_format}"), scale)
-
-
-def products_folder(run: Run, out: str | Path | None) -> Path:
-    """Where products go: `out`, else a folder in that of the run."""
-    return Path(out) if out is not None else run.path / PRODUCTS_DIR
-
-
-@contextlib.contextmanager
-def open_products(
-    run: Run, options: ResolvedOptions, out: str | Path | None, allow_incomplete: bool
-) -> Iterator[Products]:
-    """Make the folder for a run's products; what is refused leaves none behind."""
-    if options.animation_format == "mp4" and options.animate is not False:
-        movie_encoder()  # an error now, not after the frames
-    folder = products_folder(run, out)
-    fresh = not os.path.exists(folder)  # Path.exists raises for names it cannot look at
-    make_folder(folder, within=run.path if out is None else None)
-    remove_abandoned(folder)
-    try:
-        try:
-            yield Products(run, options, folder, allow_incomplete)
-        finally:  # workers may have been killed
-            remove_abandoned(folder)
-    except RadarSimError:
-        # What cannot be read or written is no error of its own where all is gone.
-        for place, kind in ((run.path, FrameFileError), (folder, OutputError)):
-            if not place.is_dir():
-                raise kind(
-                    f"The folder {place} has vanished during the processing: it was removed or "
-                    "renamed, or its drive is gone. Put it back, or process again."
-                ) from None
-        if fresh:
-            with contextlib.suppress(OSError):  # it holds products: it stays
-                folder.rmdir()
-        raise
-
-
-def _process_frames(
-    products: Products, chosen: Sequence[RadarFrame]
-) -> Generator[Progress | FrameResult, None, None]:
-    steps = products.run.record.rings + _STEPS_AFTER_RINGS
-    total, finished = steps * len(chosen), 0
-    maps: list[MapFile] = []
-    for frame in chosen:
-        skipped = products.skipped(frame)
-        if skipped is not None:
-            finished += steps
-            yield Progress(finished, total, f"frame {frame.number} skipped", skipped)
-            continue
-        kept = products.kept(frame)
-        if kept is not None:
-            finished += steps
-            maps.append(kept.map)
-            yield Progress(finished, total, f"frame {frame.number} kept", kept=kept)
-            continue
-        for event in products.process(frame):
-            if isinstance(event, FrameResult):
-                maps.append(map_file(event, products.folder))
-                yield event
-            else:
-                finished += 1
-                yield Progress(finished, total, event)
-    path = products.draw_common(maps)
-    if path is not None:
-        yield Progress(total, total, f"animation: {path}", file=path)

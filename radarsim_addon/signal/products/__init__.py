@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writers of result files: npz, JSON, CSV, EXR, HDF5, SigMF.
+"""Writers of result files: npz, JSON, CSV, EXR and SigMF (`frame_products`), HDF5 (`hdf5`).
 
-In: the result of a frame. Out: files, each written whole or not at all. Importing this room
-registers its writers; :func:`.results.write_result` calls them by name.
+Each file is written whole or not at all. Importing this room registers its writers;
+:func:`.results.write_result` calls them by name.
 """
 
 from . import frame_products, hdf5

@@ -1,5 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Profile, map and summary of a frame: ``npz`` and ``json``."""
+"""Files of a frame (writers "npz", "json", "csv", "exr", "sigmf"), and of a coverage diagram.
+
+The paper's four products of a frame that was measured by rings are amplitude and range, at t and at
+t + delta t:
+
+    products/frame_0001_amplitude_t0.exr      radiance L [W m^-2 sr^-1]
+    products/frame_0001_range_t0.exr          one-way range, half the path's length [m]
+    products/frame_0001_amplitude_t1.exr      the same at t + delta t
+    products/frame_0001_range_t1.exr
+
+Float32 EXR, one channel a ring: "ring.000", "ring.001"... Where a pixel has no echo, both are 0; no
+value is NaN. Raw I/Q is a SigMF recording (sigmf.org, 1.2).
+"""
 
 from __future__ import annotations
 
@@ -18,7 +30,7 @@ from ...findings import merge, to_json
 from ...typed_json import file_sha256, with_digest
 from ..decoding import PixelGrid, decode, pixel_grid
 from ..detection import Detection, Detections
-from ..echoes import Echoes, ReceivedSignal, line_times_s
+from ..echoes import Echoes, line_times_s
 from ..maps import level_unit
 from ..radar import Coverage, CoverageCurve, FmcwWaveform, waveform_to_dict
 from ..results import FrameResult, frame_file, result_writer
@@ -69,12 +81,23 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
 
 #: Ending of the file that is written last: a frame that has one is whole.
 SUMMARY_ENDING = "_summary.json"
+_QUANTITIES = ("amplitude", "range")
+_COLUMNS = (
+    "height_m",
+    "pattern_propagation_factor_f4",
+    "relative_to_free_space",
+    "flat_two_ray",
+    "zone",
+)
+SIGMF_VERSION = "1.2.0"
+#: More rows than this are not annotated one by one.
+_MOST_ANNOTATIONS = 4096
 
 
 @result_writer("json", SUMMARY_ENDING)
 def write_summary(result: FrameResult, folder: Path) -> list[Path]:
     """Write numbers and findings of a frame as ``_summary.json``; see docs/files.md."""
-    radar, report = result.rd_map.radar, result.echoes.report
+    radar, received, report = result.rd_map.radar, result.received, result.echoes.report
     path = frame_file(folder, result.frame, SUMMARY_ENDING)
     strongest, median = result.rd_map.strongest_and_median
     fields = with_digest(
@@ -91,7 +114,12 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "leading_edges": [dataclasses.asdict(edge) for edge in result.edges],
             "leading_edges_left_out": result.edges_left_out,
             "moving_targets": [dataclasses.asdict(peak) for peak in result.moving_targets],
-            "receiver": _receiver_record(result.received),
+            "receiver": {
+                "noise_power_w": received.noise_power_w,
+                "full_scale": received.full_scale,
+                "step": received.step,
+                "clipped": received.clipped,
+            },
             "speckle": None if result.speckle is None else dataclasses.asdict(result.speckle),
             "link_budget": result.budget.summary(),
             "findings": [to_json(found) for found in merge(result.findings)],
@@ -110,26 +138,14 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
 
 
 def _synthesis_record(report: SynthesisReport) -> dict[str, Any]:
-    """The report without its times: the same frame makes the same file, whoever processes it."""
+    """Return the report without its times: the same frame makes the same file, whoever processes
+    it.
+    """
     record = dataclasses.asdict(report)
     del record["wall_s"]
     for step in record["steps"]:
         del step["cpu_s"]
     return record
-
-
-def _receiver_record(received: ReceivedSignal) -> dict[str, float | int | None]:
-    return {
-        "noise_power_w": received.noise_power_w,
-        "full_scale": received.full_scale,
-        "step": received.step,
-        "clipped": received.clipped,
-    }
-
-
-# -------------------------------------------------------------------------------------------------
-# Detections as CSV and JSON: ``csv``.
-# -------------------------------------------------------------------------------------------------
 
 
 @result_writer("csv", "_detections.csv", "_detections.json")
@@ -163,25 +179,8 @@ def write_detections(stem: Path, found: Detections, unit: str = "dB") -> list[Pa
     return [table, record]
 
 
-# -------------------------------------------------------------------------------------------------
-# The paper's four products of a radar frame: amplitude and range, at t and at t + delta t.
-#
-#     products/frame_0001_amplitude_t0.exr      radiance L [W m^-2 sr^-1]
-#     products/frame_0001_range_t0.exr          one-way range, half the path's length [m]
-#     products/frame_0001_amplitude_t1.exr      the same at t + delta t
-#     products/frame_0001_range_t1.exr
-#
-# Float32 EXR, one channel a ring: "ring.000", "ring.001"... Where a pixel has no echo, both are 0;
-# no value is NaN.
-# -------------------------------------------------------------------------------------------------
-
-
-_QUANTITIES = ("amplitude", "range")
-
-
 @result_writer("exr", *(f"_{quantity}_t{n}.exr" for quantity in _QUANTITIES for n in (0, 1)))
 def write_ring_products(result: FrameResult, folder: Path) -> list[Path]:
-    """Write the ring products of a result; nothing where it comes from a path table."""
     frame = result.source.frame
     return write_products(frame, folder) if frame.sampling_mode == "rings" else []
 
@@ -219,37 +218,8 @@ def write_products(frame: RadarFrame, folder: Path) -> list[Path]:
     return written
 
 
-# -------------------------------------------------------------------------------------------------
-# Coverage diagram as npz, and its curve over height as CSV.
-# -------------------------------------------------------------------------------------------------
-
-
-_COLUMNS = (
-    "height_m",
-    "pattern_propagation_factor_f4",
-    "relative_to_free_space",
-    "flat_two_ray",
-    "zone",
-)
-
-
 def write_coverage_files(found: Coverage, curve: CoverageCurve, folder: Path) -> list[Path]:
-    """Write ``coverage.npz`` and ``coverage.csv``.
-
-    Parameters
-    ----------
-    found
-        Diagram.
-    curve
-        Its curve at one range.
-    folder
-        Existing folder.
-
-    Returns
-    -------
-    list of Path
-        Both files; see docs/coverage.md for their contents.
-    """
+    """Write ``coverage.npz`` and ``coverage.csv`` into an existing folder; see docs/coverage.md."""
     setup = found.setup
     arrays = {
         "range_m": found.range_m,
@@ -276,19 +246,8 @@ def write_coverage_files(found: Coverage, curve: CoverageCurve, folder: Path) ->
     return [whole, table]
 
 
-# -------------------------------------------------------------------------------------------------
-# Raw I/Q as a SigMF recording: ``.sigmf-data`` and ``.sigmf-meta`` (sigmf.org, 1.2).
-# -------------------------------------------------------------------------------------------------
-
-
-SIGMF_VERSION = "1.2.0"
-#: More rows than this are not annotated one by one.
-_MOST_ANNOTATIONS = 4096
-
-
 @result_writer("sigmf", ".sigmf-data", ".sigmf-meta")
 def write_sigmf_recording(result: FrameResult, folder: Path) -> list[Path]:
-    """Write the raw samples of a result as a SigMF recording."""
     stem = frame_file(folder, result.frame, "")
     return write_sigmf(stem, result.echoes, f"radarsim frame {result.frame}")
 

@@ -103,7 +103,7 @@ def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
 def _put(
     group: Group, name: str, values: NDArray[Any], units: str, description: str, *axes: str
 ) -> None:
-    """One dataset; `axes` name datasets of the group, or of the file, that are its scales."""
+    """Write one dataset; `axes` name datasets of the group, or of the file, that are its scales."""
     packed = {"compression": "gzip", "compression_opts": 1} if values.size > 4096 else {}
     data = group.create_dataset(name, data=values, **packed)
     data.attrs["units"], data.attrs["description"] = units, description

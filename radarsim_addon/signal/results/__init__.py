@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The result of a frame, and the writers that make files of it, by name.
 
-In: echoes, profiles, maps and what was detected in them. Out: `FrameResult`; the rooms that write
-files register their writers here.
+`FrameResult` holds echoes, profiles, maps and what was detected in them. The rooms that write files
+register their writers here.
 """
 
 from .frame_result import FrameResult, frame_file, remove_stale, result_writer, write_result

@@ -1,5 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that was computed of one radar frame."""
+"""All that was computed of one radar frame, and the registry of writers that make files of it.
+
+A room that writes a format registers a function for it::
+
+    @result_writer("npz", "_profile.npz", "_map.npz")
+    def write_arrays(result: FrameResult, folder: Path) -> list[Path]: ...
+
+The endings tell the files of this writer from all others, so that processing again can remove what
+it no longer writes.
+"""
 
 from __future__ import annotations
 
@@ -130,7 +139,7 @@ class FrameResult:
     def clutter_to_noise(self) -> Real | None:
         """Clutter over the link budget's noise in the cells of `expected`, without a canceller.
 
-        (pulses, ranges), 1; None without clutter or without a link budget.
+        (pulses, ranges); None without clutter or without a link budget.
         """
         noise_w = self.noise_of_budget
         if self.expected is None or self.expected.clutter_map is None or noise_w is None:
@@ -144,21 +153,8 @@ class FrameResult:
         return self.received.floor_power_w * map_noise_gain(self.rd_map.radar, *taper)
 
 
-# -------------------------------------------------------------------------------------------------
-# Writers of result files, registered by name.
-#
-# A room that writes a format registers a function for it::
-#
-#     @result_writer("npz", "_profile.npz", "_map.npz")
-#     def write_arrays(result: FrameResult, folder: Path) -> list[Path]: ...
-#
-# The endings tell the files of this writer from all others, so that processing again can remove
-# what it no longer writes.
-# -------------------------------------------------------------------------------------------------
-
-
+#: Writes files of a result into a folder and returns those that it wrote; maybe none.
 WriteResult = Callable[[FrameResult, Path], list[Path]]
-"""Writes files of a result into a folder and returns those that it wrote; maybe none."""
 
 
 @dataclass(frozen=True)
@@ -171,19 +167,9 @@ _WRITERS: dict[str, _Writer] = {}
 
 
 def result_writer(name: str, *endings: str) -> Callable[[WriteResult], WriteResult]:
-    """Register a writer under a name.
+    """Return a decorator that registers a writer under a name that is not taken yet.
 
-    Parameters
-    ----------
-    name
-        Name of the format, such as "hdf5"; not taken yet.
-    *endings
-        Endings of all files that the writer may write, after ``frame_0001``; not taken yet.
-
-    Returns
-    -------
-    callable
-        Decorator that registers a function ``write(result, folder) -> list of Path``.
+    `endings` are those of all files that it may write, after ``frame_0001``; not taken yet.
     """
     taken = {ending for writer in _WRITERS.values() for ending in writer.endings}
     if name in _WRITERS or taken.intersection(endings):
@@ -197,34 +183,11 @@ def result_writer(name: str, *endings: str) -> Callable[[WriteResult], WriteResu
 
 
 def writer_names() -> tuple[str, ...]:
-    """Return the names of all registered writers, sorted."""
     return tuple(sorted(_WRITERS))
 
 
 def write_result(result: FrameResult, folder: Path, names: Iterable[str]) -> list[Path]:
-    """Write a result with some of the registered writers.
-
-    Parameters
-    ----------
-    result
-        Result of a frame.
-    folder
-        Existing folder.
-    names
-        Names of writers, called in this order.
-
-    Returns
-    -------
-    list of Path
-        Files written.
-
-    Raises
-    ------
-    ConfigError
-        No writer has that name.
-    MissingDependencyError, OutputError
-        A package is not installed, or a file cannot be written.
-    """
+    """Write a result into an existing folder with some of the registered writers, in this order."""
     files: list[Path] = []
     for name in names:
         if name not in _WRITERS:
@@ -234,37 +197,12 @@ def write_result(result: FrameResult, folder: Path, names: Iterable[str]) -> lis
 
 
 def frame_file(folder: Path, frame: int, ending: str) -> Path:
-    """Return the path of a frame's file, such as ``frame_0001_map.npz``.
-
-    Parameters
-    ----------
-    folder
-        Folder of the products.
-    frame
-        Number of the frame.
-    ending
-        Ending after the number, such as "_map.npz".
-
-    Returns
-    -------
-    Path
-        In `folder`.
-    """
+    """Return the path of a frame's file, such as ``frame_0001_map.npz``."""
     return folder / f"frame_{frame:04d}{ending}"
 
 
 def remove_stale(folder: Path, frame: int, written: Collection[Path]) -> None:
-    """Remove files of a frame that an earlier processing wrote and this one did not.
-
-    Parameters
-    ----------
-    folder
-        Folder of the products.
-    frame
-        Number of the frame.
-    written
-        Files to keep.
-    """
+    """Remove files of a frame that an earlier processing wrote and this one did not."""
     for writer in _WRITERS.values():
         for ending in writer.endings:
             path = frame_file(folder, frame, ending)
