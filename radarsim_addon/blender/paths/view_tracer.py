@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -129,16 +129,6 @@ class PathTask:
     def exr_path(self) -> str:
         """What an error message calls this render."""
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, replicate {self.replicate}"
-
-
-class Progress(Protocol):
-    """What a frame reports while its tiles are measured."""
-
-    def add_tiles(self, count: int) -> None:
-        """Report that there are `count` tiles more than expected."""
-
-    def replicates_measured(self, count: int, *, earlier: bool) -> None:
-        """Report measured replicates of a tile; `earlier`: by an earlier session."""
 
 
 class ViewTracer:
