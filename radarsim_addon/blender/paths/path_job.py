@@ -282,7 +282,7 @@ class PathJob(MeasurementJob):
         shared_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
         if not self._time.shows(begins := self.plan.instants(frame)[0]):
-            self._show(begins)
+            self._time.show(begins)
         self.path_scene.choose_views(self._measurement.width_px * self._measurement.height_px)
         self._still.begin()
         for render in range(self.options.visibility_updates):
@@ -310,7 +310,7 @@ class PathJob(MeasurementJob):
             yield from self._repeat(frame, render, sampling.rendered[1])
             return
         motion = BurstMotion(
-            self._show,
+            self._time.show,
             self.rig,
             self.path_scene.objects,
             sampling,
