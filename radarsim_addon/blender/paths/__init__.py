@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Path sampling, one path per pixel: tiles, error estimate, table.
 
-In: a plan and the scene. Out: the path table of each frame with its sidecar.
+In: a plan and the scene. Out: the path table of each frame with its sidecar. `path_job` makes the
+frames of a run; `frame` measures and refines the tiles of one (`tiles`: the field of view as a
+partition; `glints`: bright spots that need finer ones; `measured_tiles`: rows and sums of measured
+tiles; `error_budget`: which tiles to refine). `view_tracer` renders a tile replicate and decodes
+its rows. `hit_points` moves their vertices onto the meshes in float64, `clutter_weights` corrects
+powers of lobes that Cycles does not have. `mirror_paths` adds paths over planar mirrors (`mirrors`:
+images of the transmitter) and curved ones (`curved_mirrors`); `obstacles` finds what lies on ways
+that Cycles does not trace.
 """
 
 from .path_job import PathJob

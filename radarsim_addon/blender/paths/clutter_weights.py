@@ -1,9 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Powers of paths over surfaces whose lobe Cycles does not have: clutter, directive lobes.
+"""Powers of paths over surfaces whose lobe Cycles does not have, or has with another power.
 
-Cycles renders a Lambert lobe in place of it, and each vertex there has a weight, see
-:mod:`.surface_lobes`. Orders 1 and 2 are weighted at all vertices; of higher ones vertices are
-unknown.
+In: labelled rows with normals at their vertices. Out: the same rows with their powers multiplied by
+the weights of their vertices (`ClutterWeights.apply`). Cycles renders a lobe in place of the true
+one, and a vertex has the weight: true lobe over rendered lobe.
+
+Clutter model: the lobe of `nodes.physical_material.add_clutter_lobe` is exact in backscatter. Into
+another direction it is a Lambert lobe of the albedo rho that is seen. With the grazing angles psi_s
+towards the previous vertex (on the receiver's side) and psi_i towards the next one, the weight is
+
+    w = (f + sigma_b / (4 pi sin psi_i sin psi_s)) / (f + rho(psi_s) / pi)
+
+with f the scattering of the rough interface, and sigma_b = sqrt(sigma0(psi_i) sigma0(psi_s)), which
+is reciprocal.
+
+Directive lobe: the scattered fraction of the power at psi_i, in the lobe of
+`physics.rough.directive_lobe`, replaces the Lambert lobe of a simple material, or that of the table
+of a slightly rough mirror.
+
+Paths of one and two reflections are weighted at all vertices; of longer ones vertices are unknown,
+and a finding gives their power.
 """
 
 from __future__ import annotations
@@ -43,435 +59,16 @@ from .hit_points import HitPoints, Normals
 from .mirrors import in_view
 from .view_tracer import ViewTracer
 
-# -------------------------------------------------------------------------------------------------
-# Lobes of surfaces that Cycles does not have: weights of the lobes that it renders instead.
-#
-# A clutter model: the lobe of :mod:`..nodes.clutter_lobe` is exact in backscatter. Into another
-# direction it is a Lambert lobe of the albedo that is seen. A vertex with the grazing angles psi_s
-# towards the previous vertex (on the receiver's side) and psi_i towards the next one has the weight
-#
-#     w = (f + sigma_b / (4 pi sin psi_i sin psi_s)) / (f + rho(psi_s) / pi)
-#
-# with f what the rough interface scatters, and sigma_b = sqrt(sigma0(psi_i) sigma0(psi_s)), which
-# is reciprocal.
-#
-# A directive lobe: the scattered fraction of the power at psi_i, in the directive lobe of
-# :mod:`...physics.directive_lobes`, takes the place of the Lambert lobe of a simple material, or of
-# the table of a slightly rough mirror.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Cosine between the direction of a mirrored ray and a segment above which a smooth surface has
-#: reflected it like a mirror: 1 minus the square of what Cycles rounds, over 2.
-_MIRRORED = 1 - 1e-9
-#: An index at which all is reflected.
-_CONDUCTOR = complex(1e12)
-
-#: Sines of grazing angles towards the vertex before and the one after, (n,) each.
-Sines = tuple[Real, Real]
-
-
-def is_mirrored(sines: Sines, back: Real, onward: Real) -> Mask:
-    """Whether a smooth surface mirrors unit vectors from a vertex into each other, (n,).
-
-    `sines` are their products with the normal.
-    """
-    found = 2 * sines[0]
-    found *= sines[1]
-    found -= dots(back, onward)
-    return np.asarray(found >= _MIRRORED)
-
-
-@dataclass(frozen=True)
-class _Table:
-    """sigma0 by grazing angle, as the lobe of a table gives it."""
-
-    table_db: Real
-
-    @cached_property
-    def _steps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """ln sigma0 half a column before each and after the last, and steps to the next."""
-        levels = np.pad(self.table_db * (np.log(10) / 10), 1, mode="edge").astype(np.float32)
-        return levels[:-1], np.diff(levels)
-
-    def log_sigma0(self, sine: Real) -> NDArray[np.float32]:
-        """Natural logarithm at sines of grazing angles, (n,), as the image gives it: linear.
-
-        float32 is within 1e-4 dB of the same line in float64.
-        """
-        angle = np.minimum(sine, 1.0)
-        np.arcsin(angle, out=angle)
-        angle *= 2 / np.pi * TABLE_WIDTH**3
-        column = angle.astype(np.float32)
-        np.cbrt(column, out=column)
-        column += np.float32(0.5)
-        left = column.astype(np.intp)
-        levels, steps = self._steps
-        column -= np.trunc(column)
-        column *= steps.take(left)
-        column += levels.take(left)
-        return column
-
-    def sigma0(self, sine: Real) -> Real:
-        """At sines of grazing angles."""
-        return np.exp(self.log_sigma0(sine), dtype=np.float64)
-
-    def albedo(self, sigma0: Real, sine: Real, seen_first: bool) -> Real:
-        """Of the rendered lobe, which is limited beyond the first vertex."""
-        found = sigma0 / (4 * sine**2)
-        return found if seen_first else np.minimum(found, 1.0)
-
-
-@dataclass(frozen=True)
-class ClutterLobe(_Table):
-    """Of a material with a clutter model: what Cycles renders of it, and its limits."""
-
-    material: str
-    model: ClutterModel
-    index: complex
-    alpha: float
-
-    def weights(
-        self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
-    ) -> Real:
-        """Weights of vertices with unit vectors to both neighbours, (n,).
-
-        `sines` are their products with the normal. `seen_first`: the receiver sees the vertex
-        itself, and the albedo is not limited.
-        """
-        sine_s, sine_i = sines
-        level_s, level_i = self.log_sigma0(sine_s), self.log_sigma0(sine_i)
-        # what the lobe is to be over a Lambert lobe of the albedo that is seen
-        ratio = np.exp((level_i - level_s) / 2) * sine_s / sine_i
-        if self.alpha == 0 and seen_first:
-            return ratio
-        seen = np.exp(level_s, dtype=np.float64)
-        lambert, rendered = (self.albedo(seen, sine_s, both) / np.pi for both in (True, seen_first))
-        facets: Real | float = 0.0
-        if self.alpha > 0:
-            facets = facet_scattering(self.index, self.alpha, normal, back, onward, EXACT_FACETS)
-        return np.asarray((facets + lambert * ratio) / (facets + rendered))
-
-
-@dataclass(frozen=True)
-class DirectiveLobe(_Table):
-    """Of a material with a directive lobe; the table is empty for a simple material."""
-
-    lobe: ScatteredLobe
-    polarisation: str
-    wavelength_m: float
-
-    @classmethod
-    def of(cls, lobe: ScatteredLobe, polarisation: str, wavelength_m: float) -> DirectiveLobe:
-        """Of the lobe of a material in a run."""
-        table_db = np.zeros(0)
-        if lobe.from_table:
-            table_db = _as_rendered(lobe.table_db(wavelength_m))
-        return cls(table_db, lobe, polarisation, wavelength_m)
-
-    @property
-    def alpha(self) -> float:
-        """Width of the glossy lobe; 0: a mirror."""
-        return self.lobe.alpha
-
-    def weights(
-        self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
-    ) -> Real:
-        """As those of `ClutterLobe`; waves come from `onward`."""
-        lobe, sine_s = self.lobe, sines[0]
-        facets = np.zeros(sine_s.size)
-        if self.table_db.size:
-            albedo = self.albedo(self.sigma0(sine_s), sine_s, seen_first)
-        else:
-            seen = unpolarised_reflectance(lobe.mirror.index, np.minimum(sine_s, 1.0))
-            albedo = (1 - lobe.mirror.share) * seen
-            if lobe.alpha > 0:
-                facets = facet_scattering(_CONDUCTOR, lobe.alpha, normal, back, onward)
-                facets = lobe.mirror.share * seen * facets
-        scattered = lobe.scattered(onward, normal, self.polarisation, self.wavelength_m)
-        directive = directive_lobe(lobe.exponent, normal, onward, back)
-        return (facets + scattered * directive) / (facets + albedo / np.pi)
-
-
-def clutter_lobe(material: Any, model: ClutterModel, table_db: Real) -> ClutterLobe:
-    """The lobe of a material with a clutter model and the table of the run."""
-
-    def value(name: str) -> float:
-        socket = group_input(material, name)
-        if socket is None:
-            raise ConfigError(
-                f"Material {material.name!r} has a clutter model and a link at {name}, so the "
-                "scattering into other directions is unknown. Remove the link."
-            )
-        return float(socket.default_value)
-
-    roughness = value(ROUGHNESS)
-    index = complex(value(INDEX), value(EXTINCTION))
-    alpha = roughness**2 if roughness > SMOOTH_BELOW else 0.0
-    return ClutterLobe(_as_rendered(table_db), material.name, model, index, alpha)
-
-
-def _as_rendered(table_db: Real) -> Real:
-    """A table as its image rounds it."""
-    return table_db.astype(np.float32).astype(np.float64)
-
-
-# -------------------------------------------------------------------------------------------------
-# Which paths have a reverse: those between two scatterers that are no mirrors.
-# -------------------------------------------------------------------------------------------------
-
-
-class ReverseMarks:
-    """Marks rows whose reverse is a path of its own.
-
-    Rays end at scatterers that are no mirrors, because the transmitter is a point. So a path has a
-    reverse if it has not been mirrored at its first scatterer. (A mirror there, and images on the
-    way to the transmitter, are cared for by :mod:`.mirror_paths`.) `hits` finds normals; rows have
-    the numbers of `bodies`.
-    """
-
-    def __init__(self, hits: HitPoints, bodies: Bodies) -> None:
-        self._hits, self._bodies = hits, bodies
-
-    @cached_property
-    def _by_body(self) -> tuple[Mask, Mask]:
-        """By the body's number, from 1; 0 is unknown: whether it may mirror, and whether its
-        normals are not those of its faces. Only paths of several reflections ask.
-        """
-        sharp, bodies = cache(is_mirror_like), self._bodies
-        shapes = bodies.snapshot.shapes
-        mirrors = np.array([any(map(sharp, shape.materials)) for shape in shapes], dtype=bool)
-        rounded = np.zeros(len(shapes), dtype=bool)
-        for number in np.flatnonzero(mirrors).tolist():
-            with bodies.snapshot.mesh(shapes[number]) as mesh:
-                rounded[number] = is_smooth_shaded(mesh)
-        unknown = mirrors.any()
-        return np.append(unknown, mirrors[bodies.shape]), np.append(unknown, rounded[bodies.shape])
-
-    def mark(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
-        """Set the flag of labelled, refined rows with the normals that refining met.
-
-        Rays start at `origins_m`, (n, 3).
-        """
-        several = np.flatnonzero(rows["order"] > 1)
-        if not several.size:
-            return
-        mine = rows[several]
-        may_mirror, rounded = self._by_body
-        ranged = mine["flags"] & PathFlag.NO_RANGE == 0
-        mirrors = may_mirror[mine["first_body"]]
-        marked = ranged & ~mirrors
-        known = ranged & mirrors & (mine["order"] == 2) & ~rounded[mine["first_body"]]
-        chosen = np.flatnonzero(known & are_finite(mine["first_scatterer_m"]))
-        if chosen.size:
-            mine, number = mine[chosen], several[chosen]
-            first_m, along = mine["first_scatterer_m"], mine["direction"]
-            onward = mine["last_scatterer_m"] - first_m
-            normals = self._hits.normals(
-                mine["first_body"], origins_m[number], first_m, found.all()[0][number]
-            )
-            with np.errstate(invalid="ignore"):
-                onward /= norms(onward)[:, None]
-                sines = -dots(normals, along), dots(normals, onward)
-                away = is_mirrored(sines, -along, onward)
-            marked[chosen] = ~away & are_finite(normals) & are_finite(onward)
-        rows["flags"][several[marked]] |= np.uint16(PathFlag.HAS_REVERSE)
-
-
-def is_smooth_shaded(mesh: Any) -> bool:
-    """Whether a mesh, or None, has faces whose normals are not those of their planes."""
-    if mesh is None or not len(mesh.polygons):
-        return False
-    smooth = np.zeros(len(mesh.polygons), dtype=bool)
-    mesh.polygons.foreach_get("use_smooth", smooth)
-    return bool(smooth.any())
-
-
-# -------------------------------------------------------------------------------------------------
-# Paths via a narrow and a wide lobe: both directions from the one that Cycles samples well.
-#
-# Cycles draws the ray from a path's first scatterer by the lobe there, and evaluates the last lobe
-# towards the transmitter. So few rays find a path that ends at the narrow lobe, and each has a
-# large power. With the antennas in one place, the reverse path begins at that lobe, has the same
-# power, and is sampled well. Both directions are taken from the rows of this reverse path: the
-# rows, and copies with both scatterers exchanged. Where a scatterer is outside the field of view,
-# the table has no reverse path, and the row stays as it is.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Widths of two lobes differ where one is so many times as wide as the other.
-_WIDER = 2.0
-#: Distance of the antennas that is none, in wavelengths.
-_TOGETHER = 1e-3
-#: Columns of the first scatterer; those of the last are called likewise.
-_ENDS = ("scatterer_m", "body", "object", "surface_point")
-
-
-class BetterDirection:
-    """Replaces rows that end at a narrow lobe. `bodies` are those whose numbers rows have."""
-
-    def __init__(self, bodies: Bodies, wavelength_m: float) -> None:
-        self._together_m = _TOGETHER * wavelength_m
-        width, shapes = cache(reciprocal_lobe), bodies.snapshot.shapes
-        met = {material for shape in shapes for material in shape.materials}
-        #: Whether rays pass through no surface, where both directions could be different rows.
-        self._opaque = all(
-            lets_nothing_through(one) if group_node(one) else width(one) > 0 for one in met
-        )
-        widths = np.array([min(map(width, shape.materials), default=0.0) for shape in shapes])
-        several = np.array([len(set(shape.materials)) > 1 for shape in shapes], dtype=bool)
-        widths[several] = 0.0
-        for number in np.flatnonzero((widths > 0) & np.isfinite(widths)).tolist():
-            with bodies.snapshot.mesh(shapes[number]) as mesh:
-                if is_smooth_shaded(mesh):  # normals of light and of faces differ
-                    widths[number] = 0.0
-        #: Widths of lobes by the body's number, from 1; 0: unknown.
-        self._widths = np.append(0.0, widths[bodies.shape])
-
-    def in_better_direction(self, rows: PathRows, tracer: ViewTracer) -> PathRows:
-        """Return rows of a tile replicate with both directions of pairs from the one that is
-        sampled well; the rows themselves where there is none, or objects are not opaque.
-        """
-        receiver = tracer.receiver
-        place_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
-        apart_m = float(np.linalg.norm(tracer.transmitter_m - place_m))
-        parallel = receiver.kind == "orthographic"
-        if parallel or apart_m > self._together_m or not self._opaque:
-            return rows
-        first, last = (self._widths.take(rows[name]) for name in ("first_body", "last_body"))
-        both = self._usable(rows) & (first > 0) & (last > 0)
-        poor = np.flatnonzero(both & (first >= _WIDER * last))
-        good = np.flatnonzero(both & (last >= _WIDER * first))
-        poor, good = (
-            some[in_view(rows["last_scatterer_m"][some], receiver)] for some in (poor, good)
-        )
-        if not poor.size + good.size:
-            return rows
-        back = rows[good]
-        for name in _ENDS:
-            back[f"first_{name}"], back[f"last_{name}"] = (
-                rows[f"{end}_{name}"][good] for end in ("last", "first")
-            )
-        along = back["first_scatterer_m"] - place_m
-        back["direction"] = along / norms(along)[:, None]
-        return np.concatenate([np.delete(rows, poor), back])
-
-    def _usable(self, rows: PathRows) -> Mask:
-        """Rows of two reflections whose reverse is a path of its own, with known vertices."""
-        found = (rows["order"] == 2) & (rows["transparent_depth"] == 0)
-        found &= rows["flags"] & (PathFlag.HAS_REVERSE | PathFlag.NO_RANGE) == PathFlag.HAS_REVERSE
-        for name in ("first_scatterer_m", "last_scatterer_m"):
-            found &= are_finite(rows[name])
-        if has_images(rows):
-            for name in ("transmitter_image", "receiver_image", "mirrors"):
-                found &= rows[name] == 0
-        return np.asarray(found)
-
-
-# -------------------------------------------------------------------------------------------------
-# Mirrors that the receiver sees: what their image has of the wave.
-#
-# Cycles follows a ray over a mirror with the power of both polarisations behind it, as at a smooth
-# surface. The receiver takes the polarisation of the run, and of a slightly rough mirror the
-# coherent part.
-# -------------------------------------------------------------------------------------------------
-
-
-class SeenMirrors:
-    """Corrects the power of what the receiver sees in mirrors.
-
-    `hits` finds normals; rows have the numbers of `bodies`.
-    """
-
-    def __init__(
-        self, hits: HitPoints, bodies: Bodies, polarisation: str, wavelength_m: float
-    ) -> None:
-        self._hits, self._wavelength_m = hits, wavelength_m
-        self._polarisation = polarisation
-        materials = [tuple(shape.materials) for shape in bodies.snapshot.shapes]
-        mirror, lobe = cache(_mirror), cache(scattered_lobe_of)
-        found = [mirror(every) for every in materials]
-        self._mirrors = list(dict.fromkeys(one for one in found if one is not None))
-        numbers = np.array([-1 if one is None else self._mirrors.index(one) for one in found], int)
-        heights_m = np.array([_rms_height_m(one) for one in found])
-        #: By the body's number, from 1: number of the mirror, -1 for others; RMS height, 0 for
-        #: other surfaces [m]; and whether a lobe has the rest of the power.
-        self._numbers = np.append(-1, numbers[bodies.shape])
-        self._heights_m = np.append(0.0, heights_m[bodies.shape])
-        scatters = np.array([any(map(lobe, every)) for every in materials], dtype=bool)
-        self._scatters = np.append(False, scatters[bodies.shape])
-
-    def correct(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
-        """Multiply powers of labelled, refined rows with the normals that refining met.
-
-        Rays start at `origins_m`, (n, 3).
-
-        With more than two reflections it is unknown whether the mirror has scattered or mirrored:
-        both are in such rows as if nothing were taken from the image, so their sum is reduced. They
-        keep the power of both polarisations, because the next mirror may turn the wave back.
-        """
-        if not self._mirrors:
-            return
-        seen = (self._numbers[rows["first_body"]] >= 0) & (rows["order"] > 1)
-        chosen = np.flatnonzero(seen & are_finite(rows["first_scatterer_m"]))
-        if not chosen.size:
-            return
-        mine = rows[chosen]
-        bodies, first_m, along = mine["first_body"], mine["first_scatterer_m"], mine["direction"]
-        known = found.all()[0][chosen]
-        normals = self._hits.normals(bodies, origins_m[chosen], first_m, known)
-        sine = np.abs(dots(normals, along))
-        factor = coherent_reflection(self._heights_m[bodies], sine, self._wavelength_m) ** 2
-        lobe, two = self._scatters[bodies], mine["order"] == 2
-        onward = mine["last_scatterer_m"] - first_m
-        with np.errstate(invalid="ignore"):
-            onward = onward / norms(onward)[:, None]
-            sines = -dots(normals, along), dots(normals, onward)
-            mirrored = is_mirrored(sines, -along, onward)
-        factor[lobe & two & ~mirrored] = 1.0
-        factor[lobe & ~two] = 1 / (2 - factor[lobe & ~two])
-        for number, mirror in enumerate(self._mirrors):
-            here = np.flatnonzero(two & mirrored & (self._numbers[bodies] == number))
-            wave = along[here], normals[here], self._polarisation
-            rendered = np.maximum(mirror.rendered_power(*wave), np.finfo(float).tiny)
-            smooth = replace(mirror, rms_height_m=0.0)
-            factor[here] *= smooth.reflection(*wave, self._wavelength_m).power / rendered
-        rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)
-
-
-def _mirror(materials: Sequence[Any]) -> MirrorMaterial | None:
-    """What all of a body's materials are as mirrors without another lobe; else None."""
-    known = {None if clutter_of(one) else mirror_of(one) for one in materials}
-    return known.pop() if len(known) == 1 else None
-
-
-def _rms_height_m(mirror: MirrorMaterial | None) -> float:
-    return 0.0 if mirror is None or mirror.share < 1 else mirror.rms_height_m
-
-
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
 _ROWS_AT_ONCE = 16384
-#: Columns that are read, and those besides where there are several reflections.
-_READ = "order", "last_scatterer_m", "direction", "last_body"
-_READ_OF_SEVERAL = "first_scatterer_m", "first_body"
-#: Rows of a frame from which the findings are told.
+#: Rows of a frame that the findings are based on.
 _LOOKED_AT = 4096
-#: Error of sigma0 by the flat model above which it is told [dB].
+#: Error of sigma0 by the flat model above which there is a finding [dB].
 _CURVED_DB = 0.5
 
 
 class ClutterWeights:
-    """Weights the rows of a frame whose vertices lie on surfaces with such a lobe.
-
-    Parameters
-    ----------
-    hits
-        Finds the normals where rays hit.
-    bodies
-        Those whose numbers the rows have.
-    carrier_hz, polarisation
-        Of the run.
-    """
+    """Weights the rows of a frame. `hits` finds normals; rows have the numbers of `bodies`."""
 
     def __init__(
         self, hits: HitPoints, bodies: Bodies, carrier_hz: float, polarisation: str
@@ -485,7 +82,7 @@ class ClutterWeights:
         self._surfaces: list[ClutterLobe | DirectiveLobe] = []
         known: dict[str, int] = {}
         self._several: set[str] = set()
-        models, lobes = cache(clutter_of), cache(scattered_lobe_of)  # a material is asked once
+        models, lobes = cache(clutter_of), cache(scattered_lobe_of)
         rows_of = cache(lambda material: group_input(material, CLUTTER_ROW))
         of_shape = np.zeros(len(bodies.snapshot.shapes), dtype=np.intp)
         for number, shape in enumerate(bodies.snapshot.shapes):
@@ -513,22 +110,21 @@ class ClutterWeights:
         return bool(self._surfaces or self._several)
 
     def apply(self, rows: PathRows, normals: Normals, origin_m: Real, transmitter_m: Real) -> None:
-        """Multiply powers of labelled, refined rows with the normals that refining met, and mark
-        those that have a reverse.
+        """Multiply powers of labelled, refined rows, and mark those that have a reverse.
 
-        Rays start at `origin_m`, (3,) or (n, 3).
+        `normals` are those that refining met. Rays start at `origin_m`, (3,) or (n, 3).
         """
         origins_m = np.broadcast_to(origin_m, (rows.size, 3))
         if not self._surfaces:
             self._mark_reverses_and_correct_mirrors(rows, normals, origins_m)
             return
         known = normals.all()
-        for start in range(0, rows.size, _ROWS_AT_ONCE):  # which stay in the cache
+        for start in range(0, rows.size, _ROWS_AT_ONCE):
             some = slice(start, start + _ROWS_AT_ONCE)
             part, ends = rows[some], [one[some] for one in known]
-            read = read_columns(part, _READ)
+            read = read_columns(part, ("order", "last_scatterer_m", "direction", "last_body"))
             if np.any(read["order"] > 1):  # else both ends are one
-                read |= read_columns(part, _READ_OF_SEVERAL)
+                read |= read_columns(part, ("first_scatterer_m", "first_body"))
                 found = Normals(part.size)
                 found.add(np.arange(part.size), *ends)
                 self._mark_reverses_and_correct_mirrors(part, found, origins_m[some])
@@ -592,7 +188,7 @@ class ClutterWeights:
     ) -> Real:
         """Weights of vertices on bodies, (n,); 1 without such a lobe.
 
-        Rays from `known_from_m` meet them with the normals known, of any length or NaN. `back` are
+        Rays from `known_from_m` meet them with the known normals, of any length or NaN. `back` are
         unit vectors towards the vertices before, and those after are at `after_m`. `seen_first`:
         the receiver sees the vertex itself, and the albedo is not limited.
         """
@@ -619,8 +215,6 @@ class ClutterWeights:
             weight[here] = one.weights((sine_s[here], sines[1][here]), n, s, i, seen_first)
         return weight
 
-    # -- what to know of the result ----------------------------------------------------------------
-
     def findings(self, chunks: Iterable[PathRows], receiver_m: Real) -> list[Finding]:
         """Find what a user should know of the clutter in the rows of a frame."""
         found = [finding("clutter-of-several-materials", *sorted(self._several))]
@@ -644,7 +238,9 @@ class ClutterWeights:
         return found
 
     def _seen_findings(self, rows: PathRows, receiver_m: Real) -> list[Finding]:
-        """Of rows of order 1: angles at which a model does not hold, and the Earth's curvature."""
+        """Find angles at which a model does not hold, and the Earth's curvature, in rows of order
+        1.
+        """
         found = []
         surface = self._of_body[rows["last_body"]]
         point_m = rows["last_scatterer_m"]
@@ -678,7 +274,7 @@ def _beyond_angles(one: ClutterLobe, grazing_rad: Real, outside: Mask) -> Findin
 
 
 def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Finding]:
-    """Find from which range on a level surface would curve away below the ray."""
+    """Find the range from which on a level surface would curve away below the ray."""
     curved = np.maximum(grazing_rad - range_m / (2 * STANDARD_EARTH_RADIUS_M), 1e-7)
     error_db = 10 * np.log10(one.sigma0(np.sin(grazing_rad)) / one.sigma0(np.sin(curved)))
     beyond = np.abs(error_db) > _CURVED_DB
@@ -699,3 +295,372 @@ def _unit(vectors: Real) -> Real:
     """Make vectors of length 1, in their place."""
     vectors /= norms(vectors)[:, None]
     return vectors
+
+
+# -------------------------------------------------------------------------------------------------
+# Lobes that Cycles does not have, and the weights of those that it renders instead.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Cosine between the direction of a mirrored ray and a segment above which a smooth surface has
+#: reflected it like a mirror: 1 minus the square of what Cycles rounds, over 2.
+_MIRRORED = 1 - 1e-9
+#: An index at which all is reflected.
+_CONDUCTOR = complex(1e12)
+
+#: Sines of grazing angles towards the vertex before and the one after, (n,) each.
+Sines = tuple[Real, Real]
+
+
+def is_mirrored(sines: Sines, back: Real, onward: Real) -> Mask:
+    """Whether a smooth surface mirrors unit vectors from a vertex into each other, (n,).
+
+    `sines` are their products with the normal.
+    """
+    found = 2 * sines[0]
+    found *= sines[1]
+    found -= dots(back, onward)
+    return np.asarray(found >= _MIRRORED)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """sigma0 by grazing angle, as the lobe of a table gives it: linear between its columns."""
+
+    table_db: Real
+
+    @cached_property
+    def _steps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """ln sigma0 half a column before each column and after the last, and steps to the next."""
+        levels = np.pad(self.table_db * (np.log(10) / 10), 1, mode="edge").astype(np.float32)
+        return levels[:-1], np.diff(levels)
+
+    def log_sigma0(self, sine: Real) -> NDArray[np.float32]:
+        """Natural logarithm of sigma0 at sines of grazing angles, (n,).
+
+        float32 is within 1e-4 dB of the same line in float64.
+        """
+        angle = np.minimum(sine, 1.0)
+        np.arcsin(angle, out=angle)
+        angle *= 2 / np.pi * TABLE_WIDTH**3
+        column = angle.astype(np.float32)
+        np.cbrt(column, out=column)
+        column += np.float32(0.5)
+        left = column.astype(np.intp)
+        levels, steps = self._steps
+        column -= np.trunc(column)
+        column *= steps.take(left)
+        column += levels.take(left)
+        return column
+
+    def sigma0(self, sine: Real) -> Real:
+        return np.exp(self.log_sigma0(sine), dtype=np.float64)
+
+    def albedo(self, sigma0: Real, sine: Real, seen_first: bool) -> Real:
+        """Albedo of the rendered lobe, which is limited beyond the first vertex."""
+        found = sigma0 / (4 * sine**2)
+        return found if seen_first else np.minimum(found, 1.0)
+
+
+@dataclass(frozen=True)
+class ClutterLobe(_Table):
+    """Lobe of a material with a clutter model; `alpha` and `index` are those of its rough
+    interface.
+    """
+
+    material: str
+    model: ClutterModel
+    index: complex
+    alpha: float
+
+    def weights(
+        self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
+    ) -> Real:
+        """Weights of vertices with unit vectors to both neighbours, (n,).
+
+        `sines` are their products with the normal. `seen_first`: the receiver sees the vertex
+        itself, and the albedo is not limited.
+        """
+        sine_s, sine_i = sines
+        level_s, level_i = self.log_sigma0(sine_s), self.log_sigma0(sine_i)
+        # the true lobe over a Lambert lobe of the albedo that is seen
+        ratio = np.exp((level_i - level_s) / 2) * sine_s / sine_i
+        if self.alpha == 0 and seen_first:
+            return ratio
+        seen = np.exp(level_s, dtype=np.float64)
+        lambert, rendered = (self.albedo(seen, sine_s, both) / np.pi for both in (True, seen_first))
+        facets: Real | float = 0.0
+        if self.alpha > 0:
+            facets = facet_scattering(self.index, self.alpha, normal, back, onward, EXACT_FACETS)
+        return np.asarray((facets + lambert * ratio) / (facets + rendered))
+
+
+@dataclass(frozen=True)
+class DirectiveLobe(_Table):
+    """Directive lobe of a material; the table is empty for a simple material."""
+
+    lobe: ScatteredLobe
+    polarisation: str
+    wavelength_m: float
+
+    @classmethod
+    def of(cls, lobe: ScatteredLobe, polarisation: str, wavelength_m: float) -> DirectiveLobe:
+        table_db = np.zeros(0)
+        if lobe.from_table:
+            table_db = _as_rendered(lobe.table_db(wavelength_m))
+        return cls(table_db, lobe, polarisation, wavelength_m)
+
+    @property
+    def alpha(self) -> float:
+        """Width of the glossy lobe; 0: a mirror."""
+        return self.lobe.alpha
+
+    def weights(
+        self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
+    ) -> Real:
+        """Weights as those of `ClutterLobe`; waves come from `onward`."""
+        lobe, sine_s = self.lobe, sines[0]
+        facets = np.zeros(sine_s.size)
+        if self.table_db.size:
+            albedo = self.albedo(self.sigma0(sine_s), sine_s, seen_first)
+        else:
+            seen = unpolarised_reflectance(lobe.mirror.index, np.minimum(sine_s, 1.0))
+            albedo = (1 - lobe.mirror.share) * seen
+            if lobe.alpha > 0:
+                facets = facet_scattering(_CONDUCTOR, lobe.alpha, normal, back, onward)
+                facets = lobe.mirror.share * seen * facets
+        scattered = lobe.scattered(onward, normal, self.polarisation, self.wavelength_m)
+        directive = directive_lobe(lobe.exponent, normal, onward, back)
+        return (facets + scattered * directive) / (facets + albedo / np.pi)
+
+
+def clutter_lobe(material: Any, model: ClutterModel, table_db: Real) -> ClutterLobe:
+    """Return the lobe of a material with a clutter model and the table of the run."""
+
+    def value(name: str) -> float:
+        socket = group_input(material, name)
+        if socket is None:
+            raise ConfigError(
+                f"Material {material.name!r} has a clutter model and a link at {name}, so the "
+                "scattering into other directions is unknown. Remove the link."
+            )
+        return float(socket.default_value)
+
+    roughness = value(ROUGHNESS)
+    index = complex(value(INDEX), value(EXTINCTION))
+    alpha = roughness**2 if roughness > SMOOTH_BELOW else 0.0
+    return ClutterLobe(_as_rendered(table_db), material.name, model, index, alpha)
+
+
+def _as_rendered(table_db: Real) -> Real:
+    """A table as its image rounds it."""
+    return table_db.astype(np.float32).astype(np.float64)
+
+
+class ReverseMarks:
+    """Marks rows whose reverse is a path of its own.
+
+    Rays end at scatterers that are no mirrors, because the transmitter is a point. So a path has a
+    reverse if it has not been mirrored at its first scatterer. (`mirror_paths` handles a mirror
+    there with images of the transmitter.)
+    """
+
+    def __init__(self, hits: HitPoints, bodies: Bodies) -> None:
+        self._hits, self._bodies = hits, bodies
+
+    @cached_property
+    def _by_body(self) -> tuple[Mask, Mask]:
+        """By the body's number, from 1: whether it may mirror, and whether its normals differ from
+        those of its faces. Body 0 is unknown.
+        """
+        sharp, bodies = cache(is_mirror_like), self._bodies
+        shapes = bodies.snapshot.shapes
+        mirrors = np.array([any(map(sharp, shape.materials)) for shape in shapes], dtype=bool)
+        rounded = np.zeros(len(shapes), dtype=bool)
+        for number in np.flatnonzero(mirrors).tolist():
+            with bodies.snapshot.mesh(shapes[number]) as mesh:
+                rounded[number] = is_smooth_shaded(mesh)
+        unknown = mirrors.any()
+        return np.append(unknown, mirrors[bodies.shape]), np.append(unknown, rounded[bodies.shape])
+
+    def mark(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
+        """Set the flag of labelled, refined rows whose rays start at `origins_m`, (n, 3)."""
+        several = np.flatnonzero(rows["order"] > 1)
+        if not several.size:
+            return
+        mine = rows[several]
+        may_mirror, rounded = self._by_body
+        ranged = mine["flags"] & PathFlag.NO_RANGE == 0
+        mirrors = may_mirror[mine["first_body"]]
+        marked = ranged & ~mirrors
+        known = ranged & mirrors & (mine["order"] == 2) & ~rounded[mine["first_body"]]
+        chosen = np.flatnonzero(known & are_finite(mine["first_scatterer_m"]))
+        if chosen.size:
+            mine, number = mine[chosen], several[chosen]
+            first_m, along = mine["first_scatterer_m"], mine["direction"]
+            onward = mine["last_scatterer_m"] - first_m
+            normals = self._hits.normals(
+                mine["first_body"], origins_m[number], first_m, found.all()[0][number]
+            )
+            with np.errstate(invalid="ignore"):
+                onward /= norms(onward)[:, None]
+                sines = -dots(normals, along), dots(normals, onward)
+                away = is_mirrored(sines, -along, onward)
+            marked[chosen] = ~away & are_finite(normals) & are_finite(onward)
+        rows["flags"][several[marked]] |= np.uint16(PathFlag.HAS_REVERSE)
+
+
+def is_smooth_shaded(mesh: Any) -> bool:
+    """Whether a mesh, or None, has faces whose normals are not those of their planes."""
+    if mesh is None or not len(mesh.polygons):
+        return False
+    smooth = np.zeros(len(mesh.polygons), dtype=bool)
+    mesh.polygons.foreach_get("use_smooth", smooth)
+    return bool(smooth.any())
+
+
+#: Ratio of the widths of two lobes from which on they differ.
+_WIDER = 2.0
+#: Distance of the antennas up to which they are in one place [wavelengths].
+_TOGETHER = 1e-3
+
+
+class BetterDirection:
+    """Replaces rows that end at a narrow lobe by the reverse paths, which are sampled well.
+
+    Cycles chooses the ray from a path's first scatterer by the lobe there, and evaluates the last
+    lobe towards the transmitter. So few rays find a path that ends at the narrow lobe, and each has
+    a large power. With the antennas in one place, the reverse path begins at that lobe and has the
+    same power. Both directions are taken from the rows of this reverse path: the rows, and copies
+    with both scatterers exchanged. Where a scatterer is outside the field of view, the table has no
+    reverse path, and the row stays as it is.
+    """
+
+    def __init__(self, bodies: Bodies, wavelength_m: float) -> None:
+        self._together_m = _TOGETHER * wavelength_m
+        width, shapes = cache(reciprocal_lobe), bodies.snapshot.shapes
+        met = {material for shape in shapes for material in shape.materials}
+        #: Whether rays pass through no surface, where both directions could be different rows.
+        self._opaque = all(
+            lets_nothing_through(one) if group_node(one) else width(one) > 0 for one in met
+        )
+        widths = np.array([min(map(width, shape.materials), default=0.0) for shape in shapes])
+        several = np.array([len(set(shape.materials)) > 1 for shape in shapes], dtype=bool)
+        widths[several] = 0.0
+        for number in np.flatnonzero((widths > 0) & np.isfinite(widths)).tolist():
+            with bodies.snapshot.mesh(shapes[number]) as mesh:
+                if is_smooth_shaded(mesh):  # normals of light and of faces differ
+                    widths[number] = 0.0
+        #: Widths of lobes by the body's number, from 1; 0: unknown.
+        self._widths = np.append(0.0, widths[bodies.shape])
+
+    def in_better_direction(self, rows: PathRows, tracer: ViewTracer) -> PathRows:
+        """Return the rows of a tile replicate with both directions of each pair from the better
+        one.
+
+        They are the rows themselves if there is no pair, or objects are not opaque.
+        """
+        receiver = tracer.receiver
+        place_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
+        apart_m = float(np.linalg.norm(tracer.transmitter_m - place_m))
+        parallel = receiver.kind == "orthographic"
+        if parallel or apart_m > self._together_m or not self._opaque:
+            return rows
+        first, last = (self._widths.take(rows[name]) for name in ("first_body", "last_body"))
+        both = self._usable(rows) & (first > 0) & (last > 0)
+        poor = np.flatnonzero(both & (first >= _WIDER * last))
+        good = np.flatnonzero(both & (last >= _WIDER * first))
+        poor, good = (
+            some[in_view(rows["last_scatterer_m"][some], receiver)] for some in (poor, good)
+        )
+        if not poor.size + good.size:
+            return rows
+        back = rows[good]
+        for name in ("scatterer_m", "body", "object", "surface_point"):
+            back[f"first_{name}"], back[f"last_{name}"] = (
+                rows[f"{end}_{name}"][good] for end in ("last", "first")
+            )
+        along = back["first_scatterer_m"] - place_m
+        back["direction"] = along / norms(along)[:, None]
+        return np.concatenate([np.delete(rows, poor), back])
+
+    def _usable(self, rows: PathRows) -> Mask:
+        """Rows of two reflections whose reverse is a path of its own, with known vertices."""
+        found = (rows["order"] == 2) & (rows["transparent_depth"] == 0)
+        found &= rows["flags"] & (PathFlag.HAS_REVERSE | PathFlag.NO_RANGE) == PathFlag.HAS_REVERSE
+        for name in ("first_scatterer_m", "last_scatterer_m"):
+            found &= are_finite(rows[name])
+        if has_images(rows):
+            for name in ("transmitter_image", "receiver_image", "mirrors"):
+                found &= rows[name] == 0
+        return np.asarray(found)
+
+
+class SeenMirrors:
+    """Corrects the power that the receiver sees in mirrors.
+
+    Cycles follows a ray over a mirror with the power of both polarisations behind it, as at a
+    smooth surface. The receiver takes the polarisation of the run, and the coherent part of the
+    wave from a slightly rough mirror.
+    """
+
+    def __init__(
+        self, hits: HitPoints, bodies: Bodies, polarisation: str, wavelength_m: float
+    ) -> None:
+        self._hits, self._wavelength_m = hits, wavelength_m
+        self._polarisation = polarisation
+        materials = [tuple(shape.materials) for shape in bodies.snapshot.shapes]
+        mirror, lobe = cache(_mirror), cache(scattered_lobe_of)
+        found = [mirror(every) for every in materials]
+        self._mirrors = list(dict.fromkeys(one for one in found if one is not None))
+        numbers = np.array([-1 if one is None else self._mirrors.index(one) for one in found], int)
+        heights_m = np.array(
+            [0.0 if one is None or one.share < 1 else one.rms_height_m for one in found]
+        )
+        #: By the body's number, from 1: number of the mirror, -1 for others; RMS height, 0 for
+        #: other surfaces [m]; and whether a lobe has the rest of the power.
+        self._numbers = np.append(-1, numbers[bodies.shape])
+        self._heights_m = np.append(0.0, heights_m[bodies.shape])
+        scatters = np.array([any(map(lobe, every)) for every in materials], dtype=bool)
+        self._scatters = np.append(False, scatters[bodies.shape])
+
+    def correct(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
+        """Multiply powers of labelled, refined rows whose rays start at `origins_m`, (n, 3).
+
+        With more than two reflections it is unknown whether the mirror has scattered or mirrored:
+        both are in such rows as if nothing were taken from the image, so their sum is reduced. They
+        keep the power of both polarisations, because the next mirror may turn the wave back.
+        """
+        if not self._mirrors:
+            return
+        seen = (self._numbers[rows["first_body"]] >= 0) & (rows["order"] > 1)
+        chosen = np.flatnonzero(seen & are_finite(rows["first_scatterer_m"]))
+        if not chosen.size:
+            return
+        mine = rows[chosen]
+        bodies, first_m, along = mine["first_body"], mine["first_scatterer_m"], mine["direction"]
+        known = found.all()[0][chosen]
+        normals = self._hits.normals(bodies, origins_m[chosen], first_m, known)
+        sine = np.abs(dots(normals, along))
+        factor = coherent_reflection(self._heights_m[bodies], sine, self._wavelength_m) ** 2
+        lobe, two = self._scatters[bodies], mine["order"] == 2
+        onward = mine["last_scatterer_m"] - first_m
+        with np.errstate(invalid="ignore"):
+            onward = onward / norms(onward)[:, None]
+            sines = -dots(normals, along), dots(normals, onward)
+            mirrored = is_mirrored(sines, -along, onward)
+        factor[lobe & two & ~mirrored] = 1.0
+        factor[lobe & ~two] = 1 / (2 - factor[lobe & ~two])
+        for number, mirror in enumerate(self._mirrors):
+            here = np.flatnonzero(two & mirrored & (self._numbers[bodies] == number))
+            wave = along[here], normals[here], self._polarisation
+            rendered = np.maximum(mirror.rendered_power(*wave), np.finfo(float).tiny)
+            smooth = replace(mirror, rms_height_m=0.0)
+            factor[here] *= smooth.reflection(*wave, self._wavelength_m).power / rendered
+        rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)
+
+
+def _mirror(materials: Sequence[Any]) -> MirrorMaterial | None:
+    """The mirror that all of a body's materials are, without another lobe; else None."""
+    known = {None if clutter_of(one) else mirror_of(one) for one in materials}
+    return known.pop() if len(known) == 1 else None

@@ -1,5 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curved mirrors of a scene: smooth patches over the triangles of meshes that are shaded smooth."""
+"""Curved mirrors of a scene, and paths over them to scatterers that one pixel sees.
+
+`find_curved_mirrors` lays smooth patches over the triangles of meshes that are shaded smooth. A
+curved mirror has no image that all scatterers share, so nothing is rendered: `CurvedPaths` finds
+the points of reflection by Newton (`physics.specular_points`). The power over the mirror is that of
+the direct path times the ratio of the irradiances at a Lambert surface: spreading by geometric
+optics, cosines, and the mirror's reflectance. Beams that the mirror focuses are left out: rays tell
+too little of them.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +28,15 @@ from .obstacles import Obstacles
 
 #: Least radius of curvature for rays, over the wavelength: k a = 10.
 _LEAST_RADIUS = 10 / (2 * math.pi)
-#: How far corners may lie in front of another one, over their extent, and how many of those are
-#: asked about at most, for a surface to count as convex: normals of meshes are not exact.
+#: For a surface to count as convex: how far corners may lie in front of another one, over their
+#: extent, because normals of meshes are not exact; and how many are tried at most.
 _BEHIND, _MOST_ASKED = 1e-3, 256
+#: Width of a beam, over that behind a plane, below which the mirror focuses.
+_LEAST_WIDTH = 0.5
+#: Power over that of the direct path below which a path over a mirror is left out.
+_LEAST_POWER = 1e-6
+#: Length of a cross product of unit vectors below which they are parallel.
+_PARALLEL = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +44,7 @@ class CurvedMirrors:
     """Patches that mirror, of all bodies: k of each.
 
     `body` is the number of the body, from 1, `size_m` the longest edge of each patch, `lift_m` its
-    height over the triangle, `material` its number in `materials`, `names` the objects.
+    height over the triangle, `material` its number in `materials`, `names` the objects by body.
     """
 
     patches: SmoothPatches
@@ -43,7 +57,6 @@ class CurvedMirrors:
 
     @property
     def objects(self) -> tuple[str, ...]:
-        """Names of the objects with the mirrors."""
         return tuple(dict.fromkeys(self.names.values()))
 
     @property
@@ -66,7 +79,7 @@ class CurvedMirrors:
         )
 
     def rounded(self, wavelength_m: float) -> list[Finding]:
-        """Return what to say of patches that lie far off their triangles."""
+        """Find patches that lie far off their triangles."""
         far = self.lift_m > FLAT * wavelength_m
         names = dict.fromkeys(self.names[body] for body in np.unique(self.body[far]).tolist())
         height_m = float(self.lift_m.max())
@@ -76,10 +89,7 @@ class CurvedMirrors:
 def find_curved_mirrors(
     obstacles: Obstacles, wavelength_m: float
 ) -> tuple[CurvedMirrors | None, list[Finding]]:
-    """Find the curved surfaces that mirror; None without any.
-
-    Returns also what there is to say of those whose reflection is not known.
-    """
+    """Find the curved surfaces that mirror; None without any."""
     parts: list[SmoothPatches] = []
     bodies: list[Integers] = []
     materials: list[MirrorMaterial] = []
@@ -124,7 +134,7 @@ def find_curved_mirrors(
 
 
 def _patches(one: MirroringMesh, kept: Integers, wavelength_m: float) -> tuple[SmoothPatches, Real]:
-    """Patches over some triangles of a mesh, and which of them tell the surface well enough."""
+    """Patches over some triangles of a mesh, and which of them describe the surface well enough."""
     normals = one.mesh.corner_normals
     assert normals is not None  # some triangles are curved
     turned = normals[kept].astype(np.float64) @ np.linalg.inv(one.pose[:3, :3])
@@ -139,29 +149,14 @@ def _patches(one: MirroringMesh, kept: Integers, wavelength_m: float) -> tuple[S
 
 
 def _left_out(areas_m2: dict[str, Real]) -> list[Finding]:
-    """What to say of objects with areas that are left out: those and the whole, by name."""
+    """Find the objects with areas that are left out; `areas_m2` are those and the whole, by
+    name.
+    """
     names = [name for name, (missing, _) in areas_m2.items() if missing > 0]
     if not names:
         return []
     missing, whole = np.sum([areas_m2[name] for name in names], axis=0)
     return [finding("mirror-curved", *names, fraction=float(missing / whole))]
-
-
-# -------------------------------------------------------------------------------------------------
-# Paths over curved mirrors to scatterers that one pixel sees: the point of reflection by Newton.
-#
-# A curved mirror has no image that all scatterers share, so nothing is rendered. Power over the
-# mirror is that of the direct path, times the ratio of the irradiances at a Lambert surface:
-# spreading by geometric optics, cosines, and what the mirror reflects.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Width of a beam, over that behind a plane, below which the mirror focuses: rays tell too little.
-_LEAST_WIDTH = 0.5
-#: Power over that of the direct path below which a path over a mirror is left out.
-_LEAST_POWER = 1e-6
-#: Length of a cross product of unit vectors below which they are parallel.
-_PARALLEL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -182,18 +177,8 @@ class _Ways:
 class CurvedPaths:
     """Finds paths between scatterers and an antenna over the curved mirrors of a frame.
 
-    Parameters
-    ----------
-    mirrors, obstacles
-        Of the frame.
-    hits
-        Finds normals.
-    lobes
-        Width of the narrowest lobe by the body's number; 0: no path over mirrors.
-    receiver_m, antenna_m
-        Places of the receiver, which sees the scatterers, and of the antenna, (3,) [m].
-    polarisation, wavelength_m
-        Of the run.
+    `hits` finds normals. `lobes` is the width of the narrowest lobe by the body's number; 0: no
+    path over mirrors. The scatterers are seen from `receiver_m`, (3,) [m].
     """
 
     def __init__(
@@ -225,9 +210,10 @@ class CurvedPaths:
         return other
 
     def over(self, rows: PathRows, end: int, direct_m: Real) -> tuple[PathRows, float]:
-        """Return the paths via curved mirrors to the scatterers of paths that go straight to the
-        place `direct_m` (3,) at an end, 0 receiver, 1 transmitter; and the power of paths that are
-        left out because objects that let waves through lie on the way [W].
+        """Return the paths via curved mirrors to the scatterers of direct paths.
+
+        Those go straight to the place `direct_m` (3,) at an end, 0 receiver, 1 transmitter. Also
+        returns the power of paths that are left out because open objects lie on the way [W].
         """
         places_m = rows["last_scatterer_m"]
         ways = self._ways(places_m)
@@ -241,7 +227,11 @@ class CurvedPaths:
         cosines = dots(normals, onto) / ways.after_m
         cosines /= dots(normals, straight_m) / away_m
         reflected = self._reflection(ways)
-        self._count_turned(ways, rows["power_w"][place], reflected)
+        bodies, power_w = self.mirrors.body[found.patch], rows["power_w"][place]
+        for body in np.unique(bodies).tolist():
+            mine = bodies == body
+            part = Reflected(*(column[mine] for column in reflected))
+            self.turned.add((self.mirrors.names[body],), power_w[mine], part)
         power, phase_rad = reflected.power.copy(), reflected.phase_rad
         power *= cosines * (away_m / ways.before_m) ** 2 / ways.beams
         seen = power > _LEAST_POWER  # NaN: not
@@ -284,7 +274,7 @@ class CurvedPaths:
         return met, points_m
 
     def _ways(self, places_m: Real) -> _Ways:
-        """All ways from places (n, 3), except those with a focus."""
+        """Return all ways from places (n, 3), except those with a focus."""
         found = self._search.find(places_m)
         ends_m = places_m[found.place]
         before_m = distances(found.points_m, self._antenna_m)
@@ -319,14 +309,6 @@ class CurvedPaths:
                 self._wavelength_m,
             )
         return Reflected(*found)
-
-    def _count_turned(self, ways: _Ways, power_w: Real, reflected: Reflected) -> None:
-        """Keep what each body does to the polarisation."""
-        bodies = self.mirrors.body[ways.found.patch]
-        for body in np.unique(bodies).tolist():
-            mine = bodies == body
-            part = Reflected(*(column[mine] for column in reflected))
-            self.turned.add((self.mirrors.names[body],), power_w[mine], part)
 
     def _blocked(
         self, ways: _Ways, places_m: Real, bodies: Indices, asked: Mask

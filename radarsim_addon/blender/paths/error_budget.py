@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which tiles the error of a frame comes from. Does not import bpy.
+"""Relative errors of a frame's powers, and the tiles that they come from. Does not import bpy.
 
 Each tile is measured with several sub-pixel offsets of its grid; they are replicates, so their
-scatter is the tile's own error. One replicate alone tells the error of objects, not of range bins.
-What counts is the *relative* error of each range bin and of each object's power: a faint far target
-matters as much as strong near ground.
+scatter is the tile's own error (`CellGrid`). One replicate alone gives the error of objects, not of
+range bins. `ErrorBudget` sums the cells of all tiles and weighs the *relative* error of each range
+bin and of each object's power: a faint far target matters as much as strong near ground.
+
+Small objects get tiles of their own. Each such tile costs renders of some milliseconds whatever it
+holds, so if there are many, the tiles go to objects in sight (`in_sight`) whose error would be
+largest (`rank_by_error`): those of fewest pixels, except faint ones.
 """
 
 from __future__ import annotations
@@ -56,10 +60,12 @@ class CellPowers:
 
 @dataclass(frozen=True)
 class ReplicatePowers:
-    """Powers of one replicate of a tile: cells whose power is not zero, and their power [W], (n,).
+    """Powers of one replicate of a tile: cells whose power is not zero, and their power [W],
+    (n,).
 
-    By object number: `hits` is its pixels as a fraction of one of all replicates, `edges` the least
-    variance of its mean power by its edges, likewise (of one replicate alone, all of its variance).
+    By object number: `hits` are its pixels as a fraction of one of all replicates, `edges` the
+    least variance of its mean power by its edges, likewise (for one replicate alone, all of its
+    variance).
     """
 
     cells: NDArray[np.int64]
@@ -70,7 +76,7 @@ class ReplicatePowers:
 
 @dataclass
 class CellGrid:
-    """Numbers cells: range bins first, then objects. Without `ranges` the bins stay empty."""
+    """Numbers of cells: range bins first, then objects. Without `ranges` the bins stay empty."""
 
     bin_m: float
     bins: int
@@ -84,9 +90,10 @@ class CellGrid:
     def replicate_powers(
         self, rows: PathRows, count: int, receiver: contract.ReceiverRecord | None = None
     ) -> ReplicatePowers:
-        """Compute the powers of one of `count` replicates of a tile, whose rows hold its fraction.
+        """Compute the powers of one of `count` replicates of a tile, whose rows hold its
+        fraction.
 
-        Without a camera nothing is known of edges along the grid.
+        Without a receiver nothing is known of edges along the grid.
         """
         return self.powers_of_views([rows], count, receiver)[0]
 
@@ -100,7 +107,6 @@ class CellGrid:
         rows = np.concatenate(views) if len(views) > 1 else views[0]
         view = np.repeat(np.arange(len(views)), [own.size for own in views])
         power_w = rows["power_w"] * count
-        # both ask for the pixels of the same rows
         grid = GridPlaces().of_views(np.arange(rows.size))
         by_bin = np.zeros((len(views), 1))
         if self.ranges:
@@ -136,7 +142,7 @@ class CellGrid:
         receiver: contract.ReceiverRecord | None,
         grid: Places,
     ) -> Real:
-        """Power of range bins by view, each row spread over what its pixel covers, as in the
+        """Power of range bins by view, each row spread over the ranges of its pixel as in the
         profile.
         """
         kept = np.flatnonzero(rows["flags"] & PathFlag.NO_RANGE == 0)
@@ -162,13 +168,12 @@ class CellGrid:
             hits[: replicate.hits.size] += replicate.hits
             edges[: replicate.edges.size] += replicate.edges
         mean = total.mean(axis=0)
-        # One replicate has no scatter; what is known of objects comes below.
+        # One replicate has no scatter; the variance of objects follows below.
         variance = total.var(axis=0, ddof=1) / count if count > 1 else np.zeros_like(mean)
         known_object = cells > self.first_object
         place = cells[known_object] - self.first_object
         hits = hits[place]
-        # A few replicates may happen to agree on an object of a few pixels, or with edges along
-        # them.
+        # Replicates may agree by chance on an object of a few pixels, or with edges along them.
         least = (mean[known_object] / hits) ** 2 * _EDGE_VARIANCE * np.sqrt(hits) / count
         least = np.maximum(least, edges[place])
         variance[known_object] = np.maximum(variance[known_object], least)
@@ -177,10 +182,10 @@ class CellGrid:
 
 @dataclass
 class ErrorBudget:
-    """Sums the cells of all tiles, and says which tiles the error comes from.
+    """Sums of the cells of all tiles, and the tiles that the error comes from.
 
-    first_object is the number of the first cell that is an object; None where all are range bins.
-    by says which of them count: "both", "ranges" or "objects".
+    `first_object` is the number of the first cell that is an object; None if all are range bins.
+    `by` says which of them count: "both", "ranges" or "objects".
     """
 
     first_object: int | None = None
@@ -199,9 +204,9 @@ class ErrorBudget:
     def relative_error(self) -> float:
         """Relative standard error of the cells: half of it from range bins, half from objects.
 
-        Range bins weigh by the root of their power: between all alike (noise in empty ranges
-        would rule) and by power (only the strongest would count). All objects weigh the same, so
-        that a small target counts as much as the ground it stands on.
+        Range bins weigh by the root of their power: between all alike (noise in empty ranges would
+        rule) and by power (only the strongest would count). All objects weigh the same, so that a
+        small target counts as much as the ground it stands on.
         """
         mean, variance = self.totals()
         return math.sqrt(float(np.sum(variance * self._weights(mean))))
@@ -233,7 +238,7 @@ class ErrorBudget:
         }
 
     def squared_errors(self, tiles: Iterable[int]) -> dict[int, float]:
-        """What each of these tiles adds to the squared relative error."""
+        """Part of the squared relative error that comes from each of these tiles."""
         weight = self._weights(self.totals()[0])
         return {
             tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
@@ -242,7 +247,7 @@ class ErrorBudget:
         }
 
     def worst(self, tiles: Iterable[int], share: float) -> list[int]:
-        """Tiles that carry `share` of the squared error, worst first."""
+        """Return the tiles that carry a fraction of the squared error, worst first."""
         score = self.squared_errors(tiles)
         total = sum(score.values())
         chosen, carried = [], 0.0
@@ -271,15 +276,11 @@ def uncertain_objects(
 
 
 # -------------------------------------------------------------------------------------------------
-# Which small objects get tiles of their own where there are more of them than that is good for.
-#
-# Each such tile costs renders of some milliseconds whatever it holds. So they go to those whose
-# echo counts, that are not hidden, and whose error would be largest: those of fewest pixels. Does
-# not import bpy.
+# Small objects: which get tiles of their own, and which no ray met.
 # -------------------------------------------------------------------------------------------------
 
 
-#: So many small objects get tiles of their own at most.
+#: Most small objects that get tiles of their own.
 MOST_TILED = 256
 #: Pixels on each side of an object's own that are looked at, and the most across or down.
 _BESIDE, _MOST_LOOKED = 1, 16
@@ -288,7 +289,7 @@ _SURELY_HIT_PX = 2.0
 
 
 def small_boxes(boxes: ViewBoxes, frame: ViewWindow) -> ViewBoxes:
-    """Those that are small in the frame; a box of no extent has no echo."""
+    """Boxes that are small in the frame; a box of no extent has no echo."""
     across, down = boxes.pixels(frame)
     least = np.minimum(across, down)
     return boxes.take((least > 0) & (least < SMALL_PX))
@@ -304,8 +305,9 @@ def in_sight(
 ) -> Mask:
     """Whether something of each small box may be seen in a part of the frame, (n,).
 
-    Told from the surfaces that its rays met first on and around the box: none of them may be nearer
-    and hide it (`opaque`: objects that nothing passes through). Of many pixels, some are looked at.
+    Decided by the surfaces that its rays met first on and around the box: one of them is the
+    object, or not nearer than it (`opaque`: objects that nothing passes through). Of many pixels,
+    some are tried.
     """
     seen = np.zeros(len(boxes), dtype=bool)
     if view.position is None or view.object_index is None:
@@ -315,7 +317,7 @@ def in_sight(
     local = (position_m - pose[:3, 3]) @ pose[:3, :3]
     ortho = receiver.kind == "orthographic"
     reach = -local[..., 2] if ortho else np.linalg.norm(local, axis=-1)
-    # What light passes, and the sky, hide nothing.
+    # The sky and objects that light passes through hide nothing.
     hides = np.isin(view.object_index, sorted(opaque)) & np.isfinite(reach)
     reach = np.where(hides, reach, np.inf)
     nearest = boxes.distance_m - boxes.radius_m
@@ -349,12 +351,11 @@ def rank_by_error(
     transmitter_m: Real,
     most: int,
 ) -> ViewBoxes:
-    """The small boxes that get tiles: at most so many of those in sight (`seen`, (n,)).
+    """Return the small boxes that get tiles: at most so many of those in sight (`seen`, (n,)).
 
-    An object that covers n pixels on average is met by n rays give or take: its relative error
-    goes as 1/sqrt(n), and all objects count alike in the error (`ErrorBudget.relative_error`). So
-    those of fewest pixels come first, but after them what is so far below the strongest echo of all
-    `boxes` that it does not drive refinement.
+    An object that covers n pixels on average is met by n rays give or take: its relative error goes
+    as 1/sqrt(n), and all objects count alike in the error. So those of fewest pixels come first;
+    last are those so far below the strongest echo of all `boxes` that they do not drive refinement.
     """
     strongest = _echo(boxes, frame, receiver, transmitter_m).max(initial=0.0)
     faint = _echo(small, frame, receiver, transmitter_m) <= FAINTEST * strongest
@@ -382,8 +383,9 @@ def missed_objects_findings(
 ) -> list[Finding]:
     """Find objects that no ray met (numbers not in `met`) although they are in sight.
 
-    Refinement follows echoes: what gave none is never refined, and its power is missing from the
-    error estimate too. Larger objects that were not met are hidden by others: nothing is said.
+    Refinement follows echoes: an object without one is never refined, and its power is missing from
+    the error estimate too. Larger objects that were not met are hidden by others, which is no
+    finding.
     """
     boxes = projected_bounds(poses, names, receiver, met)
     # The side of fewer pixels decides whether it can slip through between rays.

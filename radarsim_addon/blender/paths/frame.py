@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One radar frame of the acquisition "paths": its tiles measured, refined, joined into a table."""
+"""One radar frame of the sampling mode "paths": its tiles measured, refined, joined into a table.
+
+`FrameWork.measure` first divides the field of view into tiles of equal pixels, and lays finer ones
+over small objects in sight and over glints. It measures every tile replicate by replicate (with
+sub-pixel offsets): renders give rows, and `RowFinisher` adds what Cycles does not tell: bodies,
+vertices in float64, powers of lobes that Cycles does not have. With mirrors, each replicate is
+rendered again with the transmitter in the place of each of its images (`MirrorViews`). Then the
+tiles that most of the error comes from are halved until the error target, the time limit or the
+finest pixels are reached. `FrameWork.write` writes the table with the motion of its rows, and the
+sidecar with what a user should know of the frame.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +20,7 @@ import time
 from collections.abc import Callable, Collection, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Protocol
 
 import bpy
 import numpy as np
@@ -28,19 +38,9 @@ from ...signal.paths import (
     write_table,
 )
 from ...typed_json import file_sha256, write_record
-from ..materials import (
-    SURFACE_TYPES,
-    assigned_materials,
-    foreign_objects,
-    has_no_faces,
-    has_rough_facets,
-    is_rough,
-)
+from ..materials import is_rough
 from ..motion import BurstMotion
-from ..nodes import is_radar_material
 from ..plan import FINEST_PITCH, PathOptions
-from ..scene import is_hidden_at_times
-from ..state import evaluated_depsgraph
 from ..views import TracedReplicate, ViewWindow
 from .clutter_weights import ClutterWeights
 from .error_budget import (
@@ -58,206 +58,38 @@ from .hit_points import HitPoints
 from .measured_tiles import MeasuredTiles, NewTile, QualitySums, TileCheckpoints
 from .mirror_paths import MirrorPaths
 from .tiles import Tile, ViewBoxes, add_inset_tiles, lay_in_steps, projected_bounds
-from .view_tracer import PathTask, Progress, ViewTracer
-
-# -------------------------------------------------------------------------------------------------
-# What the materials of a scene decide: how paths are encoded, which objects may be silent.
-# -------------------------------------------------------------------------------------------------
+from .view_tracer import PathTask, ViewTracer
 
 
-def _assigned(view_layer: Any) -> set[Any]:
-    """Materials of evaluated objects: what geometry nodes set shows in these alone."""
-    assigned = assigned_materials(evaluated_depsgraph(view_layer))
-    return {m for one in assigned for m in one.materials if m is not None}
+class Progress(Protocol):
+    """What a frame reports while its tiles are measured."""
+
+    def add_tiles(self, count: int) -> None:
+        """Report that there are `count` tiles more than expected."""
+
+    def replicates_measured(self, count: int, *, earlier: bool) -> None:
+        """Report measured replicates of a tile; `earlier`: by an earlier session."""
 
 
-#: Nodes whose output changes from frame to frame.
-_NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
-
-
-def holds_foreign_materials(view_layer: Any) -> bool:
-    """Whether something that can echo has another material than the Radar Material."""
-    depsgraph = evaluated_depsgraph(view_layer)
-    if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
-        return True
-    evaluated = {one.item for one in assigned_materials(depsgraph) if _same_faces_always(one.item)}
-    shown = [
-        one
-        for one in bpy.data.objects
-        if one.type in SURFACE_TYPES
-        and one not in evaluated
-        and not has_no_faces(one)
-        and (not one.hide_render or is_hidden_at_times(one))
-    ]
-    slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
-    return not all(is_radar_material(material) for of_one in slots for material in of_one)
-
-
-def _same_faces_always(item: Any) -> bool:
-    """Whether the faces of this moment decide: no modifier makes others in renders or later."""
-    still = not item.animation_data and not getattr(item.data, "animation_data", None)
-    return still and all(
-        one.show_viewport == one.show_render
-        and one.type == "NODES"
-        and not (one.node_group and _depends_on_time(one.node_group))
-        for one in item.modifiers
-    )
-
-
-def _depends_on_time(tree: Any) -> bool:
-    """Whether a group of Geometry Nodes, or one in it, is animated or reads the time."""
-    return bool(tree.animation_data) or any(
-        node.bl_idname in _NODES_OF_TIME
-        or (node.type == "GROUP" and _depends_on_time(node.node_tree))
-        for node in tree.nodes
-    )
-
-
-def holds_rough_facets(view_layer: Any) -> bool:
-    """Whether something that can echo has facets that round by channel if materials encode."""
-    return any(has_rough_facets(material) for material in _assigned(view_layer))
-
-
-def by_surface(item: Finding, images: Collection[str] = ()) -> list[Finding]:
-    """Tell silent objects that are rough from mirrors, but for mirrors that have `images`."""
-    if item.code != "object-without-echo":
-        return [item]
-    named = (one for one in bpy.data.objects if one.name_full in item.subjects)
-    rough = {one.name_full for one in named if is_rough(one)}
-    others = [name for name in item.subjects if name not in rough and name not in images]
-    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
-    return found + ([finding("object-without-echo", *others)] if others else [])
-
-
-# -------------------------------------------------------------------------------------------------
-# Rows that come out of renders, with what Cycles does not tell: bodies, exact vertices, powers.
-#
-# Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Pixels of views whose rows are treated together.
+#: Pixels of views whose rows are treated together: of few rows numpy is all overhead, and many do
+#: not stay in the processor's cache.
 _PIXELS_TOGETHER = 1 << 15
-
-
-def views_together(window: ViewWindow) -> int:
-    """Return of how many views of a window the rows are treated together: of few rows numpy is all
-    overhead, and many do not stay in the processor's cache.
-
-    Parameters
-    ----------
-    window
-        Of a tile.
-
-    Returns
-    -------
-    int
-        1 at least.
-    """
-    return max(_PIXELS_TOGETHER // (window.width_px * window.height_px), 1)
-
-
-@dataclass(frozen=True)
-class RowFinisher:
-    """Labels and corrects rows of one radar frame."""
-
-    motion: BurstMotion
-    hits: HitPoints
-    clutter: ClutterWeights
-
-    def finish(self, views: Sequence[tuple[PathRows, Real]], transmitter_m: Real) -> list[PathRows]:
-        """Return the rows of views with bodies, vertices, lengths and powers.
-
-        Parameters
-        ----------
-        views
-            Rows of each, (n,), which may be changed, and where their rays start, (3,) or (n, 3)
-            [m]. Where rays of one view start at one place, those of all do.
-        transmitter_m
-            Place of the transmitter or of its image, (3,) [m].
-
-        Returns
-        -------
-        list of ndarray
-            Rows of each view, (n,).
-        """
-        rows_of, origins_m = zip(*views, strict=True)
-        if len(views) == 1:
-            rows, origin_m = views[0]
-        else:
-            rows = np.concatenate(rows_of)
-            one_place = origins_m[0].ndim == 1
-            origin_m = origins_m[0] if one_place else np.concatenate(origins_m)
-        self.motion.label(rows)
-        normals = self.hits.refine(rows, origin_m, transmitter_m)
-        self.clutter.apply(rows, normals, origin_m, transmitter_m)
-        return np.split(rows, np.cumsum([one.size for one in rows_of[:-1]], dtype=np.intp))
-
-
-# -------------------------------------------------------------------------------------------------
-# Renders with the transmitter in the places of its images, and the rows that come out of them.
-# -------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class MirrorViews:
-    """Measures tile replicates over the mirrors of a frame."""
-
-    tracer: ViewTracer
-    finisher: RowFinisher
-    mirrors: MirrorPaths
-
-    def measure(
-        self,
-        number: int,
-        tile: Tile,
-        replicate: int,
-        own: PathRows,
-        traced: TracedReplicate,
-        quality: QualitySums,
-    ) -> Generator[PathTask, None, tuple[PathRows, int]]:
-        """Make the renders of all images; return the rows of the tile replicate, and renders made.
-
-        `own` are the rows without images, and `traced` is what they came from. What the mirrors
-        change is added to `quality`.
-        """
-        rows, renders = [self.mirrors.number(own, traced, 0)], 0
-        for image, place_m in enumerate(self.mirrors.lamps_m, start=1):
-            found, origin_m, traced = yield from self.tracer.replicate_tasks(
-                number, tile, replicate, image, self.mirrors.reflections(image)
-            )
-            renders += traced.renders
-            (found,) = self.finisher.finish([(found, origin_m)], place_m)
-            found = self.mirrors.number(found, traced, image)
-            found, through_w = self.mirrors.choose(image, found)
-            quality.through_mirrored_w += through_w
-            quality.total_w += through_w
-            rows.append(found)
-        every, through_w = self.mirrors.with_both_ways(np.concatenate(rows))
-        quality.through_mirrored_w += through_w
-        quality.total_w += through_w
-        quality.total_w += float(every["power_w"].sum() - own["power_w"].sum())
-        return every, renders
-
-
-#: Share of the squared error that one round of refinement goes for.
+#: Fraction of the squared error that one round of refinement is for.
 _ROUND_SHARE = 0.8
-#: Share of a time budget that tiles laid over small objects may take: refinement needs the rest.
+#: Fraction of a time limit that inset tiles may take: refinement needs the rest.
 _SHARE_FOR_TILES = 0.5
 #: Objects and instances above which tiles are larger: each costs a render as much as 30 rays, so
-#: these a tenth of what the rays of a tile do.
+#: that many cost a tenth of the rays of a tile.
 _MANY_BODIES = 250
-#: Pixels across of the renders that tell how long a small one takes.
+#: Pixels across of the renders that measure how long a small one takes.
 _TRIED_PX = 8
 
 
 class FrameWork:
     """Tiles of one radar frame: measured, refined, joined into one table in `folder`.
 
-    The tracer makes the renders, `motion` is that of the frame's bodies over the burst, `hits` and
-    `clutter` correct vertices and powers of rows, paths to and from the antennas may go over
-    `mirrors`, and `progress` is told of every tile. `no_echo` finds why a frame has no echo, from
-    the names of the objects that were seen.
+    `motion` is that of the bodies over the burst. `no_echo` finds why a frame has no echo, from the
+    names of the objects that were seen.
     """
 
     def __init__(
@@ -282,10 +114,10 @@ class FrameWork:
         self._next_number = 0
         asked, receiver = self._run.measurement, self._receiver
         carrier_hz = asked.waveform.carrier_hz
-        # Carrier and burst are none of the run's fingerprint, because whole frames bear them.
+        # The run's fingerprint has neither carrier nor burst, because whole frames bear them.
         stamp = f"{self._run.fingerprint} {carrier_hz!r} {asked.burst!r}"
         self._parts = TileCheckpoints(folder, stamp, self._dtype)
-        #: What lies beyond the last order, over the whole frame whatever is refined in it.
+        #: Power beyond the last order, over the whole frame whatever is refined in it.
         self._beyond = QualitySums()
         self._renders, self._seconds = 0, 0.0
         resolution_m = asked.waveform.range_resolution_m
@@ -296,13 +128,13 @@ class FrameWork:
             ranges=self._options.error_scope != "objects",
         )
         self._budget = ErrorBudget(grid.first_object, self._options.error_scope)
-        # The window draws by Python, too, and would wait for a thread that computes.
+        # Blender's window draws by Python, too, and would wait for a thread that computes.
         threaded, count = bpy.app.background, self._options.replicates
         self._tiles = MeasuredTiles(self._parts, grid, self._budget, receiver, count, threaded)
         self._whole = ViewWindow.of(receiver, asked.width_px, asked.height_px)
         #: Small objects in sight, and how many of them got tiles of their own.
         self._small, self._tiled = 0, 0
-        # Later on Blender evaluates other moments.
+        # Found now, because Blender evaluates other moments later.
         self._smooth = SmoothFaces(
             mirrors.obstacles, receiver, tracer.transmitter, self._whole, carrier_hz
         )
@@ -326,29 +158,18 @@ class FrameWork:
         return reason
 
     def _measure_all(self) -> Generator[PathTask, None, str]:
-        uniform = tiles = Tile(self._whole).split(self._tile_px())
+        side = self._options.tile_px
+        many = len(self._motion.bodies) > _MANY_BODIES and not self._options.refines
+        large = 2 * side if many and side == PathOptions.tile_px else side
+        uniform = tiles = Tile(self._whole).split(large)
         if self._options.refines:
             chosen = yield from self._choose(uniform)
             tiles = add_inset_tiles(uniform, chosen.areas(self._whole), self._whole, self._options)
         wanted = [(one.pitch, area) for one in self._glints for area in one.areas]
-        tiles = lay_in_steps(tiles, wanted, self._whole, self._options.tile_px)
-        planned = len(Tile(self._whole).split(self._options.tile_px))
-        self._progress.add_tiles(len(tiles) - planned)
+        tiles = lay_in_steps(tiles, wanted, self._whole, side)
+        self._progress.add_tiles(len(tiles) - len(Tile(self._whole).split(side)))
         for tile in tiles:
             yield from self._measure(tile)
-        yield from self._look_beyond()
-        if not self._options.refines:
-            return "all tiles"
-        return (yield from self._refine())
-
-    def _tile_px(self) -> int:
-        """Side of a tile: larger than usual where each render takes long to begin."""
-        side = self._options.tile_px
-        many = len(self._motion.bodies) > _MANY_BODIES and not self._options.refines
-        return 2 * side if many and side == PathOptions.tile_px else side
-
-    def _look_beyond(self) -> Generator[PathTask, None, None]:
-        """Measure the power beyond the last order, where anything is seen."""
         self._tiles.wait()
         found = self._tiles.quality()
         if found.seen - {0}:
@@ -357,13 +178,16 @@ class FrameWork:
             self._beyond.add_beyond(beyond, self._run.watts_per_unit, found.strongest_path)
             self._renders += self._tracer.renders_beyond
             self._seconds += time.monotonic() - start_s
+        if not self._options.refines:
+            return "all tiles"
+        return (yield from self._refine())
 
     def keep_tiles(self) -> None:
         """Leave the measured tiles on disk."""
         self._parts.write()
 
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
-        """Boxes of the small objects that get tiles of their own."""
+        """Return the boxes of the small objects that get tiles of their own."""
         scene = self._run.scene
         boxes = projected_bounds(self._motion.poses, scene.objects, self._receiver, scene.hidden)
         small = chosen = small_boxes(boxes, self._whole)
@@ -393,10 +217,11 @@ class FrameWork:
         return seen
 
     def _affordable_tiles(self, tile: Tile) -> Generator[PathTask, None, int]:
-        """Tiles that may be laid over objects within a fraction of the time limit.
+        """Return how many inset tiles a fraction of the time limit is enough for.
 
         A small tile takes as long as its renders take to begin, and that grows with the number of
-        objects. The second render of two tells; the first one builds what all others use.
+        objects. It is the time of the second render of two: the first one builds what all others
+        use.
         """
         options, window = self._options, tile.window
         start_s = last_s = time.monotonic()
@@ -417,7 +242,7 @@ class FrameWork:
         return min(MOST_TILED, int(_SHARE_FOR_TILES * options.time_limit_s / a_tile_s))
 
     def _refine(self) -> Generator[PathTask, None, str]:
-        """Split the worst tiles until a limit is reached; returns which one it was."""
+        """Halve the worst tiles until a limit is reached; return which one it was."""
         options = self._options
         while True:
             if (
@@ -433,7 +258,7 @@ class FrameWork:
             ]
             open_error = math.sqrt(sum(self._budget.squared_errors(open_tiles).values()))
             if open_error <= options.max_standard_error:
-                # The others are as fine as may be, and the error is theirs.
+                # The error comes from tiles that are as fine as may be.
                 return "finest pixels"
             worst = self._budget.worst(open_tiles, _ROUND_SHARE)
             if not worst:
@@ -469,7 +294,8 @@ class FrameWork:
         renders, done = 0, 0
         waiting: list[tuple[PathRows, Real]] = []
         mirrored = self._dtype != PATH_DTYPE
-        together = 1 if mirrored else views_together(new.tile.window)
+        pixels = new.tile.window.width_px * new.tile.window.height_px
+        together = 1 if mirrored else max(_PIXELS_TOGETHER // pixels, 1)
         if not mirrored:
             offsets_px = [replicate_offset_px(number) for number in range(count)]
             self._run.scene.look_together(new.tile.window, offsets_px)
@@ -546,7 +372,6 @@ class FrameWork:
         return record
 
     def _write_table(self) -> TableFile:
-        """Write all rows with their motion."""
         bodies = set().union(*(measured.quality.bodies for measured in self._tiles.tiles.values()))
         mirrors = self._mirrors.bodies
         self._motion.images = self._mirrors.records
@@ -564,7 +389,6 @@ class FrameWork:
         return write_table(table, parts, self._dtype, rows)
 
     def _findings(self, quality: QualitySums) -> list[Finding]:
-        """Find what a user should know of the frame."""
         scene, target = self._run.scene, self._options.max_standard_error
         wavelength_m = self._run.measurement.waveform.wavelength_m
         findings = [
@@ -598,9 +422,9 @@ class FrameWork:
         if self._moving:
             findings.append(finding("mirror-moves", *self._moving))
         if self._clutter:
-            place_m = np.array(self._receiver.matrix_world)[:3, 3]
-            findings += self._clutter.findings(self._tiles.chunks(), place_m)
-        # where it was not met, `stop_reason` says so
+            receiver_m = np.array(self._receiver.matrix_world)[:3, 3]
+            findings += self._clutter.findings(self._tiles.chunks(), receiver_m)
+        # Where the target was not met, `stop_reason` says so.
         if (
             target
             and self._budget.relative_error() <= target
@@ -608,3 +432,83 @@ class FrameWork:
         ):
             findings += uncertain_objects(errors, scene.objects, target)
         return [item.in_frame(self._tracer.frame) for item in merge(findings)]
+
+
+@dataclass(frozen=True)
+class RowFinisher:
+    """Labels and corrects the rows of one radar frame."""
+
+    motion: BurstMotion
+    hits: HitPoints
+    clutter: ClutterWeights
+
+    def finish(self, views: Sequence[tuple[PathRows, Real]], transmitter_m: Real) -> list[PathRows]:
+        """Return the rows of each view with bodies, vertices, lengths and powers.
+
+        `views` are the rows of each, which may be changed, and the start of their rays, (3,) or (n,
+        3) [m], of the same form in all. `transmitter_m` is the place of the transmitter or of its
+        image.
+        """
+        rows_of, origins_m = zip(*views, strict=True)
+        if len(views) == 1:
+            rows, origin_m = views[0]
+        else:
+            rows = np.concatenate(rows_of)
+            one_place = origins_m[0].ndim == 1
+            origin_m = origins_m[0] if one_place else np.concatenate(origins_m)
+        self.motion.label(rows)
+        normals = self.hits.refine(rows, origin_m, transmitter_m)
+        self.clutter.apply(rows, normals, origin_m, transmitter_m)
+        return np.split(rows, np.cumsum([one.size for one in rows_of[:-1]], dtype=np.intp))
+
+
+@dataclass(frozen=True)
+class MirrorViews:
+    """Measures tile replicates over the mirrors of a frame."""
+
+    tracer: ViewTracer
+    finisher: RowFinisher
+    mirrors: MirrorPaths
+
+    def measure(
+        self,
+        number: int,
+        tile: Tile,
+        replicate: int,
+        own: PathRows,
+        traced: TracedReplicate,
+        quality: QualitySums,
+    ) -> Generator[PathTask, None, tuple[PathRows, int]]:
+        """Render with all images; return the rows of the tile replicate, and the number of renders.
+
+        `own` are the rows without images, and `traced` is their source. Changes of power go to
+        `quality`.
+        """
+        rows, renders = [self.mirrors.number(own, traced, 0)], 0
+        for image, place_m in enumerate(self.mirrors.lamps_m, start=1):
+            found, origin_m, traced = yield from self.tracer.replicate_tasks(
+                number, tile, replicate, image, self.mirrors.reflections(image)
+            )
+            renders += traced.renders
+            (found,) = self.finisher.finish([(found, origin_m)], place_m)
+            found = self.mirrors.number(found, traced, image)
+            found, through_w = self.mirrors.choose(image, found)
+            quality.through_mirrored_w += through_w
+            quality.total_w += through_w
+            rows.append(found)
+        every, through_w = self.mirrors.with_both_ways(np.concatenate(rows))
+        quality.through_mirrored_w += through_w
+        quality.total_w += through_w
+        quality.total_w += float(every["power_w"].sum() - own["power_w"].sum())
+        return every, renders
+
+
+def by_surface(item: Finding, images: Collection[str] = ()) -> list[Finding]:
+    """Tell silent objects that are rough from mirrors, but for mirrors that have `images`."""
+    if item.code != "object-without-echo":
+        return [item]
+    named = (one for one in bpy.data.objects if one.name_full in item.subjects)
+    rough = {one.name_full for one in named if is_rough(one)}
+    others = [name for name in item.subjects if name not in rough and name not in images]
+    found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
+    return found + ([finding("object-without-echo", *others)] if others else [])

@@ -1,10 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Glints: bright spots of rough surfaces that are smaller than a pixel, and the tiles for them.
+"""Bright spots and smooth faces: echoes that depend on normals, which are known without rays.
 
-A surface of RMS slope m returns exp(-t^2 / 2 m^2), with t the tangent of the angle between its
-normal and the bisector of the directions to both antennas. On a sphere of radius a this is a spot
-of standard deviation m a, whatever pixels there are. Rays of a coarse grid miss it, and then no
-error estimate includes it. Normals are known without rays. Does not import bpy.
+Glints: a surface of RMS slope m returns exp(-t^2 / 2 m^2), with t the tangent of the angle between
+its normal and the bisector of the directions to both antennas. On a sphere of radius a this is a
+spot of standard deviation m a, however small. Rays of a coarse grid miss it, and then no error
+estimate includes it. `find_glints` gives areas of the view and the pitch that resolves them, for
+tiles of their own. `BrightParts` finds the triangles whose normals come near the bisector, halves
+those that are large in the view, and takes the slope as linear over each part, so that its spot is
+Gaussian.
+
+Smooth faces: the lobe of a slope stands for heights of many wavelengths. A face of less than an
+eighth of a wavelength reflects as a whole: its echo depends on area, curvature and wavelength, and
+not on the slope of its polish. `SmoothFaces` finds those near normal incidence, and compares the
+level of physical optics with the received power. Does not import bpy.
 """
 
 from __future__ import annotations
@@ -33,7 +41,7 @@ from ..views import ViewWindow
 from .obstacles import BodyMesh, Obstacles
 from .tiles import Area
 
-#: Slopes from the specular one, over the RMS slope, within which a lobe has its power: exp(-18).
+#: Reach of a lobe, in RMS slopes from the specular one: exp(-18).
 _REACH = 6.0
 #: Pitch of the grid over a spot's standard deviation: the power of a Gaussian spot is then right to
 #: 1e-5. A grid of `_RESOLVED` is right to 3 %, and its replicates show the error.
@@ -42,7 +50,7 @@ _PITCH, _RESOLVED = 1.25, 2.0
 _FAINT = 0.1
 #: Bright flat facets are a glint if they cover less than this part of the object's box in the view.
 _PART = 0.3
-#: Pixels of a part of a surface above which it is halved, halvings, and parts of all surfaces.
+#: Pixels of a part of a surface above which it is halved; most halvings; most parts of surfaces.
 _LARGE_PX, _HALVINGS, _MOST_PARTS = 4096.0, 16, 1 << 18
 #: Halvings of parts that reach behind the receiver.
 _AHEAD = 6
@@ -50,8 +58,8 @@ _AHEAD = 6
 _LOOSE, _FEW_PX = 4.0, 1024.0
 #: Glints that get tiles, and pixels of all of them (or of the frame, if it has more).
 MOST_GLINTS, _PIXELS_FOR_ALL = 64, 1 << 18
-#: Triangles of all bodies that are searched, largest bodies first, and those at a time. A shape
-#: takes as long as so many triangles.
+#: Triangles of all bodies that are searched, largest bodies first; triangles at a time; triangles
+#: that take as long as a shape.
 _MOST_SEARCHED, _AT_ONCE, _PER_SHAPE = 1 << 24, 1 << 20, 1 << 13
 #: Bodies that are searched, those that look largest: each takes 0.1 to 0.3 ms.
 _MOST_LARGE = 2048
@@ -59,13 +67,11 @@ _MOST_LARGE = 2048
 _MOST_BODIES = 256
 #: Pixels across of bright flat facets that the frame resolves.
 _LARGE_FACETS = 16.0
-#: Distance that stands for infinity where the view is orthographic [m].
-_FAR_M = 1e9
 
 
 @dataclass(frozen=True)
 class Glint:
-    """Areas of a glint in the view, the pitch that resolves it, its object, and its echo up to a
+    """Areas of a glint in the view, the pitch that resolves it, its object, its echo up to a
     factor.
     """
 
@@ -92,7 +98,7 @@ def find_glints(
     """Find the glints that the pixels of a view do not resolve, strongest first.
 
     `transmitters_m` (n, 3) are the transmitter and its images in mirrors, `hidden` the numbers of
-    objects that no ray meets. Returns at most `MOST_GLINTS`, and what to say of the others.
+    objects that no ray meets. Returns at most `MOST_GLINTS`.
     """
     bodies = obstacles.bodies
     slope = cache(glint_slope)
@@ -148,7 +154,7 @@ class SurfaceParts(_Columns):
     flat: Mask
 
     def halved(self, first: Indices) -> SurfaceParts:
-        """Cut each at the middle of its side from corner `first` to the next one."""
+        """Cut each triangle at the middle of its side from corner `first` to the next one."""
         order = (first[:, None] + np.arange(3)) % 3
         halves = []
         for column in (self.corners_m, self.normals):
@@ -162,12 +168,12 @@ class SurfaceParts(_Columns):
 
 @dataclass(frozen=True, eq=False)
 class _Spots(_Columns):
-    """Bright parts as the view shows them.
+    """Bright parts as the view shows them, in true lengths.
 
     `low` and `high` (n, 2) bound them, in true lengths over `stretch`; `deviation` is the least
     standard deviation of the spot on each, `weight` that of its brightest point in the lobe, `echo`
     its echo up to a factor; `centre` (n, 2), `spread` (n, 2, 2) and `solid` are mean, covariance
-    and area of the part. These are true lengths.
+    and area of the part.
     """
 
     body: Indices
@@ -204,7 +210,7 @@ class BrightParts:
         self._radius_m = norms(reach_m[:, :, 0])
 
     def in_view(self, chosen: Indices) -> Indices:
-        """Return those of some bodies that may be in the view."""
+        """Return the bodies that may be in the view."""
         if self._kind != "perspective":
             return chosen
         window = self._window
@@ -234,8 +240,8 @@ class BrightParts:
         return np.sort(order[:enough]), order[enough:]
 
     def glints(self, chosen: Indices, transmitter_m: Real) -> tuple[list[Glint], Indices]:
-        """Return the glints of one transmitter on some bodies that the view does not resolve, and
-        the bodies that were left out because there are many.
+        """Return the glints of one transmitter on some bodies that the view does not resolve,
+        and the bodies that were left out because there are many.
         """
         found: list[_Spots] = []
         for shape in np.unique(self._bodies.shape[chosen]).tolist():
@@ -257,7 +263,7 @@ class BrightParts:
         return glints, bodies[order[_MOST_BODIES:]]
 
     def _unresolved(self, spots: _Spots) -> _Spots:
-        """Spots of bodies with one that may be a glint."""
+        """Return the spots of bodies with one that may be a glint."""
         fine = self._window.pitch <= _RESOLVED * spots.deviation
         bodies, place = np.unique(spots.body, return_inverse=True)
         area = np.bincount(place, spots.solid, bodies.size)
@@ -266,7 +272,7 @@ class BrightParts:
         return spots.take(np.bincount(place, glints, bodies.size)[place] > 0)
 
     def _glint(self, group: _Spots) -> list[Glint]:
-        """The glint of neighbouring spots of one body; none where the view resolves it."""
+        """Return the glint of neighbouring spots of one body; none where the view resolves it."""
         window = self._window
         # A thin triangle among others is as bright, but has no power to resolve.
         matters = group.weight >= _FAINT * group.weight.max()
@@ -295,7 +301,7 @@ class BrightParts:
         return [Glint(tuple(areas), pitch * deviation, name, float(group.echo.sum()))]
 
     def area_m2(self, body: int) -> float:
-        """Return the area of a body's surface [m^2], as if it were scaled evenly."""
+        """Area of a body's surface [m^2], as if it were scaled evenly."""
         mesh = self._obstacles.mesh(body)
         scale = abs(float(np.linalg.det(self._bodies.pose[body, :3, :3]))) ** (2 / 3)
         return 0.0 if mesh is None else scale * float(np.nansum(mesh.areas_m2))
@@ -377,8 +383,8 @@ class BrightParts:
 
     def _receiver_m(self, points_m: Real) -> Real:
         """Places to which waves go from points, (..., 3) [m]."""
-        if self._kind == "orthographic":
-            return np.asarray(points_m + _FAR_M * self._turn[:, 2])
+        if self._kind == "orthographic":  # a distance that stands for infinity [m]
+            return np.asarray(points_m + 1e9 * self._turn[:, 2])
         return np.broadcast_to(self._place_m, points_m.shape)
 
     def project(self, points_m: Real) -> tuple[Real, Mask]:
@@ -397,7 +403,7 @@ class BrightParts:
         return np.stack([across, up], axis=2), ahead
 
     def _spots(self, parts: SurfaceParts, transmitter_m: Real) -> list[_Spots]:
-        """Return what is bright of triangles; large ones are halved until little else is left."""
+        """Return the bright spots of triangles; large ones are halved until little else is left."""
         found = []
         for halving in range(_HALVINGS + 1):
             places, ahead = self.project(parts.corners_m)
@@ -422,7 +428,7 @@ class BrightParts:
         return found
 
     def meets(self, low: Real, high: Real) -> Mask:
-        """Return whether boxes of corners (n, 2) are in the view, (n,)."""
+        """Whether boxes of corners (n, 2) are in the view, (n,)."""
         window = self._window
         met = np.zeros(len(low), dtype=bool)
         for turn in (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,):
@@ -445,7 +451,9 @@ class BrightParts:
     def _seen(
         self, parts: SurfaceParts, places: Real, slopes: Real, least: Real, transmitter_m: Real
     ) -> tuple[_Spots, Indices]:
-        """Bright parts as the view shows them, and the first corner of the longest side of each."""
+        """Return bright parts as the view shows them, and the first corner of the longest side
+        of each.
+        """
         stretch = np.ones(len(places))
         if self._window.sphere:
             stretch = np.maximum(np.cos(places[:, :, 1]).max(axis=1), 1e-6)
@@ -484,7 +492,7 @@ class BrightParts:
 
 
 def least_slopes(slopes: Real) -> Real:
-    """Return the least length of slopes that are linear between corners (n, 3, 3), (n,)."""
+    """Least length of slopes that are linear between corners (n, 3, 3), (n,)."""
     a, b, c = np.moveaxis(slopes, 1, 0)
     found = np.full(len(slopes), np.inf)
     for one, other in ((a, b), (b, c), (c, a)):
@@ -529,15 +537,11 @@ def _groups(spots: _Spots) -> Iterator[_Spots]:
 
 # -------------------------------------------------------------------------------------------------
 # Smooth faces near normal incidence: the level that physical optics gives them.
-#
-# The lobe of a slope stands for heights of many wavelengths. A face of less than an eighth of a
-# wavelength reflects as a whole: its echo depends on area, curvature and wavelength, and not on the
-# slope of its polish. Does not import bpy.
 # -------------------------------------------------------------------------------------------------
 
 
-#: RMS height over the wavelength from which on a surface is rough, less what a Roughness in float32
-#: is off.
+#: RMS height over the wavelength from which on a surface is rough, less the rounding of a float32
+#: Roughness.
 _ROUGH = 0.125 * (1 - 1e-4)
 #: RMS slopes from normal incidence within which a face returns most of its echo.
 _NEAR = 2.0
@@ -559,8 +563,8 @@ _STEPS, _FEW = 8, 2000
 @dataclass(frozen=True)
 class _Face:
     """A face near normal incidence: index of its body, RMS slope, cross section of a conductor,
-    full width of the beam of its echo, angle from its normal, a place on it, and whether the radar
-    is within the beam. The echo of a curved face has a beam of all directions.
+    full width of the beam of its echo, angle from its normal, a place on it, and whether the
+    radar is within the beam. The beam of a curved face is pi.
     """
 
     body: int
@@ -616,7 +620,7 @@ class SmoothFaces:
                         self._faces[number] = rcs_m2, face, *height(material)
 
     def findings(self, power_w: Mapping[str, float], names: Sequence[str]) -> list[Finding]:
-        """Compare the faces with the received power of objects by name; `names` are those of the
+        """Compare the faces with the received power of objects by name; `names` belong to the
         numbers from 1.
         """
         levels: dict[str, dict[str, float]] = {}
@@ -662,8 +666,9 @@ def _height_m(material: Any, wavelength_m: float) -> tuple[float, bool]:
 
 
 def _reflectance(material: Any) -> float:
-    """Fraction of the power that the lobe of a Radar Material reflects at normal incidence; 0 for
-    materials made for light, and where nodes set the index.
+    """Fraction of the power that the lobe of a Radar Material reflects at normal incidence.
+
+    0 for materials made for light, and where nodes set the index.
     """
     n, kappa, share = (group_input(material, one) for one in (INDEX, EXTINCTION, SPECULARITY))
     if n is None or kappa is None:
@@ -720,8 +725,8 @@ def _level_m2(lengths_m: Real, bends: Real, wavelength_m: float) -> float:
 
 
 def _nearest(search: BrightParts, parts: SurfaceParts, slopes: Real) -> tuple[Real, Real]:
-    """Least tangent of the angle from normal incidence on each part, as far as points in the view
-    tell, (n,), infinite without any; and its place, (n, 3) [m].
+    """Least tangent of the angle from normal incidence on each part at points in the view, (n,),
+    and its place, (n, 3) [m]. Infinite if no point is in the view.
     """
     steps = _STEPS if len(slopes) <= _FEW else 3
     numbers = np.array([(i, j) for i in range(steps + 1) for j in range(steps + 1 - i)])

@@ -3,7 +3,11 @@
 
 Cycles gives hit points in float32 of world coordinates, and traces rays in float32 of the distance
 from the camera. The ray of a pixel is known in float64, and so is the mesh in the object's own
-space; the hit point tells which triangle was met.
+space; the hit point tells which triangle was met. `HitPoints.refine` moves the vertices of rows
+onto their triangles, and computes their lengths again: for one reflection along the pixel's ray;
+for more, the first vertex along its ray, and the last one, which the colours of the transmitter's
+light give, along the normal of its face. A length stays that of the range encoding where something
+may delay the path: geometry does not see that.
 """
 
 from __future__ import annotations
@@ -35,27 +39,20 @@ from .obstacles import DelayedWays
 
 #: Triangles up to which meshes are joined, so that rays of many are treated together.
 _SMALL_MESH = 1 << 14
-#: Fraction of a mesh's points off it above which Cycles renders another one (displaced by its
-#: material, diced adaptively). At limbs a few thousandths are.
+#: Fraction of points off the mesh above which Cycles renders another one (displaced by its
+#: material, diced adaptively). At limbs a few thousandths are off.
 _MOST_MISSED = 0.05
 
 
-#: Mesh of each shape and its part of it; None without a surface.
+#: Mesh that holds each shape, and the shape's part of it; None without a surface.
 Meshes = WeakKeyDictionary[Shape, tuple[TriangleMesh, int] | None]
 
 
 class BodyMeshes:
     """Meshes of a scene at one moment, in float64.
 
-    Parameters
-    ----------
-    bodies
-        Those whose numbers the rows have. Blender must evaluate nothing else while meshes are
-        read.
-    metres_per_unit
-        Length of a Blender unit [m].
-    meshes
-        Meshes that Blender has not evaluated since they were read; more are added.
+    Rows have the numbers of `bodies`; Blender must evaluate nothing else while meshes are read.
+    `meshes` are those that Blender has not evaluated since they were read; more are added.
     """
 
     def __init__(self, bodies: Bodies, metres_per_unit: float, meshes: Meshes) -> None:
@@ -64,17 +61,18 @@ class BodyMeshes:
     def hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
     ) -> tuple[Real, Real]:
-        """Distances along rays in lengths of their directions, (n,), and normals, (n, 3).
-
-        NaN where nothing is hit.
+        """Distances along rays in lengths of their directions, (n,), and normals, (n, 3); NaN:
+        no hit.
         """
         found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan, order="F")
         known = _numbers((bodies > 0) & are_finite(near_m))
         if not bodies[known].size:
             return found, normals
         poses, body = _distinct(bodies[known] - 1)
-        inverses, flat = self._inverses(poses)
-        turn, place_m = inverses[:, :3, :3], self._bodies.pose[poses][:, :3, 3]
+        own = self._bodies.pose[poses]
+        flat = np.abs(np.linalg.det(own)) < np.finfo(np.float64).tiny
+        inverses = np.linalg.inv(np.where(flat[:, None, None], np.eye(4), own))
+        turn, place_m = inverses[:, :3, :3], own[:, :3, 3]
         stretch = np.linalg.norm(turn, ord=2, axis=(1, 2))
         for mesh, part in self._meshes_of(self._bodies.shape[poses], flat):
             kind = part.take(body)
@@ -83,7 +81,7 @@ class BodyMeshes:
             if not parts.size:
                 continue
             if np.any(parts[1:] < parts[:-1]):
-                # rays that follow one another are of one body then
+                # sorted, so that rays that follow one another are of one body
                 here = np.arange(kind.size)[here][np.argsort(parts, kind="stable")]
                 parts = kind[here]
             each = body[here]
@@ -105,16 +103,11 @@ class BodyMeshes:
             found[mine], normals[mine] = way, normal
         return found, normals
 
-    def _inverses(self, bodies: Indices) -> tuple[Real, Mask]:
-        """Ways into the spaces of bodies, (n, 4, 4), and which of them have no volume, (n,)."""
-        poses = self._bodies.pose[bodies]
-        flat = np.abs(np.linalg.det(poses)) < np.finfo(np.float64).tiny
-        return np.linalg.inv(np.where(flat[:, None, None], np.eye(4), poses)), flat
-
     def _meshes_of(self, shape: Indices, flat: Mask) -> list[tuple[TriangleMesh, Indices]]:
-        """Meshes of some bodies, and each body's part of the mesh; -1 for bodies of others.
+        """Meshes of some bodies, and each body's part of the mesh; -1 for bodies of other
+        meshes.
 
-        Nothing is seen of the `flat` ones.
+        The `flat` bodies have no volume, and are not hit.
         """
         numbers, place = np.unique(shape, return_inverse=True)
         self._read(numbers.tolist())
@@ -155,7 +148,7 @@ class BodyMeshes:
 
 
 def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
-    """Return the different ones of small numbers, and the place of each among them, (n,)."""
+    """Return the different ones of small numbers, and the place of each number among them, (n,)."""
     there = np.flatnonzero(np.bincount(numbers))
     place = np.zeros(int(there[-1]) + 1, dtype=np.intp)
     place[there] = np.arange(there.size)
@@ -163,7 +156,9 @@ def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
 
 
 def _numbers(where: Mask) -> Indices | slice:
-    """Numbers of the rows where it is so; a slice, which costs nothing, where it is so of all."""
+    """Numbers of the rows where the mask holds; a slice, which costs nothing, where it holds for
+    all.
+    """
     return slice(None) if where.all() else np.flatnonzero(where)
 
 
@@ -173,21 +168,26 @@ def _of_rows(vectors: Real, rows: Indices | slice) -> Real:
 
 
 def rows_of(origins_m: Real, rows: Indices | slice) -> Real:
-    """Where the rays of these rows start, of one place for all, (3,), or of one each, (n, 3)."""
+    """Start of the rays of these rows: one place for all, (3,), or one each, (n, 3)."""
     return origins_m if origins_m.ndim == 1 else origins_m[rows]
+
+
+# -------------------------------------------------------------------------------------------------
+# Rows: vertices moved onto the meshes, lengths and their errors.
+# -------------------------------------------------------------------------------------------------
 
 
 _EPS32 = float(np.finfo(np.float32).eps) / 2
 #: Largest error of a hit point, in roundings of its distances from the origin and from the ray's
-#: start (7 standard deviations of what was seen).
+#: start (7 standard deviations of what was measured).
 _ROUNDINGS = 4.0
 #: Error of a length over that of its point: twice, and as much again where the ray is slanted.
 _LENGTH_OVER_POINT = 4.0
-#: Error of a vertex from the transmitter's colours over the length of the path: the largest, and a
-#: standard deviation along one axis.
+#: Error of a vertex from the transmitter's colours, relative to the length of the path: the
+#: largest, and a standard deviation along one axis.
 _LARGEST_COLOUR_ERROR, _COLOUR_ERROR = 1e-6, 7e-8
 #: Standard deviation of a length in float64, in steps of float64: at normal incidence, and for each
-#: unit of the tangent of the angle of incidence. As seen from 10 m to 10 km.
+#: unit of the tangent of the angle of incidence. As measured from 10 m to 10 km.
 _STRAIGHT, _SLANTED = 0.5, 0.12
 #: Standard deviations of such a vertex within which a mirrored ray is taken to have met it.
 _MIRRORED_SIGMAS = 6.0
@@ -197,7 +197,6 @@ _LARGEST_SIGMAS = 20.0
 TOLERANCE_WAVELENGTHS = 1e-3
 #: Rows whose vertices are moved at a time: they stay in the processor's cache.
 _ROWS_AT_ONCE = 1 << 13
-#: Columns that are read.
 _READ = (
     "order",
     "flags",
@@ -213,18 +212,18 @@ _READ = (
 
 
 class Normals:
-    """Normals at the first and the last vertices of a number of rows."""
+    """Normals at the first and the last vertices of a number of rows, of any length; NaN:
+    unknown.
+    """
 
     def __init__(self, rows: int) -> None:
         self._rows = rows
         self._found: list[tuple[Indices, Real, Real]] = []
 
     def add(self, rows: Indices, first: Real, last: Real) -> None:
-        """Those of some rows, (n, 3), of any length; NaN: unknown."""
         self._found.append((rows, first, last))
 
     def all(self) -> tuple[Real, Real]:
-        """Of all rows, (n, 3), of any length; NaN: unknown."""
         for rows, first, last in self._found:
             if rows.size == self._rows:
                 return first, last
@@ -235,23 +234,10 @@ class Normals:
 
 
 class HitPoints:
-    """Meshes of a scene at one moment, and the rays that hit them.
+    """Meshes of a scene at one moment, and the rays that hit them; see `BodyMeshes`.
 
-    Parameters
-    ----------
-    bodies
-        Those whose numbers the rows have. Blender must evaluate nothing else while rows are
-        refined.
-    metres_per_unit
-        Length of a Blender unit [m].
-    wavelength_m
-        Of the carrier.
-    opaque
-        Whether nothing in the scene lets power through, so that no path is delayed.
-    meshes
-        Meshes that Blender has not evaluated since they were read; more are added.
-    ways
-        Those to the transmitter; None where nothing delays what is seen directly.
+    `opaque`: nothing in the scene lets power through, so no path is delayed. `ways` are those to
+    the transmitter; None if nothing delays what is seen directly.
     """
 
     def __init__(
@@ -270,7 +256,7 @@ class HitPoints:
     def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> Normals:
         """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
 
-        `origin_m` is where the rays start, (3,) or (n, 3). Returns the normals that it met.
+        Rays start at `origin_m`, (3,) or (n, 3). Returns the normals that it met.
         """
         normals = Normals(rows.size)
         read = read_columns(rows, _READ)
@@ -330,8 +316,8 @@ class HitPoints:
         # numbers no larger than the length, wherever the world's origin is
         length_m = way_m + norms(ray_m + (origins_m - transmitter_m))
         with np.errstate(divide="ignore", invalid="ignore"):
-            # The encoding tells of a delay on the way to the transmitter. Of a ray that grazes the
-            # surface it tells where another one hit, close by. It is too short where Cycles
+            # The encoding holds a delay on the way to the transmitter. For a ray that grazes the
+            # surface it holds the hit of another ray close by. It is too short where Cycles
             # lifts the start of shadow rays off smooth meshes (shadow terminator).
             cosine = np.abs(dots(direction, normal)) / norms(normal)
             grazed_m = 2 * reach_m / cosine
@@ -364,10 +350,10 @@ class HitPoints:
         transmitter_m: Real,
         normals: Normals,
     ) -> None:
-        """Orders above 1: the first vertex along its ray, the last one along the face's normal.
+        """Refine paths of several reflections.
 
         The transmitter's ray through the last vertex tells which face it is on. Along that ray the
-        vertex would be off by its error over the cosine of incidence.
+        vertex would be off by its error over the cosine of incidence, so it moves along the normal.
         """
         needed = np.flatnonzero(
             _LARGEST_SIGMAS * read["length_sigma_m"][chosen] > self._tolerance_m
@@ -397,7 +383,7 @@ class HitPoints:
             last /= norms(last)[:, None]
             off_m = dots((share - 1)[:, None] * segment_m, last)
             last_m = np.where(lit[:, None], last_m + off_m[:, None] * last, last_m)
-        # Where the first surface is a mirror, its ray tells the second vertex better.
+        # If the first surface is a mirror, its ray gives the second vertex better.
         two = seen & lit & (mine["order"] == 2)
         within_m = _MIRRORED_SIGMAS * _COLOUR_ERROR * mine["length_m"]
         with np.errstate(invalid="ignore"):
@@ -423,21 +409,19 @@ class HitPoints:
             slope -= dots(slope, last)[:, None] * last
             sigma_m = norms(slope) * _COLOUR_ERROR * mine["length_m"]
             sigma_m = np.where(exact, _rounding_m(last_m, length_m), sigma_m)
-            # What a pane between the vertices delays, geometry cannot see.
+            # Geometry does not see a pane between the vertices, which delays.
             agrees_m = 2 * coloured_m + _LARGEST_SIGMAS * mine["length_sigma_m"]
             known = two & self._opaque & (np.abs(length_m - mine["length_m"]) <= agrees_m)
         sure = chosen[known]
         rows["length_m"][sure], rows["length_sigma_m"][sure] = length_m[known], sigma_m[known]
         rows["flags"][sure] &= ~np.uint16(PathFlag.ENCODED_LENGTH)
 
-    # -- meshes ------------------------------------------------------------------------------------
-
     def normals(
         self, bodies: Indices, starts_m: Real, points_m: Real, known: Real | None = None
     ) -> Real:
         """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown.
 
-        Those that are `known` and not NaN are not looked for, and may have any length.
+        Normals that are `known` and not NaN may have any length, and are kept.
         """
         found = np.full((bodies.size, 3), np.nan, order="F") if known is None else known
         sought = np.flatnonzero(np.isnan(found[:, 0]))
@@ -454,7 +438,7 @@ class HitPoints:
 
 
 def _put(column: NDArray[Any], rows: Indices, values: NDArray[Any], where: Mask) -> None:
-    """Set a column of these rows where told."""
+    """Set a column of the rows where the mask holds."""
     if where.all() and rows[-1] - rows[0] == rows.size - 1:  # numbers that rise
         column[rows[0] : rows[-1] + 1] = values
     else:

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tiles of a frame that were measured: their sums, the powers of their cells, and their rows.
 
-Without Blender's window, a separate thread computes sums and powers and writes rows while Cycles
-renders.
+`MeasuredTiles` takes the rows of new tiles (`NewTile`) view by view: the powers of their cells go
+to the error budget, the sums of `QualitySums` say how good the table is (truncated, mixed, without
+a range), and the rows go to `TileCheckpoints`. These keep the last tiles in memory and the others
+on disk, which bounds the memory of a frame, and lets a run that was stopped resume. Without
+Blender's window, a separate thread does all this while Cycles renders (`Background`).
 """
 
 from __future__ import annotations
@@ -35,19 +38,11 @@ from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
 from .mirrors import in_view
 from .tiles import Tile
 
-# -------------------------------------------------------------------------------------------------
-# Calls that are made in a thread of their own, while Cycles renders. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Calls that wait besides the one that is made: what they hold is in memory.
-_WAITING = 1
-
 
 class Background:
     """Makes calls one after the other; they must not use Blender.
 
-    The error of a call is raised by a later `do` or `wait`. Calls after it are not made. Without
+    A later `do` or `wait` raises the error of a call. Calls after it are not made. Without
     `threaded`, `do` makes each call itself.
     """
 
@@ -58,11 +53,10 @@ class Background:
         self._failed = False
 
     def do(self, call: Callable[..., None], *arguments: Any) -> None:
-        """Make a call soon."""
         if not self._threaded:
             call(*arguments)
             return
-        while len(self._calls) > _WAITING:
+        while len(self._calls) > 1:  # what waiting calls hold is in memory
             self._calls.popleft().result()
         if self._pool is None:
             self._pool = ThreadPoolExecutor(1, "radarsim rows")
@@ -91,18 +85,16 @@ class Background:
 
 
 # -------------------------------------------------------------------------------------------------
-# How good a table of paths is: what was left out, what is mixed, how exact lengths are.
-#
-# Does not import bpy.
+# Quality of a table of paths: what was left out, what is mixed, how exact lengths are.
 # -------------------------------------------------------------------------------------------------
 
 
-#: Fraction of the power that may be in flawed rows before the run says so, and the relative error
-#: that nobody minds if none was asked for: 0.2 dB.
+#: Fraction of the power in flawed rows above which there is a finding, and the relative error that
+#: is tolerated if none was asked for: 0.2 dB.
 _WARN_SHARE, _USUAL_ERROR = 1e-3, 0.05
-#: Fraction of the power in further reflections up to which nothing is said: it changes a level by
-#: 0.04 dB. The orders just above the limit are rendered for this, so that their own power decides;
-#: that of the last order followed bounds nothing, as in a corner the next one may be the brightest.
+#: Fraction of the power in further reflections that needs no finding: it changes a level by 0.04
+#: dB. The orders just above the limit are rendered for this, so that their own power decides; that
+#: of the last order followed bounds nothing, as in a corner the next one may be the brightest.
 _NEGLIGIBLE = 0.01
 #: Standard deviations of a normal distribution, and expectation of a Poisson distribution without a
 #: single event, at a one-sided confidence of 95 %.
@@ -116,7 +108,7 @@ _FAINTEST = 1e-12
 class QualitySums:
     """Sums over views and rows; sums of tiles add up to those of the frame.
 
-    `add_rows` runs in a thread besides the other methods, and so changes sums of its own alone.
+    `add_rows` may run in another thread than the other methods, and changes sums of its own alone.
     """
 
     def __init__(self) -> None:
@@ -125,7 +117,7 @@ class QualitySums:
         self.mixed_w = self.unranged_w = self._row_w = 0.0
         #: Power of the strongest path [W per square Blender unit].
         self.strongest_path = 0.0
-        #: Power of paths over mirrors that go through something open on the way: left out.
+        #: Power of paths over mirrors that are left out because something open is on the way.
         self.through_mirrored_w = 0.0
         #: Power of paths whose reverse begins outside of the field of view.
         self.one_way_w = 0.0
@@ -136,7 +128,6 @@ class QualitySums:
         self.bodies: set[int] = set()
 
     def add_view(self, traced: TracedReplicate, watts_per_unit: float) -> None:
-        """Add what a view found; `watts_per_unit` turns its powers into watts."""
         self.total_w += traced.total * watts_per_unit
         self.truncated_reflections_w += traced.truncated_reflections * watts_per_unit
         self.truncated_transparency_w += traced.truncated_transparency * watts_per_unit
@@ -160,7 +151,13 @@ class QualitySums:
     def add_rows(self, rows: PathRows, receiver: ReceiverRecord) -> None:
         """Add the rows of a view, which is a part of the receiver's field of view."""
         power = rows["power_w"]
-        echoes = ~_next_to_nothing(rows)
+        # Lobes of rough surfaces fall faster than any power: at grazing incidence they leave 1e-22
+        # of the strongest return of their view, range taken out, which is no echo.
+        direct = (rows["order"] == 1) & (rows["transparent_depth"] == 0)
+        with np.errstate(over="ignore", invalid="ignore"):
+            returned = rows["power_w"] * rows["length_m"] ** 2 / rows["solid_angle_sr"]
+            strongest = np.max(returned, initial=0.0, where=direct & np.isfinite(returned))
+            echoes = ~(direct & (returned < _FAINTEST * strongest))
         for name in ("last_object", "first_object"):
             self.echoing.update(_numbers(rows[name][echoes]))
         for name in ("last_body", "first_body"):
@@ -183,12 +180,12 @@ class QualitySums:
         self._sigma2_wm2 += float(np.sum(power * sigma**2))
 
     def numbers(self) -> dict[str, float]:
-        """The sums by name; sets left out."""
+        """Return the sums by name, without the sets."""
         return {k: float(v) for k, v in vars(self).items() if not isinstance(v, set)}
 
     @classmethod
     def from_numbers(cls, numbers: Mapping[str, float], **sets: Iterable[int]) -> QualitySums:
-        """What `numbers` gave, and the sets by name."""
+        """Make the sums from `numbers`, and the sets by name."""
         found = cls()
         for name, value in numbers.items():
             setattr(found, name, value)
@@ -199,7 +196,6 @@ class QualitySums:
 
     @classmethod
     def joined(cls, parts: Iterable[QualitySums]) -> QualitySums:
-        """Sums of several tiles."""
         total = cls()
         for part in parts:
             for name, value in vars(part).items():
@@ -213,7 +209,7 @@ class QualitySums:
         return total
 
     def share(self, watts: float) -> float:
-        """Part of the total power, 0 where there is none."""
+        """Fraction of the total power, 0 where there is none."""
         return watts / self.total_w if self.total_w > 0 else 0.0
 
     @property
@@ -225,8 +221,8 @@ class QualitySums:
     def truncated_reflections_upper(self) -> float:
         """Upper bound of the same fraction at 95 % confidence.
 
-        What the rays found has a normal error. Paths so rare that no ray met them have the bound of
-        the rule of three: their expected number is below 3, each at most as strong as the
+        The power that rays found has a normal error. Paths so rare that no ray met them have the
+        bound of the rule of three: their expected number is below 3, each at most as strong as the
         strongest that was found (Hanley and Lippman-Hand 1983).
         """
         stderr_w = float(np.sqrt(self.truncated_reflections_variance_w2))
@@ -236,7 +232,7 @@ class QualitySums:
 
     @property
     def length_sigma_m(self) -> float:
-        """Power-weighted rms of the standard deviation of a path's length [m]."""
+        """Power-weighted RMS of the standard deviation of a path's length [m]."""
         return float(np.sqrt(self._sigma2_wm2 / self._row_w)) if self._row_w > 0 else 0.0
 
     @property
@@ -265,8 +261,8 @@ class QualitySums:
     ) -> list[Finding]:
         """Find what to know of this frame; `objects` names the numbers from 1.
 
-        What is missing or mixed is no danger up to the error that was asked for, `tolerated`; where
-        none was, up to `_USUAL_ERROR`.
+        Missing or mixed power is only information up to the error that was asked for, `tolerated`;
+        if none was, up to `_USUAL_ERROR`.
         """
         found = []
 
@@ -286,18 +282,15 @@ class QualitySums:
             )
             # a fraction within its own standard error is no news
             found.append(told(lost, left - stderr))
-        behind = self.share(self.truncated_transparency_w)
-        if behind > _WARN_SHARE:
-            found.append(told(finding("transparency-truncated", fraction=behind), behind))
-        through = self.share(self.through_mirrored_w)
-        if through > _WARN_SHARE:
-            found.append(told(finding("mirror-way-through", fraction=through), through))
-        one_way = self.share(self.one_way_w)
-        if one_way > _WARN_SHARE:
-            found.append(told(finding("reverse-outside-view", fraction=one_way), one_way))
-        mixed, unranged = self.share(self.mixed_w), self.share(self.unranged_w)
-        if mixed > _WARN_SHARE:
-            found.append(told(finding("mixed-paths", fraction=mixed), mixed))
+        for code, watts in (
+            ("transparency-truncated", self.truncated_transparency_w),
+            ("mirror-way-through", self.through_mirrored_w),
+            ("reverse-outside-view", self.one_way_w),
+            ("mixed-paths", self.mixed_w),
+        ):
+            if (fraction := self.share(watts)) > _WARN_SHARE:
+                found.append(told(finding(code, fraction=fraction), fraction))
+        unranged = self.share(self.unranged_w)
         if unranged > _WARN_SHARE:
             found.append(finding("unranged-power", fraction=unranged))
         if self.length_sigma_m > _WARN_WAVELENGTHS * wavelength_m:
@@ -314,18 +307,6 @@ class QualitySums:
         return found
 
 
-def _next_to_nothing(rows: PathRows) -> NDArray[np.bool_]:
-    """Which rows seen directly are far below the strongest of their view, range taken out, (n,).
-
-    Lobes of rough surfaces fall faster than any power: at grazing incidence they leave 1e-22.
-    """
-    direct = (rows["order"] == 1) & (rows["transparent_depth"] == 0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        returned = rows["power_w"] * rows["length_m"] ** 2 / rows["solid_angle_sr"]
-        strongest = np.max(returned, initial=0.0, where=direct & np.isfinite(returned))
-        return np.asarray(direct & (returned < _FAINTEST * strongest))
-
-
 def _numbers(column: NDArray[np.integer[Any]]) -> list[int]:
     """Different numbers from 0 in a column."""
     there = np.zeros(int(column.max(initial=-1)) + 1, dtype=bool)
@@ -335,12 +316,11 @@ def _numbers(column: NDArray[np.integer[Any]]) -> list[int]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Measured tiles of an unfinished frame, the last ones in memory, the others on disk.
+# Tiles of an unfinished frame: the last ones in memory, the others on disk. Does not import bpy.
 #
-# Files bound the memory that a frame takes, and a run that was stopped resumes from them. A tile is
-# its rows, as they are in memory, and a record next to them, written last: a tile with a record is
-# whole. Tiles are written when they take too much memory, after some seconds, or when the run is
-# stopped: a frame that takes no longer than that leaves no files of them. Does not import bpy.
+# On disk, a tile is its rows, as they are in memory, and a record next to them, written last: a
+# tile with a record is whole. Tiles are written when they take too much memory, after some
+# seconds, or when the run is stopped: a frame that takes no longer leaves no files of them.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -353,10 +333,10 @@ _MOST_HELD, _LONGEST_HELD_S = 192 << 20, 20.0
 
 @dataclass(frozen=True)
 class TileRecord:
-    """What is known of a measured tile besides its rows.
+    """The record of a measured tile: all but its rows.
 
-    rows counts them replicate by replicate; quality are the sums of `QualitySums`; renders and
-    seconds are what it cost; sha256 is that of the file of its rows.
+    `rows` counts them replicate by replicate; `quality` are the sums of `QualitySums`; `renders`
+    and `seconds` are its cost; `sha256` is that of the file of its rows.
     """
 
     rows: list[int]
@@ -371,7 +351,6 @@ class TileRecord:
     schema_version: int = contract.SCHEMA_VERSION
 
     def sums(self) -> QualitySums:
-        """Quality of the rows."""
         return QualitySums.from_numbers(
             self.quality, seen=self.seen, echoing=self.echoing, bodies=self.bodies
         )
@@ -379,9 +358,10 @@ class TileRecord:
 
 @dataclass
 class _Held:
-    """A tile in memory: its rows by replicate, when they were there, its record once it is whole.
+    """A tile in memory: its rows by replicate, when they were there, its record once it is
+    whole.
 
-    Of a tile too large for that, whose rows are on disk: their digest.
+    For a tile too large for that, whose rows are on disk: their digest.
     """
 
     rows: list[PathRows]
@@ -407,12 +387,12 @@ class TileCheckpoints:
         self._stamp = f"{stamp} {dtype.descr} {fields}"
 
     def key(self, *numbers: Any) -> str:
-        """Name of a tile by what determines its rows."""
+        """Return the name of a tile by the numbers that determine its rows."""
         text = f"{self._stamp} {numbers!r}".encode()
         return hashlib.blake2b(text, digest_size=12).hexdigest()
 
     def find(self, key: str) -> TileRecord | None:
-        """Record of a tile that is there and whole, byte for byte."""
+        """Return the record of a tile that is there and whole, byte for byte."""
         try:
             record = read_record(self._folder / f"{key}.json", TileRecord)
             whole = file_sha256(self.rows_file(key)) == record.sha256
@@ -421,12 +401,11 @@ class TileCheckpoints:
         return record if whole else None
 
     def rows_file(self, key: str) -> Path:
-        """Where a tile's rows are."""
         return self._folder / f"{key}.rows"
 
     @contextlib.contextmanager
     def writer(self, key: str) -> Iterator[TileWriter]:
-        """To add a tile's rows with, replicate by replicate; an error leaves nothing."""
+        """Open a tile, whose rows are added replicate by replicate; an error leaves nothing."""
         with contextlib.ExitStack() as stack:
 
             def open_file() -> BinaryIO:
@@ -444,7 +423,7 @@ class TileCheckpoints:
         self._held[key] = _Held(writer.rows, time.monotonic(), writer.sha256)
 
     def keep(self, key: str, record: TileRecord) -> None:
-        """Say that a tile is whole; write those that are not to be in memory any longer."""
+        """Keep the record of a whole tile; write those that are not to be in memory any longer."""
         self._held[key].record = record
         now_s = time.monotonic()
         for name, held in list(self._held.items()):
@@ -464,7 +443,9 @@ class TileCheckpoints:
             self._write(key)
 
     def write(self) -> None:
-        """Write all whole tiles that are in memory; what cannot be written is measured again."""
+        """Write all whole tiles that are in memory; those that cannot be written are measured
+        again.
+        """
         with contextlib.suppress(OSError, RadarSimError):
             for key in [key for key, held in self._held.items() if held.record is not None]:
                 self._write(key)
@@ -482,13 +463,13 @@ class TileCheckpoints:
         write_record(self._folder / f"{key}.json", record, sync=False)
 
     def replicates(self, key: str, record: TileRecord) -> Iterator[PathRows]:
-        """Rows of a tile, one replicate after the other."""
+        """Yield the rows of a tile, one replicate after the other."""
         with open(self.rows_file(key), "rb") as stream:
             for count in record.rows:
                 yield np.fromfile(stream, dtype=self._dtype, count=count)
 
     def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
-        """Rows of a tile in pieces, with the number that it has in this run.
+        """Yield the rows of a tile in pieces, with the number that it has in this run.
 
         They may be changed: afterwards nothing is written of tiles in memory.
         """
@@ -512,10 +493,10 @@ class TileCheckpoints:
 
 
 class TileWriter:
-    """Collects the rows of a tile, in a file where they are too many for memory.
+    """Collects the rows of a tile, in a file if they are too many for memory.
 
-    `open_file` opens it, `make_room` is told how many bytes the rows take; `rows` are those in
-    memory, by replicate.
+    `open_file` opens it, `make_room` gets the bytes that the rows take; `rows` are those in memory,
+    by replicate.
     """
 
     def __init__(self, open_file: Callable[[], BinaryIO], make_room: Callable[[int], None]) -> None:
@@ -525,7 +506,6 @@ class TileWriter:
         self.rows: list[PathRows] = []
 
     def add(self, rows: PathRows) -> None:
-        """Append the rows of a replicate."""
         self.rows.append(rows)
         size = sum(part.nbytes for part in self.rows)
         if self._stream is not None or size > _MOST_HELD:
@@ -545,7 +525,7 @@ class TileWriter:
 
     @property
     def sha256(self) -> str:
-        """Of what is in the file; empty without one."""
+        """Digest of the file; empty without one."""
         return "" if self._stream is None else self._digest.hexdigest()
 
 
@@ -577,8 +557,8 @@ class MeasuredTiles:
     """Measured tiles by number.
 
     `parts` stores the rows; each tile has `count` replicates. `budget` gets the powers of the cells
-    of `grid`. If `threaded`, a separate thread does this. After :meth:`wait`, all that was added is
-    in `tiles` and in `budget`.
+    of `grid`. If `threaded`, a separate thread does this. After `wait`, all that was added is in
+    `tiles` and in `budget`.
     """
 
     def __init__(
@@ -596,7 +576,7 @@ class MeasuredTiles:
         self.tiles: dict[int, MeasuredTile] = {}
 
     def add_rows(self, new: NewTile, views: Sequence[PathRows]) -> None:
-        """Add the rows of replicates, which nobody changes any more."""
+        """Add the rows of replicates, which are not changed afterwards."""
         self._background.do(self._add_rows, new, views)
 
     def _add_rows(self, new: NewTile, views: Sequence[PathRows]) -> None:
@@ -609,7 +589,7 @@ class MeasuredTiles:
             new.writer.add(rows)
 
     def keep(self, new: NewTile, renders: int, seconds: float) -> None:
-        """Say that all replicates are there; they took so many renders, and so long."""
+        """Keep a tile with all its replicates, and its cost."""
         self._background.do(self._keep, new, renders, seconds)
 
     def _keep(self, new: NewTile, renders: int, seconds: float) -> None:
@@ -659,18 +639,16 @@ class MeasuredTiles:
         del self.tiles[number], self._budget.powers[number]
 
     def wait(self) -> None:
-        """Return when all is computed and written; raises what failed."""
+        """Return when all is computed and written; raises the first error."""
         self._background.wait()
 
     def end(self) -> None:
-        """End the thread; what failed is not raised."""
+        """End the thread; errors are not raised."""
         self._background.end()
 
     def quality(self) -> QualitySums:
-        """Sums over all tiles."""
         return QualitySums.joined(measured.quality for measured in self.tiles.values())
 
     def chunks(self) -> Iterator[PathRows]:
-        """All rows, a part at a time."""
         for number, measured in self.tiles.items():
             yield from self._parts.chunks(measured.key, number)

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Paths whose last reflections are those of mirrors: kept where the mirror is on the way.
+"""Paths whose first or last reflections are those of mirrors: kept where the mirror is on the
+way.
 
 A render with the transmitter in the place of its image gives all surfaces that see the image as if
-nothing were in between. A path is one if the way from its last scatterer to the image meets the
-mirror, and nothing else lies on the way to that point and on from there to the transmitter.
+nothing were in between. `MirrorPaths.choose` keeps a path if the way from its last scatterer to the
+image meets the mirror, and nothing else lies on the way to that point and on from there to the
+transmitter. `MirrorPaths.with_both_ways` adds the paths that come back over mirrors: with both
+antennas in one place, `mirrors.add_reverse_paths`; with a receiver that stands apart, `WaysBack`. A
+path that comes over mirrors to a vertex that another pixel sees is left out, because it is added
+there (`VertexView`).
 """
 
 from __future__ import annotations
@@ -57,10 +62,6 @@ from .mirrors import (
 )
 from .obstacles import BodyMesh, Obstacles
 
-# -------------------------------------------------------------------------------------------------
-# Which vertices of paths over mirrors the receiver sees directly, too.
-# -------------------------------------------------------------------------------------------------
-
 
 @dataclass(frozen=True)
 class VertexView:
@@ -72,42 +73,32 @@ class VertexView:
     receiver_m: Real
 
     def sees(self, rows: PathRows, from_m: Real) -> Mask:
-        """Return whether a pixel sees last vertices, on the side from which `from_m`, (3,) or
-        (n, 3), does, (n,).
+        """Whether a pixel sees last vertices, (n,), on the side on which `from_m`, (3,) or (n,
+        3), is.
         """
         last_m = rows["last_scatterer_m"]
         found = in_view(last_m, self.receiver)
         chosen = np.flatnonzero(found)
         from_m = np.broadcast_to(from_m, last_m.shape)
-        found[chosen] = self._visible(rows[chosen], from_m[chosen])
-        return found
-
-    def _visible(self, rows: PathRows, from_m: Real) -> Mask:
-        """Whether nothing hides last vertices, and they face the receiver as they do `from_m`."""
-        last_m = rows["last_scatterer_m"]
+        last_m, from_m, body = last_m[chosen], from_m[chosen], rows["last_body"][chosen]
         ends_m = np.broadcast_to(self.receiver_m, last_m.shape)
-        normals = self.hits.normals(rows["last_body"], from_m, last_m)
+        normals = self.hits.normals(body, from_m, last_m)
         seen = dots(normals, from_m - last_m) * dots(normals, ends_m - last_m) > 0
-        blocked, through = self.obstacles.block(last_m, ends_m, rows["last_body"])
-        return np.asarray(seen & ~blocked & ~through)
-
-
-# -------------------------------------------------------------------------------------------------
-# Paths back over mirrors to a receiver that stands apart from the transmitter.
-#
-# A pixel that sees a point gives the power of the direct way back. Over a mirror, an element of the
-# surface fills another solid angle: its projected area over the squared length of that way. A
-# Lambert surface has the same radiance in both directions, so the power is that of the direct way
-# times the ratio of the solid angles and the mirror's reflectance.
-# -------------------------------------------------------------------------------------------------
+        blocked, through = self.obstacles.block(last_m, ends_m, body)
+        found[chosen] = seen & ~blocked & ~through
+        return found
 
 
 @dataclass(frozen=True)
 class WaysBack:
-    """Finds the paths over the images of a receiver, and over curved mirrors to it.
+    """Finds paths back over mirrors to a receiver that stands apart from the transmitter.
 
-    `chains` are its images by their numbers, `lobes` the widths of the narrowest lobes by the
-    bodies' numbers. `curved` is None without curved mirrors.
+    A pixel that sees a point gives the power of the direct way back. Over a mirror, an element of
+    the surface fills another solid angle: its projected area over the squared length of that way. A
+    Lambert surface has the same radiance in both directions, so the power is that of the direct way
+    times the ratio of the solid angles and the mirror's reflectance. `chains` are the receiver's
+    images by their numbers, `lobes` the widths of the narrowest lobes by the bodies' numbers.
+    `curved` is None without curved mirrors.
     """
 
     chains: Mapping[int, ImageChain]
@@ -176,7 +167,8 @@ def receiver_chains(
     most: int,
     pairs: bool,
 ) -> tuple[dict[int, ImageChain], list[ImageChain]]:
-    """Return the images of the receiver by their numbers, and those that the transmitter has not.
+    """Return the images of the receiver by their numbers, and those that the transmitter has
+    not.
 
     `images` are those of the transmitter, numbered from 1; new ones follow. With `pairs`, images
     over two mirrors in a row are added, `most` in all.
@@ -198,7 +190,7 @@ def receiver_chains(
 
 
 def _on_plane(mirror: Mirror, images: Sequence[ImageChain], wavelength_m: float) -> Mirror:
-    """A mirror in the plane that the transmitter's image has, where it is the same."""
+    """Return a mirror in the plane that the transmitter's image has, where it is the same."""
     for chain in images:
         other = chain.mirrors[0]
         near = abs(other.offset_m - mirror.offset_m) <= FLAT * wavelength_m
@@ -219,33 +211,17 @@ def _projected(normals: Real, ways_m: Real) -> Real:
     return np.asarray(dots(normals, ways_m) / norms(ways_m) ** 3)
 
 
-#: How far a mirrored ray may pass its scatterer, and its length be off, over that: float32.
+#: Largest error of a mirrored ray at its scatterer, and of its length, over the length: float32.
 _MIRRORED = 2e-5
-#: Stands for the image of a row that was measured with the lamp at the receiver.
+#: Image number of a row that was measured with the light at the receiver.
 _AT_RECEIVER = -1
 
 
 class MirrorPaths:
     """The images of the transmitter in one frame, and the paths over them.
 
-    Parameters
-    ----------
-    bodies
-        Of the frame; Blender must evaluate nothing else while rows are chosen.
-    hits
-        Finds normals.
-    metres_per_unit
-        Length of a Blender unit [m].
-    receiver
-        At the frame's time.
-    transmitter_m
-        Place of the transmitter, (3,) [m].
-    reach_m
-        Distance of the farthest surface from the receiver [m].
-    measurement, options
-        Of the run.
-    meshes
-        Meshes that were read; more are added.
+    Blender must evaluate nothing else while rows are chosen. `reach_m` is the distance of the
+    farthest surface from the receiver; `meshes` were read before, and more are added.
     """
 
     def __init__(
@@ -297,8 +273,8 @@ class MirrorPaths:
         places_m = [one.image_m for one in self.images]
         if self._curved is not self._curved_back:
             places_m.append(self._receiver_m)
-        #: Places of lamps that nothing blocks, (n, 3) [m]: those of the images. The last one is at
-        #: a receiver that stands apart, where curved mirrors may light what it sees in the shade.
+        #: Places of lights that nothing blocks, (n, 3) [m]: those of the images. The last one is at
+        #: a receiver that stands apart: curved mirrors may light the points that it sees in shade.
         self.lamps_m: Real = np.array(places_m).reshape(-1, 3)
 
     def _straight_back(self) -> list[Finding]:
@@ -350,7 +326,6 @@ class MirrorPaths:
         return curved
 
     def _read_materials(self, bodies: Bodies) -> None:
-        """Find the lobes of all bodies."""
         materials = [shape.materials for shape in bodies.snapshot.shapes]
         width, clutter = cache(lobe_width), cache(lambda one: clutter_of(one) is not None)
         widths = [min(map(width, every), default=math.inf) for every in materials]
@@ -419,7 +394,7 @@ class MirrorPaths:
 
     @property
     def findings(self) -> list[Finding]:
-        """What to know of the mirrors, after all rows."""
+        """Findings on the mirrors, after all rows."""
         found = list(self._findings)
         found += self._turned.phases()
         found += [] if self._curved is None else self._curved.turned.phases()
@@ -469,13 +444,15 @@ class MirrorPaths:
         return [chain.record for chain in (*self.images, *self._own_images)]
 
     def reflections(self, image: int) -> int:
-        """Return how many reflections besides those of mirrors are asked for with an image."""
+        """Return how many reflections besides those of mirrors are followed with an image."""
         return self._reflections - 1 if image <= len(self.images) else 1
 
     def choose(self, image: int, rows: PathRows) -> tuple[PathRows, float]:
-        """Return the paths among rows that were measured with an image, from 1, with its mirrors
-        in their order, power and phase; and the power of those left out because open objects lie on
-        the way [W]. With the lamp at the receiver, those of single scatterings.
+        """Return the paths over an image, from 1, among rows measured with it, with power and
+        phase.
+
+        Also returns the power of paths left out because open objects lie on the way [W]. With the
+        light at the receiver, the paths are those of single scatterings.
         """
         if image > len(self.images):
             rows = rows[rows["point"] > 0]
@@ -503,8 +480,8 @@ class MirrorPaths:
         return rows, through_w
 
     def number(self, rows: PathRows, traced: TracedReplicate, image: int) -> PathRows:
-        """Return rows with the columns of images, and with the point of each path that scatters
-        once: its pixel.
+        """Return rows with the columns of images, and with the point (pixel) of single
+        scatterings.
         """
         wide = widened(rows, self.dtype)
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
@@ -518,9 +495,10 @@ class MirrorPaths:
         return wide
 
     def with_both_ways(self, rows: PathRows) -> tuple[PathRows, float]:
-        """Return rows of a tile replicate with those over curved mirrors, and those that come back
-        over mirrors, as `same_point` or `ways_back` has them; and the power of those left out
-        because open objects lie on the way [W].
+        """Return rows of a tile replicate with those over curved mirrors, and those back over
+        mirrors.
+
+        Also returns the power of paths left out because open objects lie on the way [W].
         """
         if self._receiver.kind == "orthographic":
             return rows, 0.0

@@ -1,5 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Planar mirrors of a scene, and the images of the transmitter in them."""
+"""Planar mirrors of a scene, the images of the transmitter in them, and paths back over them.
+
+`find_mirrors` joins smooth flat faces that face the transmitter into planes, those in which it sees
+most first. An `ImageChain` is the transmitter's image in one of them, or in two in a row. A render
+with the transmitter in the place of the image gives paths over the mirrors as far as the way from
+the last scatterer meets them (`ways_over`) with nothing in between (`find_blocked`); the mirrors
+change power, phase and polarisation (`reflection`).
+
+`add_reverse_paths` adds the paths that come back over mirrors, for antennas in one place. A radar
+that sees a point also receives it over every mirror that lights it, and all these paths add up in
+phase. Renders give the way there: direct, with the power d, and over mirror k, m_k. The reverse
+path has the same power, and over mirrors on both ways it is m_k m_l / d: exact where the surface
+scatters alike in all directions (Lambert), and nearly so where its lobe is much wider than the
+angle between the two directions (`alike_in_both`). All these paths are of one point, so their
+phases are those of their lengths and mirrors. The point that another pixel sees in the mirror is
+left out: it would be the same path a second time.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +45,7 @@ from ..materials import is_mirror_like, mirror_choice, mirror_of
 from .obstacles import BodyMesh, Obstacles
 
 # -------------------------------------------------------------------------------------------------
-# Both ways of a point that one pixel sees, over mirrors or not. Does not import bpy.
-#
-# A radar that sees a point also receives it over every mirror that lights it, and both ways add up
-# in phase. Renders give the way there: direct, d, and over mirror k, m_k (powers). Of a radar with
-# both antennas in one place the reverse path has the same power, and over mirrors on both ways it
-# is m_k m_l / d: exact where the surface scatters alike in all directions (Lambert), and nearly so
-# where its lobe is much wider than the angle between the two directions. All these paths are of one
-# point then, so their phases are those of their lengths and mirrors. The point that another pixel
-# sees in the mirror is left out: it would be the same path a second time.
+# Both ways of a point that one pixel sees, over mirrors or not.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -83,7 +91,7 @@ def add_reverse_paths(
     # numpy's own `unique` takes long for many numbers
     numbers = np.arange(to_image.min(initial=0), to_image.max(initial=0) + 1)
     for image in numbers.tolist() if reflections >= 3 else []:
-        # All paths to this image, with every mirror on the way back.
+        # all paths to this image, with every mirror on the way back
         first = np.flatnonzero(to_image == image)
         if not first.size:
             continue
@@ -114,7 +122,7 @@ def _come_back(rows: PathRows, over: PathRows) -> None:
 
 
 def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m: Real) -> PathRows:
-    """Put lengths and directions of paths with one scattering into rows that are images' own."""
+    """Put lengths and directions of paths with one scattering into rows over images."""
     numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
     over = images.of_paths(numbers, planes_of(rows))
     point_m = read_columns(rows, ("last_scatterer_m",))["last_scatterer_m"]
@@ -127,10 +135,10 @@ def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m
 
 
 def alike_in_both(points_m: Real, antenna_m: Real, image_m: Real, lobe: Real) -> Mask:
-    """Return whether points scatter nearly alike towards an antenna and its image, (n,).
+    """Whether points scatter nearly alike towards an antenna and its image, (n,).
 
-    `lobe` is the width alpha of the narrowest lobe of each point's surface: infinite for Lambert,
-    0 where unknown. A Gaussian lobe of facets has the error exp(angle^2 / (2 alpha^2)) at most.
+    `lobe` is the width alpha of the narrowest lobe of each point's surface: infinite for Lambert, 0
+    where unknown. A Gaussian lobe of facets has the error exp(angle^2 / (2 alpha^2)) at most.
     """
     to_antenna, to_image = antenna_m - points_m, image_m - points_m
     cosine = dots(to_antenna, to_image) / (norms(to_antenna) * norms(to_image))
@@ -140,7 +148,7 @@ def alike_in_both(points_m: Real, antenna_m: Real, image_m: Real, lobe: Real) ->
 
 
 def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
-    """Return whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+    """Whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
     pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     x, y, z = ((points_m - pose[:3, 3]) @ pose[:3, :3]).T
     if receiver.kind == "equirectangular":
@@ -155,7 +163,7 @@ def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
 
 
 # -------------------------------------------------------------------------------------------------
-# Meshes with materials that mirror, planar or curved.
+# Meshes with materials that mirror, planar or curved; planes of the planar ones.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -164,8 +172,8 @@ class MirroringMesh:
     """Mesh of a body with materials that mirror, in the world: k triangles.
 
     `body` is its number, from 1. `across_m2` (k, 3) are twice the triangles' areas along their
-    normals. `smooth` (k,) tells which have a mirror-like material, `mirrored` (k,) which of them
-    one whose reflection is known. `choice` is what the user marked the object as.
+    normals. `smooth` (k,): with a mirror-like material; `mirrored` (k,): with one whose reflection
+    is known. `choice` is the user's mark of the object.
     """
 
     body: int
@@ -181,7 +189,6 @@ class MirroringMesh:
     choice: str
 
     def materials_of(self, triangles: Indices) -> list[MirrorMaterial]:
-        """Return the materials of mirroring triangles."""
         found = (self.slots[own] for own in self.slot[triangles].tolist())
         return [one for one in found if one is not None]
 
@@ -248,13 +255,13 @@ def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
         )
 
 
-#: A patch is planar where it leaves its plane by less than this part of the wavelength.
+#: A patch is planar where it leaves its plane by less than this fraction of the wavelength.
 FLAT = 1 / 50
-#: Planes that are looked for; what else mirrors is left out and counted.
+#: Planes that are looked for; other faces are left out and counted.
 _MOST_PLANES = 64
-#: What is added to the solid angle of mirrors that the user wants first [sr]: more than any has.
+#: Added to the solid angle of mirrors that the user wants first [sr]: more than any has.
 _FIRST_SR = 1e3
-#: Level that turned waves may change before a finding tells it [dB].
+#: Change of a level by turned waves above which there is a finding [dB].
 TURNED_DB = 0.5
 #: How far a point of a triangle may lie outside of it, over its own size: rounding.
 _EDGE = 1e-9
@@ -262,12 +269,11 @@ _EDGE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """Triangles in one plane that mirror the transmitter: those that face it.
+    """Triangles in one plane that mirror the transmitter, on the side that faces it.
 
-    `normal` points to the side of the transmitter, `offset_m` is the plane's; `triangles_m`
-    (k, 3, 3), `body` and `material` belong to each triangle. `sight_sr` is the solid angle of the
-    triangles from the transmitter, times what their materials reflect at normal incidence, and
-    more of objects that the user wants first.
+    `normal` points to the transmitter's side. `triangles_m` (k, 3, 3), `body` and `material` belong
+    to each triangle. `sight_sr` is the triangles' solid angle from the transmitter, times the
+    reflectance of their materials at normal incidence; more for objects that the user wants first.
     """
 
     normal: Real
@@ -279,12 +285,11 @@ class Mirror:
     sight_sr: float
 
     def image_m(self, point_m: Real) -> Real:
-        """Return the image of a point, (3,) [m]."""
         turned, shift_m = mirror_matrix(self.normal, self.offset_m)
         return np.asarray(turned @ point_m + shift_m)
 
     def heights_m(self, points_m: Real) -> Real:
-        """Return the distances of points (n, 3) from the plane, on the transmitter's side, (n,)."""
+        """Distances of points (n, 3) from the plane, on the transmitter's side, (n,)."""
         return dots(points_m, self.normal) - self.offset_m
 
     @property
@@ -294,7 +299,6 @@ class Mirror:
 
     @property
     def is_rough(self) -> bool:
-        """Whether a material has an RMS height."""
         return any(one.rms_height_m > 0 for one in self.material)
 
     @cached_property
@@ -327,9 +331,8 @@ class Mirror:
 def find_mirrors(
     obstacles: Obstacles, transmitter_m: Real, wavelength_m: float, most: int
 ) -> tuple[list[Mirror], list[Finding]]:
-    """Find the planes that mirror the transmitter, those in which it sees most first.
-
-    Returns at most `most` of them, and what there is to say of those left out.
+    """Find the planes that mirror the transmitter, at most `most`, those in which it sees most
+    first.
     """
     found: list[Mirror] = []
     without: list[str] = []
@@ -412,9 +415,9 @@ class MirrorPolarisation:
     def finding(self) -> list[Finding]:
         """Find the mirrors that turn enough to change the level of a target, and by how much.
 
-        A target that keeps every polarisation sends the turned wave back to the mirror, which
-        turns it again. Over that of the direct path, the amplitude of this path is at most the
-        fraction of the power that is turned.
+        A target that keeps every polarisation sends the turned wave back to the mirror, which turns
+        it again. Relative to the direct path, the amplitude of this path is at most the turned
+        fraction of the power.
         """
         found = {
             names: turned_w / power_w
@@ -450,7 +453,7 @@ class _Faces:
 def _faces(
     obstacles: Obstacles, transmitter_m: Real, curved: list[str], without: list[str]
 ) -> _Faces:
-    """Find the faces; add objects that are curved, and whose material has no image."""
+    """Find the faces; add the names of objects that are curved, and whose material has no image."""
     columns = defaultdict(list)
     names: list[str] = []
     bodies: list[int] = []
@@ -487,7 +490,7 @@ def _faces(
 
 @cache
 def _brightness(material: MirrorMaterial) -> float:
-    """What a mirror reflects at normal incidence."""
+    """Reflectance of a mirror at normal incidence."""
     along = np.array([[0.0, 0.0, -1.0]])
     return float(material.reflection(along, -along[0], "average", math.inf)[0][0])
 
@@ -502,7 +505,7 @@ def _area(a: Real, b: Real) -> Real:
 # -------------------------------------------------------------------------------------------------
 
 
-#: Height over a mirror, over the way to it, below which a point is on its plane.
+#: Height over a mirror, relative to the way to it, below which a point is on its plane.
 _LEAST_HEIGHT = 1e-6
 
 
@@ -523,12 +526,10 @@ class ImageChain:
 
     @property
     def objects(self) -> tuple[str, ...]:
-        """Names of the objects with the mirrors."""
         return tuple(dict.fromkeys(name for mirror in self.mirrors for name in mirror.objects))
 
     @property
     def record(self) -> contract.ImageRecord:
-        """As the table's sidecar has it."""
         return contract.ImageRecord(
             [mirror.normal.tolist() for mirror in self.mirrors],
             [mirror.offset_m for mirror in self.mirrors],
@@ -537,7 +538,9 @@ class ImageChain:
         )
 
     def over(self, mirror: Mirror) -> ImageChain | None:
-        """Return the chain with another mirror behind; None where its image is not in front."""
+        """Return the chain with another mirror behind; None if the last image is not in front of
+        it.
+        """
         last_m = self.image_m
         if mirror is self.mirrors[-1] or mirror.heights_m(last_m[None])[0] <= 0:
             return None
@@ -549,8 +552,8 @@ class ImageChain:
 class WaysOver:
     """The ways of some rows to the transmitter over a chain of mirrors.
 
-    `rows` are those that meet all mirrors, (n,); `met_m` where, from the scatterer on, (mirrors, n,
-    3), and `triangle` of each mirror, likewise.
+    `rows` (n,) meet all mirrors: at `met_m`, from the scatterer on, (mirrors, n, 3), in `triangle`
+    of each mirror, (mirrors, n).
     """
 
     rows: Indices
@@ -558,12 +561,10 @@ class WaysOver:
     triangle: Indices
 
     def of(self, kept: Mask) -> WaysOver:
-        """Return some of the ways."""
         return WaysOver(self.rows[kept], self.met_m[:, kept], self.triangle[:, kept])
 
 
 def first_images(mirrors: Sequence[Mirror], transmitter_m: Real) -> list[ImageChain]:
-    """Return the chains of one mirror each."""
     return [
         ImageChain((one,), np.stack([transmitter_m, one.image_m(transmitter_m)])) for one in mirrors
     ]
@@ -606,8 +607,8 @@ def ways_over(chain: ImageChain, points_m: Real) -> WaysOver:
 def find_blocked(
     chain: ImageChain, ways: WaysOver, points_m: Real, bodies: Indices, obstacles: Obstacles
 ) -> tuple[Mask, Mask]:
-    """Return whether something opaque, or only something open, lies on ways from points on bodies,
-    (n, 3) and (n,), which belong to the ways.
+    """Whether something opaque, or only something open, lies on ways from points on bodies, (n,)
+    each.
     """
     blocked = np.zeros(len(points_m), dtype=bool)
     through = blocked.copy()

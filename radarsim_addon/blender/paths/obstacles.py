@@ -1,5 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What lies between two points of a scene, for the parts of paths that Cycles does not trace."""
+"""What lies between two points of a scene, for the parts of paths that Cycles does not trace.
+
+`Obstacles` finds what is on ways to and from mirrors, body by body: boxes first, then a tree of the
+triangles. `DelayedWays` finds ways from the transmitter to points that pass something that delays
+waves. A point that is seen directly may still be lit through a wall or a pane. Range encoding shows
+a delay down to its noise; only geometry shows that there is a smaller one.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +27,12 @@ from ..state import Shape, Snapshot, read_numbers, read_triangles
 
 #: Both ends of a way stay clear of surfaces by this part of the path's length, and by so much [m].
 _CLEAR, _CLEAR_M = 4e-6, 1e-6
-#: Vertices times triangles up to which a mesh is asked whether it is convex.
+#: Vertices times triangles up to which it is found out whether a mesh is convex.
 _MOST_CONVEX = 1 << 24
+#: Part of a way next to the point that is the surface itself.
+_ITSELF = 1e-5
+#: Triangles of which a tree is made, at most. With more, all ways count as delayed.
+_MOST_TRIANGLES = 500_000
 
 
 class BodyMesh:
@@ -47,18 +57,12 @@ class BodyMesh:
         self.corner_normals = normals if self.curved.any() else None
         edges = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
         self.closed = bool(np.all(np.bincount(edges, minlength=len(mesh.edges)) == 2))
-        self._tree: Any = None
-        self._convex: bool | None = None
 
-    @property
+    @cached_property
     def convex(self) -> bool:
         """Whether no straight way that leaves the mesh on its outer side meets it again."""
-        if self._convex is None:
-            few = len(self.vertices_m) * len(self.triangles) <= _MOST_CONVEX
-            self._convex = few and self._has_all_behind()
-        return self._convex
-
-    def _has_all_behind(self) -> bool:
+        if len(self.vertices_m) * len(self.triangles) > _MOST_CONVEX:
+            return False
         reach_m = float(np.ptp(self.vertices_m, axis=0).max(initial=0.0))
         for corner, normal in zip(self.vertices_m[self.triangles[:, 0]], self.normals, strict=True):
             away_m = (self.vertices_m - corner) @ normal
@@ -67,10 +71,12 @@ class BodyMesh:
                 return False
         return True
 
+    @cached_property
+    def _tree(self) -> Any:
+        return BVHTree.FromPolygons(self.vertices_m.tolist(), self.triangles.tolist())
+
     def meets(self, start_m: Real, end_m: Real) -> Mask:
-        """Return whether ways (n, 3) in the shape's own axes meet the mesh, (n,)."""
-        if self._tree is None:
-            self._tree = BVHTree.FromPolygons(self.vertices_m.tolist(), self.triangles.tolist())
+        """Whether ways (n, 3) in the shape's own axes meet the mesh, (n,)."""
         cast = self._tree.ray_cast
         ways_m = end_m - start_m
         return np.array(
@@ -85,16 +91,10 @@ class BodyMesh:
 
 
 class Obstacles:
-    """All bodies of a scene at one moment, asked for what lies on straight ways.
+    """All bodies of a scene at one moment, and what lies on straight ways between points.
 
-    Parameters
-    ----------
-    bodies
-        Blender must evaluate nothing else while they are used.
-    metres_per_unit
-        Length of a Blender unit [m].
-    meshes
-        Meshes that were read; more are added.
+    Blender must evaluate nothing else while `bodies` are used. `meshes` were read before; more are
+    added.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Obstacles:
     ) -> None:
         self.bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
         shapes = bodies.snapshot.shapes
-        lets_through = cache(_lets_through)
+        lets_through = cache(lambda m: is_radar_material(m) and not lets_nothing_through(m))
         opens = [any(map(lets_through, shape.materials)) for shape in shapes]
         self._open = np.array(opens, dtype=bool)[bodies.shape]
 
@@ -133,8 +133,8 @@ class Obstacles:
         """Find what lies on ways, both ends left out.
 
         `own` is the number of the body that each way starts on, on its outer side, from 1; 0: none
-        that is known. Returns whether something opaque lies there, and whether only what lets power
-        through does, (n,) each.
+        that is known. Returns whether something opaque lies there, and whether only something open
+        does, (n,) each.
         """
         way_m = end_m - start_m
         clear = np.maximum(_CLEAR, _CLEAR_M / np.maximum(norms(way_m), _CLEAR_M))[:, None]
@@ -174,11 +174,6 @@ class Obstacles:
         return hit
 
 
-def _lets_through(material: Any) -> bool:
-    """Whether a Radar Material lets power through."""
-    return is_radar_material(material) and not lets_nothing_through(material)
-
-
 def _crosses_box(start: Real, end: Real, low: Real, high: Real) -> Indices:
     """Numbers of the ways (n, 3) that cross a box, with some room for rounding."""
     room = 1e-6 * (np.abs(low).max() + np.abs(high).max()) + 1e-12
@@ -192,33 +187,10 @@ def _crosses_box(start: Real, end: Real, low: Real, high: Real) -> Indices:
     return np.flatnonzero((enters <= leaves) & ~outside.any(axis=1))
 
 
-# -------------------------------------------------------------------------------------------------
-# Ways from points to the transmitter, and which of them pass something that delays waves.
-#
-# What is seen directly may still be lit through a wall or a pane. Range encoding tells of a delay
-# down to its noise; of a smaller one only geometry tells that it is there.
-# -------------------------------------------------------------------------------------------------
-
-
-#: What lies nearer to a point than this is the surface itself, relative to the way.
-_ITSELF = 1e-5
-#: Triangles of which a tree is made, at most. With more, all ways count as delayed.
-_MOST_TRIANGLES = 500_000
-#: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
-_ONE_PLACE = 1e-6
-
-
 class DelayedWays:
-    """Surfaces that delay what passes them, at one moment, seen from the transmitter.
+    """Surfaces that delay waves, at one moment, seen from the transmitter.
 
-    Parameters
-    ----------
-    snapshot
-        Objects and instances at that moment; Blender has evaluated nothing since.
-    transmitter_m
-        Its place, (3,).
-    metres_per_unit
-        Length of a Blender unit [m].
+    `snapshot` has the objects and instances of that moment; Blender has evaluated nothing since.
     """
 
     def __init__(self, snapshot: Snapshot, transmitter_m: Real, metres_per_unit: float) -> None:
@@ -276,10 +248,10 @@ def ways_to_transmitter(
     reach_m: float,
     metres_per_unit: float,
 ) -> DelayedWays | None:
-    """Return the ways to the transmitter; None where they are those that the receiver sees."""
+    """Return the ways to the transmitter; None if they are those that the receiver sees."""
     poses = np.array([one.matrix_world for one in (receiver, transmitter)], dtype=np.float64)
     receiver_m, transmitter_m = poses[:, :3, 3]
-    together = float(np.linalg.norm(transmitter_m - receiver_m)) <= _ONE_PLACE * reach_m
+    together = float(np.linalg.norm(transmitter_m - receiver_m)) <= 1e-6 * reach_m
     if together and receiver.kind != "orthographic":
         return None
     return DelayedWays(snapshot, transmitter_m, metres_per_unit)

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Acquisition "paths": one path per pixel, tile by tile, until the error or the time is reached.
+"""Sampling mode "paths": one path per pixel, tile by tile, until the error or the time is reached.
 
-Driven like :class:`.run.MeasurementJob`: ``pending`` yields renders, each goes through
-``start``, ``render`` and ``finish``. Which render comes next depends on the last one.
+Driven like `run.MeasurementJob`: `PathJob.pending` yields renders, each goes through `start`,
+`render` and `finish`, and which one comes next depends on the last. A radar frame has one render
+of its burst or several (visibility updates). For each, `PathJob` evaluates the scene, sets up what
+`frame.FrameWork` needs (tracer, motion, hit points, clutter, mirrors), and has it measure the tiles
+and write the table. A render whose files are whole is skipped; a frame that is as the one before
+gets copies of its files (`StillFrames`).
 """
 
 from __future__ import annotations
@@ -23,191 +27,36 @@ from ...errors import RadarSimError
 from ...findings import Finding, finding
 from ...signal.motion import read_motion
 from ...typed_json import file_sha256, read_record, write_record
-from ..materials import Interiors, found_inside
+from ..materials import (
+    SURFACE_TYPES,
+    Interiors,
+    assigned_materials,
+    foreign_objects,
+    found_inside,
+    has_no_faces,
+    has_rough_facets,
+)
 from ..motion import BurstMotion, SamplingPlan, key_frames
+from ..nodes import is_radar_material
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, shared_folder
 from ..scene import ground_truth as ground_truth
-from ..scene import may_move_at_whole_frames, no_echo_findings
-from ..state import Shape, watch_evaluations
+from ..scene import is_hidden_at_times, may_move_at_whole_frames, no_echo_findings
+from ..state import Shape, evaluated_depsgraph, watch_evaluations
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
-from .frame import FrameWork, holds_foreign_materials, holds_rough_facets
+from .frame import FrameWork
 from .hit_points import HitPoints, Meshes
 from .measured_tiles import TileCheckpoints
 from .mirror_paths import MirrorPaths
 from .obstacles import BodyMesh, ways_to_transmitter
 from .view_tracer import PathRun, PathTask, ViewTracer
 
-# -------------------------------------------------------------------------------------------------
-# Which renders of a run need not be made again. Does not import bpy.
-# -------------------------------------------------------------------------------------------------
-
-
-def render_is_whole(run: Path, frame: int, render: int, span_s: float, fingerprint: str) -> bool:
-    """Return whether all files of a render of a burst are as this run wrote them.
-
-    Parameters
-    ----------
-    run
-        Folder of the run.
-    frame, render
-        Number of the radar frame, and of the render in its burst, from 0.
-    span_s
-        Length of the burst: motion of a shorter one is sampled again [s].
-    fingerprint
-        That of the run.
-
-    Returns
-    -------
-    bool
-        False also where the frame has no ground truth, which is written before the renders.
-    """
-    folder = run / contract.burst_dir(frame, render)
-    try:
-        record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
-        labels = read_record(
-            run / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE, contract.GroundTruthRecord
-        )
-        if {record.run_fingerprint, labels.run_fingerprint} != {fingerprint}:
-            return False
-        motion = read_motion(folder, frame, record.motion_sha256)
-        whole = motion.span_s >= span_s * (1 - 1e-9)
-        return whole and file_sha256(folder / record.table_file) == record.table_sha256
-    except (RadarSimError, OSError):
-        return False
-
-
-# -------------------------------------------------------------------------------------------------
-# Frames that are as the one before: their files are written again, without a render.
-#
-# Blender reports every data-block that it evaluates, also where its values stay the same. If it has
-# evaluated nothing since the last frame was begun, nothing depends on time, and nobody has changed
-# anything: renders with the same seeds would give the same rows, and nothing moves in the burst.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Sources of images that change with the frame, which Blender does not report.
-_PLAYED = {"SEQUENCE", "MOVIE"}
-
-
-class StillFrames:
-    """What Blender has evaluated since a frame, and the records of that frame.
-
-    `folder` is the run's; `own` are the names of data-blocks that the run itself changes from
-    render to render.
-    """
-
-    def __init__(self, folder: Path, own: frozenset[str]) -> None:
-        self._folder, self._own = folder, own
-        self._changed, self._alike = True, False
-        self._records: dict[int, tuple[contract.PathsRecord, MotionRecord]] = {}
-        self._stop = watch_evaluations(self._note)
-
-    def restore(self) -> list[str]:
-        """Stop noting evaluations; may be called again."""
-        self._stop()
-        return []
-
-    def _note(self, depsgraph: Any) -> None:
-        """Note an evaluation; None: some may have been missed."""
-        items = [None] if depsgraph is None else [one.id.original for one in depsgraph.updates]
-        # settings of the scene itself are the run's
-        self._changed |= any(
-            not isinstance(item, bpy.types.Scene) and getattr(item, "name", "") not in self._own
-            for item in items
-        )
-
-    def begin(self) -> None:
-        """Begin a frame; the scene shows it already."""
-        self._alike = not self._changed and _is_steady()
-        if not self._alike:
-            self._records.clear()
-        self._changed = False
-
-    def holds(self, render: int, offset_s: float) -> bool:
-        """Whether a render of this frame's burst would give what was kept; `offset_s` as there."""
-        kept = self._records.get(render)
-        if not self._alike or kept is None or kept[1].epoch_offset_s != offset_s:
-            return False
-        return (self._folder / contract.burst_dir(kept[0].frame, render)).is_dir()
-
-    def keep(self, render: int, record: contract.PathsRecord, motion: MotionRecord) -> None:
-        """Keep the records of a render."""
-        self._records[render] = record, motion
-
-    def write(self, render: int, frame: int, time_s: float) -> contract.PathsRecord:
-        """Write the files of a render from those that were kept."""
-        record, motion = self._records[render]
-        source, target = (
-            self._folder / contract.burst_dir(one, render) for one in (record.frame, frame)
-        )
-        for name in filter(None, (record.table_file, motion.still_bodies_file)):
-            shutil.copyfile(source / name, target / name)
-        motion_file = target / record.motion_file
-        write_record(motion_file, dataclasses.replace(motion, frame=frame, time_s=time_s))
-        record = dataclasses.replace(
-            record,
-            frame=frame,
-            time_s=time_s,
-            renders=0,
-            render_time_s=0.0,
-            motion_sha256=file_sha256(motion_file),
-            findings=[item.in_frame(frame) for item in record.findings],
-        )
-        write_record(target / contract.PATHS_FILE, record)
-        return record
-
-
-def _is_steady() -> bool:
-    """Whether nothing can change from frame to frame without an evaluation that Blender reports."""
-    return not (
-        may_move_at_whole_frames()
-        or bpy.app.handlers.render_pre
-        or any(image.source in _PLAYED for image in bpy.data.images)
-        or any(map(_reads_settings, _shader_trees()))
-    )
-
-
-def _shader_trees() -> list[Any]:
-    """Node trees of all materials, worlds and lamps, and the groups."""
-    owners = (*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights)
-    return [*bpy.data.node_groups, *(one.node_tree for one in owners if one.node_tree)]
-
-
-def _reads_settings(tree: Any) -> bool:
-    """Whether a shader reads settings of the scene, such as the frame, that are not radarsim's."""
-    return any(
-        node.bl_idname == "ShaderNodeScript"
-        or (
-            node.bl_idname == "ShaderNodeAttribute"
-            and node.attribute_type == "VIEW_LAYER"
-            and not node.attribute_name.startswith("radarsim_")
-        )
-        for node in tree.nodes
-    )
-
-
-#: Ranges may exceed the scene's geometric extent by optical delays.
-_RANGE_MARGIN = 1.25
-#: Images no wider than this are small ones, of which replicates share a render.
-_SMALL_PX = 128
-
 
 class PathJob(MeasurementJob):
-    """A run that measures paths.
+    """A run that measures paths; `options` say how they are followed, and when the result is good.
 
-    Parameters
-    ----------
-    scene, view_layer, measurement, folder, **keywords
-        As for `MeasurementJob`.
-    options
-        How paths are followed, and when the result is good enough.
-
-    Raises
-    ------
-    SceneError, ConfigError, OutputError
-        From `prepare`, as for `MeasurementJob`.
+    `prepare` raises SceneError, ConfigError and OutputError, as that of `MeasurementJob`.
     """
 
     unit = "steps"
@@ -232,9 +81,10 @@ class PathJob(MeasurementJob):
         self._restores: list[Callable[[], list[str]]] = []
         self._meshes: Meshes = WeakKeyDictionary()
         self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
-        foreign = holds_foreign_materials(view_layer)
+        depsgraph = evaluated_depsgraph(view_layer)
+        foreign = holds_foreign_materials(depsgraph)
         choice = options.range_encoding
-        by_facets = options.max_reflections > 1 and holds_rough_facets(view_layer)
+        by_facets = options.max_reflections > 1 and holds_rough_facets(depsgraph)
         self.code_world = choice == "world" or (choice == "auto" and (foreign or by_facets))
         self._rounds_by_channel = by_facets and not self.code_world
         # Light of other materials would count as marks.
@@ -260,9 +110,9 @@ class PathJob(MeasurementJob):
         return (float(frame), frame + self._span_s * self._fps())
 
     def _make_plan(self, extent: Extent) -> Plan:
-        # One "ring" as wide as the scene: the range limits, and what the range encoding has to
-        # reach.
-        reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * _RANGE_MARGIN
+        # One "ring" as wide as the scene, and 1.25 for optical delays: the range limits, and what
+        # the range encoding has to reach.
+        reach_m = max(extent.from_emitter_m, extent.from_receiver_m) * 1.25
         encoding = "world" if self.code_world else "materials"
         self._measurement = dataclasses.replace(
             self._measurement, rings=1, ring_step_m=max(reach_m, self._metres_per_unit() * 1e-3)
@@ -283,7 +133,6 @@ class PathJob(MeasurementJob):
         )
 
     def prepare(self) -> None:
-        """As `MeasurementJob.prepare`, and the scene set for one path per pixel."""
         super().prepare()
         try:
             self.path_scene = PathScene(
@@ -300,8 +149,8 @@ class PathJob(MeasurementJob):
             self._restores.append(self.path_scene.restore)
             self.path_scene.apply()
             options = self.options
-            # tiles are small where the image is, or become so
-            small = self._measurement.width_px <= _SMALL_PX or options.refines
+            # Replicates of small tiles share a render.
+            small = self._measurement.width_px <= 128 or options.refines
             if options.max_reflections == 1 and self.deterministic and small:
                 self.path_scene.join_looks(options.replicates)
             self._still = StillFrames(self.folder, self.path_scene.own_names)
@@ -323,7 +172,7 @@ class PathJob(MeasurementJob):
         )
 
     def _plan_renders(self) -> None:
-        """Steps of the own frames, and those that earlier sessions did.
+        """Count the steps of the own frames, and those that earlier sessions did.
 
         A step is a replicate of a tile, or the table of a render. Refinement adds more of them.
         """
@@ -346,14 +195,13 @@ class PathJob(MeasurementJob):
 
     @property
     def rays(self) -> int:
-        """Rays of all frames times reflections, before refinement: what a run's time grows with."""
+        """Rays times reflections of all frames before refinement: a run's time grows with them."""
         pixels = self._measurement.width_px * self._measurement.height_px
         looks = len(self._measurement.frames) * self.options.visibility_updates
         return pixels * looks * self.options.replicates * self.options.max_reflections
 
     @property
     def _span_s(self) -> float:
-        """Length of a burst [s]."""
         burst = self._measurement.burst
         return burst.pulses / burst.prf_hz
 
@@ -362,25 +210,39 @@ class PathJob(MeasurementJob):
         return all(self._render_is_done(frame, render) for render in renders)
 
     def _render_is_done(self, frame: int, render: int) -> bool:
-        return render_is_whole(self.folder, frame, render, self._span_s, self.fingerprint)
+        """Whether all files of a render are as this run wrote them, over this burst or a longer.
+
+        The frame's ground truth is written before its renders, and belongs to them.
+        """
+        folder = self.folder / contract.burst_dir(frame, render)
+        labels_file = self.folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
+        try:
+            record = read_record(folder / contract.PATHS_FILE, contract.PathsRecord)
+            labels = read_record(labels_file, contract.GroundTruthRecord)
+            if {record.run_fingerprint, labels.run_fingerprint} != {self.fingerprint}:
+                return False
+            motion = read_motion(folder, frame, record.motion_sha256)
+            whole = motion.span_s >= self._span_s * (1 - 1e-9)
+            return whole and file_sha256(folder / record.table_file) == record.table_sha256
+        except (RadarSimError, OSError):
+            return False
 
     # -- renders -----------------------------------------------------------------------------------
 
     def pending(self) -> Iterator[Any]:
-        """Renders that are still to be made; each depends on the ones before."""
+        """Yield the renders that are still to be made."""
         for frame in self._claimed(self._frames_left):
             if self._is_done(frame):  # by another process, meanwhile
                 continue
             try:
                 yield from self._frame_tasks(frame)
             except (OSError, RadarSimError):
-                # What cannot be written or found is no error of its own where all is gone.
+                # If the run folder was removed, report that instead.
                 shared_folder.check_there(self.folder, frame)
                 raise
         self.total = self.done
 
     def start(self, task: Any) -> None:
-        """Set the scene for a render."""
         self.pausing = task.request is None
         if self.pausing:
             self.stage = f"frame {task.frame}, {task.stage}"
@@ -389,12 +251,10 @@ class PathJob(MeasurementJob):
         task.tracer.start(task.request)
 
     def render(self, task: Any) -> None:
-        """Render and wait for the end (not for use in the UI)."""
         if task.request is not None:
             self.path_scene.render()
 
     def finish(self, task: Any) -> None:
-        """Read what was rendered."""
         if task.request is not None:
             task.tracer.finish()
             self._rendered += 1
@@ -408,13 +268,11 @@ class PathJob(MeasurementJob):
         return (time.monotonic() - self._started_s) / measured * (self.total - self.done)
 
     def restore(self) -> None:
-        """Give the user's scene back."""
         for restore in self._restores:
             self.unrestored += restore()
         super().restore()
 
     def leave(self) -> None:
-        """Let go of files alone."""
         self.path_scene.remove_files()
         super().leave()
 
@@ -424,7 +282,7 @@ class PathJob(MeasurementJob):
         shared_folder.make_frame_folder(self.folder, frame)
         self._write_scene(frame)
         if not self._time.shows(begins := self.plan.instants(frame)[0]):
-            self._show(begins)
+            self._time.show(begins)
         self.path_scene.choose_views(self._measurement.width_px * self._measurement.height_px)
         self._still.begin()
         for render in range(self.options.visibility_updates):
@@ -433,7 +291,7 @@ class PathJob(MeasurementJob):
                 yield from self._render_tasks(frame, render)
 
     def _render_tasks(self, frame: int, render: int) -> Generator[PathTask, None, None]:
-        """One of the renders of a burst."""
+        """Measure one render of a burst, and write its table."""
         units = self.plan.metres_per_unit
         last = self.options.visibility_updates - 1
         stretch = self._scene.render.frame_map_new / self._scene.render.frame_map_old
@@ -452,7 +310,7 @@ class PathJob(MeasurementJob):
             yield from self._repeat(frame, render, sampling.rendered[1])
             return
         motion = BurstMotion(
-            self._show,
+            self._time.show,
             self.rig,
             self.path_scene.objects,
             sampling,
@@ -533,7 +391,7 @@ class PathJob(MeasurementJob):
             self.summary += f"; refined until: {stop_reason}"
 
     def _repeat(self, frame: int, render: int, at: Instant) -> Generator[PathTask, None, None]:
-        """As `_render_tasks`, where nothing has changed."""
+        """Write a render of a frame in which nothing has changed."""
         receiver, transmitter = self._antenna_records(self._view_layer.depsgraph, 1.0)
         tracer = ViewTracer(self._run, frame, at, receiver, transmitter, None)
         yield PathTask(tracer, 0, 0, None, "motion and path table")
@@ -545,10 +403,136 @@ class PathJob(MeasurementJob):
     # -- progress of a frame -----------------------------------------------------------------------
 
     def add_tiles(self, count: int) -> None:
-        """See `Progress`."""
         self.total += count * self.options.replicates
 
     def replicates_measured(self, count: int, *, earlier: bool) -> None:
-        """See `Progress`."""
         self.done += count
         self._done_before += count * earlier
+
+
+class StillFrames:
+    """Frames that are as the one before: their files are copied, without a render.
+
+    Blender reports every data-block that it evaluates, also where its values stay the same. If it
+    has evaluated nothing since the last frame began, and nothing can change unreported
+    (`_is_steady`), renders with the same seeds would give the same rows, and nothing moves in the
+    burst. `folder` is the run's; `own` are the names of data-blocks that the run itself changes
+    from render to render.
+    """
+
+    def __init__(self, folder: Path, own: frozenset[str]) -> None:
+        self._folder, self._own = folder, own
+        self._changed, self._alike = True, False
+        self._records: dict[int, tuple[contract.PathsRecord, MotionRecord]] = {}
+        self._stop = watch_evaluations(self._note)
+
+    def restore(self) -> list[str]:
+        """Stop noting evaluations; may be called again."""
+        self._stop()
+        return []
+
+    def _note(self, depsgraph: Any) -> None:
+        """Note an evaluation; None: some may have been missed."""
+        items = [None] if depsgraph is None else [one.id.original for one in depsgraph.updates]
+        # settings of the scene itself are the run's
+        self._changed |= any(
+            not isinstance(item, bpy.types.Scene) and getattr(item, "name", "") not in self._own
+            for item in items
+        )
+
+    def begin(self) -> None:
+        """Begin a frame, which the scene shows already."""
+        self._alike = not self._changed and _is_steady()
+        if not self._alike:
+            self._records.clear()
+        self._changed = False
+
+    def holds(self, render: int, offset_s: float) -> bool:
+        """Whether a render of this frame's burst, `offset_s` after the frame, would give what was
+        kept.
+        """
+        kept = self._records.get(render)
+        if not self._alike or kept is None or kept[1].epoch_offset_s != offset_s:
+            return False
+        return (self._folder / contract.burst_dir(kept[0].frame, render)).is_dir()
+
+    def keep(self, render: int, record: contract.PathsRecord, motion: MotionRecord) -> None:
+        self._records[render] = record, motion
+
+    def write(self, render: int, frame: int, time_s: float) -> contract.PathsRecord:
+        """Write the files of a render from those that were kept."""
+        record, motion = self._records[render]
+        source, target = (
+            self._folder / contract.burst_dir(one, render) for one in (record.frame, frame)
+        )
+        for name in filter(None, (record.table_file, motion.still_bodies_file)):
+            shutil.copyfile(source / name, target / name)
+        motion_file = target / record.motion_file
+        write_record(motion_file, dataclasses.replace(motion, frame=frame, time_s=time_s))
+        record = dataclasses.replace(
+            record,
+            frame=frame,
+            time_s=time_s,
+            renders=0,
+            render_time_s=0.0,
+            motion_sha256=file_sha256(motion_file),
+            findings=[item.in_frame(frame) for item in record.findings],
+        )
+        write_record(target / contract.PATHS_FILE, record)
+        return record
+
+
+def _is_steady() -> bool:
+    """Whether nothing can change from frame to frame without an evaluation that Blender reports."""
+    owners = (*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights)
+    trees = [*bpy.data.node_groups, *(one.node_tree for one in owners if one.node_tree)]
+    return not (
+        may_move_at_whole_frames()
+        or bpy.app.handlers.render_pre
+        or any(image.source in {"SEQUENCE", "MOVIE"} for image in bpy.data.images)
+        or any(map(_reads_settings, trees))
+    )
+
+
+def _reads_settings(tree: Any) -> bool:
+    """Whether a shader reads settings of the scene, such as the frame, that are not radarsim's."""
+    return any(
+        node.bl_idname == "ShaderNodeScript"
+        or (
+            node.bl_idname == "ShaderNodeAttribute"
+            and node.attribute_type == "VIEW_LAYER"
+            and not node.attribute_name.startswith("radarsim_")
+        )
+        for node in tree.nodes
+    )
+
+
+def holds_foreign_materials(depsgraph: Any) -> bool:
+    """Whether something that can echo has another material than the Radar Material."""
+    if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
+        return True
+    # A mesh with the same modifiers in viewport and renders has been judged as evaluated.
+    evaluated = {
+        one.item
+        for one in assigned_materials(depsgraph)
+        if all(each.show_viewport == each.show_render for each in one.item.modifiers)
+    }
+    shown = [
+        one
+        for one in bpy.data.objects
+        if one.type in SURFACE_TYPES
+        and one not in evaluated
+        and not has_no_faces(one)
+        and (not one.hide_render or is_hidden_at_times(one))
+    ]
+    slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
+    return not all(is_radar_material(material) for of_one in slots for material in of_one)
+
+
+def holds_rough_facets(depsgraph: Any) -> bool:
+    """Whether something that can echo has facets that round by channel if materials encode.
+
+    Materials that geometry nodes set are those of evaluated objects alone.
+    """
+    assigned = {m for one in assigned_materials(depsgraph) for m in one.materials}
+    return any(has_rough_facets(material) for material in assigned if material is not None)

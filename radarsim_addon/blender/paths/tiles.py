@@ -2,12 +2,14 @@
 """The field of view as a partition: tiles, and tiles of finer pixels that replace parts of them.
 
 Every pixel of every tile is either the tile's own or belongs to finer tiles that cover it exactly,
-so the view has no gap and no overlap whatever was refined. Does not import bpy.
+so the view has no gap and no overlap after any refinement. `add_inset_tiles` lays finer tiles over
+the small objects in sight before anything is rendered (their boxes in the view are those of
+`projected_bounds`): an object that slips between all rays of a tile leaves no trace there, not in
+its error either, so refinement, which follows echoes, cannot find it. Does not import bpy.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 from collections.abc import Collection, Sequence
@@ -30,7 +32,7 @@ _EDGE = 1e-6
 
 @dataclass(frozen=True)
 class Area:
-    """A rectangle in the view, by its edges; stretch is as in `ViewWindow`."""
+    """A rectangle in the view, by its edges; `stretch` is as in `ViewWindow`."""
 
     left: float
     right: float
@@ -48,7 +50,7 @@ class Area:
 class Tile:
     """A window with pixels of one size.
 
-    level is how often the frame's pixels were halved (rounded up); own says which of its pixels
+    `level` is how often the frame's pixels were halved (rounded up); `own` says which of its pixels
     are the tile's, (height, width), None for all of them: finer tiles stand for the others.
     """
 
@@ -70,9 +72,17 @@ class Tile:
         Each pixel is cut `across` times, and `down` times if that is another number.
         """
         down = across if down is None else down
-        part = _part_of(self.window, left, right, top, bottom)
-        window = dataclasses.replace(
-            part, width_px=part.width_px * across, height_px=part.height_px * down
+        frame = self.window
+        du, dv = frame.step_u, frame.step_v
+        # Edges that are the window's are so to the bit.
+        window = ViewWindow(
+            frame.left + left * du,
+            frame.right if right == frame.width_px else frame.left + right * du,
+            frame.bottom if bottom == frame.height_px else frame.top - bottom * dv,
+            frame.top - top * dv,
+            (right - left) * across,
+            (bottom - top) * down,
+            frame.sphere,
         )
         own = None
         if self.own is not None:
@@ -99,8 +109,8 @@ class Tile:
     def halved(self) -> list[Tile]:
         """Return tiles with pixels of half the pitch that cover this one.
 
-        They are four, less those without pixels of their own; one where that is still small,
-        because a render costs some milliseconds whatever its size.
+        They are four, less those without pixels of their own; one if that is still small, because a
+        render costs some milliseconds whatever its size.
         """
         w, h = self.window.width_px, self.window.height_px
         double = self.finer(0, w, 0, h, 2)
@@ -110,25 +120,10 @@ class Tile:
         return [part for part in parts if part.own_pixels()]
 
 
-def _part_of(frame: ViewWindow, left: int, right: int, top: int, bottom: int) -> ViewWindow:
-    """Columns left to right and rows top to bottom (exclusive) of a view, same pixels."""
-    du, dv = frame.step_u, frame.step_v
-    # Edges that are the frame's are so to the bit.
-    return ViewWindow(
-        frame.left + left * du,
-        frame.right if right == frame.width_px else frame.left + right * du,
-        frame.bottom if bottom == frame.height_px else frame.top - bottom * dv,
-        frame.top - top * dv,
-        right - left,
-        bottom - top,
-        frame.sphere,
-    )
-
-
 def lay_in(
     tiles: Sequence[Tile], area: Area, pitch: float, most_px: int, finest: float, most_level: int
 ) -> list[Tile]:
-    """Put finer tiles over an area: what lies in it is taken from the tiles there, by whole pixels.
+    """Put finer tiles over an area: its whole pixels are taken from the tiles there.
 
     `pitch` is the largest true pixel pitch wanted there (near a pole it takes fewer cuts of
     longitude than of latitude), `finest` the least; tiles that are as fine stay. The new tiles, of
@@ -170,13 +165,13 @@ def _even_edges(count: int, most: int) -> list[int]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Where the boxes of objects lie in a view of any kind. Does not import bpy.
+# Boxes of objects in a view of any kind.
 # -------------------------------------------------------------------------------------------------
 
 
-#: Boxes that are looked at at once; each takes some kilobytes.
+#: Boxes that are projected at a time; each takes some kilobytes.
 _CHUNK = 1 << 14
-#: Least cosine of a latitude that stretches are told from: a microradian off the pole.
+#: Least stretch, the cosine of a latitude: a microradian off the pole.
 _LEAST_STRETCH = 1e-6
 _PAIRS = np.array(list(itertools.combinations(range(8), 2))).T
 
@@ -186,9 +181,9 @@ class ViewBoxes:
     """Areas around n boxes that are in view, all fields (n, ...).
 
     Edges are in the camera's coordinates (`contract.ReceiverRecord`); longitudes may lie beyond pi
-    where a box straddles the seam, see :meth:`areas`. `number` is the object's, from 1; `stretch`
-    the most true length per unit of the first coordinate (cosine of the latitude, or 1); `centre_m`
-    is in the camera's axes, `distance_m` its distance (orthographic: depth), `radius_m` half the
+    where a box straddles the seam, see `areas`. `number` is the object's, from 1; `stretch` the
+    most true length per unit of the first coordinate (cosine of the latitude, or 1); `centre_m` is
+    in the camera's axes, `distance_m` its distance (orthographic: depth), `radius_m` half the
     diagonal.
     """
 
@@ -206,7 +201,6 @@ class ViewBoxes:
         return int(self.number.size)
 
     def take(self, chosen: NDArray[np.bool_] | Indices) -> ViewBoxes:
-        """These of the boxes."""
         return ViewBoxes(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     def pixels(self, window: ViewWindow) -> tuple[Real, Real]:
@@ -236,10 +230,10 @@ def projected_bounds(
     receiver: contract.ReceiverRecord,
     left_out: Collection[int] = (),
 ) -> ViewBoxes:
-    """Areas around the boxes of all that is shown and in view, but for the numbers `left_out`.
+    """Areas around the boxes of all objects in view, except the numbers `left_out`.
 
-    Left out, too, is what is around the receiver or partly behind a perspective one: near or not
-    small. `names` are those of the object numbers, from 1.
+    Objects around the receiver, or partly behind a perspective one, are left out, too: near or not
+    small. `names` belong to the object numbers from 1.
     """
     numbers = poses.numbered(names)
     shown = np.argsort(numbers, kind="stable")
@@ -266,7 +260,10 @@ def _boxes_in_view(
         left, right, bottom, top, known = _on_sphere(local)
         nearest = np.clip(0.0, bottom, top)  # to the equator
         stretch = np.maximum(np.cos(nearest), _LEAST_STRETCH)
-        known &= _meets_turned(left, right, receiver)
+        meets = np.zeros(left.shape, dtype=bool)
+        for turn in (-2 * math.pi, 0.0, 2 * math.pi):
+            meets |= (right + turn > receiver.left) & (left + turn < receiver.right)
+        known &= meets
     else:
         u, v = local[..., 0], local[..., 1]
         if receiver.kind == "perspective":
@@ -298,8 +295,8 @@ def _on_sphere(local: Real) -> tuple[Real, Real, Real, Real, NDArray[np.bool_]]:
 
     A convex body's edges are great circles. Longitudes have no extreme within one, latitudes do.
     Diagonals lie within the body, so all pairs of corners are taken. A body on the axis has all
-    longitudes, and the pole where it is on one side of the horizon; else it is as good as around
-    the receiver.
+    longitudes, and the pole if it is on one side of the horizon; else it counts as around the
+    receiver.
     """
     angle = np.sort(np.arctan2(local[..., 0], -local[..., 2]), axis=1)
     gap = np.diff(angle, axis=1, append=angle[:, :1] + 2 * math.pi)
@@ -335,24 +332,12 @@ def _latitudes_within(a: Real, b: Real) -> Real:
     return np.asarray(np.arctan2(point[..., 1], np.hypot(point[..., 0], point[..., 2])))
 
 
-def _meets_turned(left: Real, right: Real, receiver: contract.ReceiverRecord) -> NDArray[np.bool_]:
-    met = np.zeros(left.shape, dtype=bool)
-    for turn in (-2 * math.pi, 0.0, 2 * math.pi):
-        met |= (right + turn > receiver.left) & (left + turn < receiver.right)
-    return met
-
-
 # -------------------------------------------------------------------------------------------------
-# Finer tiles laid over the small objects in sight before anything is rendered.
-#
-# Does not import bpy.
-#
-# An object that slips between all rays of a tile leaves no trace there, not in its error either; so
-# refinement, which follows echoes, cannot find it. Where objects are is known without rendering.
+# Finer tiles laid over areas.
 # -------------------------------------------------------------------------------------------------
 
 
-#: Objects of fewer pixels across get tiles of their own; the measured error of larger ones says
+#: Objects of fewer pixels across get tiles of their own; the measured error of larger ones shows
 #: soon enough where to refine.
 SMALL_PX = 8.0
 #: Pixels across below which an object may slip between the rays.
@@ -369,9 +354,9 @@ def pixels_across(options: PathOptions) -> float:
     """Pixels across the shorter side of an object at which its edges are sure enough.
 
     A side of s pixels, parallel to the grid, holds s rounded up or down of its columns: a variance
-    of at most 1/4. Two sides and S replicates make a relative standard error of at most
-    sqrt(1 / (2 S)) / s; slanted edges are better. Half the error asked for is planned for: pixels
-    are cheap here, and what the replicates say of the error has an error of its own.
+    of at most 1/4. Two sides and S replicates make a relative standard error of at most sqrt(1 / (2
+    S)) / s; slanted edges are better. Half the asked error is planned for: pixels are cheap here,
+    and the error that the replicates show has an error of its own.
     """
     if options.refine_for == "ranges":
         return _LEAST_ACROSS
@@ -385,7 +370,13 @@ def add_inset_tiles(
     tiles: Sequence[Tile], areas: Sequence[Area], frame: ViewWindow, options: PathOptions
 ) -> list[Tile]:
     """Return the partition with finer tiles over the areas of objects that are small in it."""
-    small = [area for area in areas if area.shorter > 0 and _least_px(area, frame) < SMALL_PX]
+    small = [
+        area
+        for area in areas
+        if area.shorter > 0
+        and min((area.right - area.left) / frame.step_u, (area.top - area.bottom) / frame.step_v)
+        < SMALL_PX
+    ]
     most_px = max(_PIXELS_FOR_ALL, frame.width_px * frame.height_px) / max(len(small), 1)
     across = pixels_across(options)
     wanted = [(_affordable(area, frame.pitch, across, most_px), area) for area in small]
@@ -400,7 +391,7 @@ def lay_in_steps(
     most_level: int = 40,
 ) -> list[Tile]:
     """Return the partition with tiles of these pitches, or finer, over areas."""
-    # What is cut out of a tile is whole pixels of it: in steps, or a point would take many.
+    # Cuts take whole pixels of a tile: in steps, or a point would take many.
     steps = list(wanted)
     for pitch, area in wanted:
         while (pitch := pitch * _STEP) < frame.pitch:
@@ -410,11 +401,6 @@ def lay_in_steps(
     for pitch, area in sorted(steps, key=lambda w: (-w[0], w[1].left, w[1].bottom, w[1].right)):
         found = lay_in(found, area, pitch, most_px, FINEST_PITCH, most_level)
     return found
-
-
-def _least_px(area: Area, frame: ViewWindow) -> float:
-    """Pixels of the frame across the side that has fewer."""
-    return min((area.right - area.left) / frame.step_u, (area.top - area.bottom) / frame.step_v)
 
 
 def _affordable(area: Area, coarsest: float, across: float, most_px: float) -> float:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Renders of parts of the field of view, and the rows of the path table that come out of them.
 
-The tracer yields a `PathTask` for each render. Whoever drives it calls `start`, `render` and
-`finish` of the task before the next one: a loop headless, a timer in the user interface.
+`ViewTracer` yields a `PathTask` for each render. The driver calls `start`, `render` and `finish` of
+the job with it before the next one: a loop headless, a timer in the user interface. Which renders a
+tile replicate needs (one for each path class) is up to `views.trace_replicate`; the rows come from
+`views.rows_of_replicate`.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import dataclasses
 from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -39,22 +41,18 @@ from ..views import (
     rows_of_replicate,
     trace_replicate,
 )
+from .mirrors import ONE_PLACE
 from .obstacles import DelayedWays
 from .tiles import Tile
-
-#: Distance of the antennas, relative to the scene's reach, up to which both ways are one.
-_ONE_PLACE = 0.01
 
 
 @dataclass(frozen=True)
 class PathRun:
-    """What all frames of a run share: the scene, and what is asked for.
+    """What all frames of a run share: the scene, and the options.
 
-    `world_encoding` says whether a world volume carries the range encoding instead of the
-    materials; `deterministic` whether Radar Materials choose their lobes by the path class;
-    `polarising` whether waves pass materials in the mean of two polarisations; `interiors` how
-    those of objects are computed; `versions` are those of the programs, and `fingerprint` is the
-    run's.
+    `world_encoding`: a world volume carries the range encoding instead of the materials;
+    `deterministic`: Radar Materials choose their lobes by the path class; `polarising`: waves pass
+    materials in the mean of two polarisations; `interiors`: how those of objects are computed.
     """
 
     scene: PathScene
@@ -117,34 +115,22 @@ class PathTask:
 
     @property
     def frame(self) -> int:
-        """Number of the radar frame."""
         return self.tracer.frame
 
     @property
     def instant(self) -> Instant:
-        """Moment that is rendered."""
         return self.tracer.instant
 
     @property
     def exr_path(self) -> str:
-        """What an error message calls this render."""
+        """Name of this render in error messages."""
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, replicate {self.replicate}"
-
-
-class Progress(Protocol):
-    """What a frame reports while its tiles are measured."""
-
-    def add_tiles(self, count: int) -> None:
-        """Report that there are `count` tiles more than expected."""
-
-    def replicates_measured(self, count: int, *, earlier: bool) -> None:
-        """Report measured replicates of a tile; `earlier`: by an earlier session."""
 
 
 class ViewTracer:
     """Makes the renders of one radar frame at one instant, to which the run's scene is set.
 
-    `ways` are those to the transmitter; None where nothing delays what is seen directly.
+    `ways` are those to the transmitter; None if nothing delays what is seen directly.
     """
 
     def __init__(
@@ -159,7 +145,7 @@ class ViewTracer:
         self.run, self.frame, self.instant = run, frame, instant
         self.receiver, self.transmitter = receiver, transmitter
         self.transmitter_m: Real = np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3]
-        #: Places of lamps that nothing blocks, (n, 3) [m]: images of the transmitter.
+        #: Places of lights that nothing blocks, (n, 3) [m]: images of the transmitter.
         self.lamps_m: Real = np.empty((0, 3))
         self._vertex_map = _vertex_map(run.plan, receiver)
         self._finished: list[View] = []
@@ -169,14 +155,10 @@ class ViewTracer:
         #: Renders that were made for these orders alone.
         self.renders_beyond = 0
 
-    # -- one render --------------------------------------------------------------------------------
-
     def start(self, request: RenderRequest) -> None:
-        """Set the scene for a render."""
         self.run.scene.begin(request, self._vertex_map)
 
     def finish(self) -> None:
-        """Read what was rendered."""
         self._finished.append(self.run.scene.end())
 
     def _render(
@@ -185,12 +167,10 @@ class ViewTracer:
         yield PathTask(self, tile, replicate, request)
         return self._finished.pop()
 
-    # -- several renders ---------------------------------------------------------------------------
-
     def look_tasks(
         self, number: int, window: ViewWindow
     ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
-        """Render a part of the unrefined frame once, for what is seen first in each pixel."""
+        """Render a part of the unrefined frame once, for the first surface in each pixel."""
         self.run.scene.lamps.shine(0)
         receiver = self.run.scene.look(window, (0.0, 0.0), self.run.measurement.seed)
         view = yield from self._render(number, 0, RenderRequest(PathClass(order_max=1)))
@@ -199,8 +179,8 @@ class ViewTracer:
     def beyond_tasks(
         self, whole: ViewWindow, coloured: bool
     ) -> Generator[PathTask, None, PowerBeyond]:
-        """Return the power beyond the last order, from the first render of the whole frame, or from
-        one with few rays.
+        """Return the power beyond the last order, from the first render of the whole frame, or
+        from one with few rays.
         """
         if self._beyond is not None:
             return power_seen_beyond(self._limits(), *self._beyond, 1.0, coloured)
@@ -228,8 +208,8 @@ class ViewTracer:
         reflections: int = 0,
         whole: bool = False,
     ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
-        """Make all renders of a tile replicate; return its rows, where their rays start, and all
-        that was found.
+        """Make all renders of a tile replicate; return its rows, the start of their rays, and
+        the trace.
 
         With the number of an image, from 1, the transmitter is in its place, nothing blocks it, and
         paths have so many reflections at most. A tile that is the `whole` frame has a second view,
@@ -277,7 +257,7 @@ class ViewTracer:
         return rows, ray_origins(traced, rays.origin_m), traced
 
     def _polarised_from(self) -> int | None:
-        """Return the depth from which polarisations are carried through; None for not at all.
+        """Depth from which polarisations are carried through; None for not at all.
 
         A single wall takes the mean of both itself. With the antennas in one place both ways pass
         the same surfaces.
@@ -287,7 +267,7 @@ class ViewTracer:
             return None
         place_m = np.asarray(self.receiver.matrix_world, dtype=np.float64)[:3, 3]
         apart_m = float(np.linalg.norm(self.transmitter_m - place_m))
-        together = apart_m <= _ONE_PLACE * run.plan.extent.from_receiver_m
+        together = apart_m <= ONE_PLACE * run.plan.extent.from_receiver_m
         return 2 if together and self.receiver.kind != "orthographic" else 0
 
     def _limits(self) -> TraceLimits:

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ring sampling, the acquisition of the paper: render results as EXR files, checked."""
+"""Ring sampling, the sampling mode of the paper (`ring_job`).
+
+One Cycles render for each ring of ranges and snapshot, limited to the pixels that the ring can
+fill, written as an EXR file and checked.
+"""
 
 from .ring_job import RingJob
 

@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ring sampling: one Cycles render for each ring and snapshot, written as an EXR file.
 
-Every EXR is rendered to a temporary name, checked, renamed, and gets its sidecar last: whatever
-moment a run is killed at, a file with a sidecar is whole, and the next run resumes there.
+`RingJob` limits the transmitter's light to one ring of ranges after another, and renders. Every EXR
+is rendered to a temporary name, checked (`verify_exr`), renamed, and gets its sidecar last: at
+whatever moment a run is killed, a file with a sidecar is whole, and the next run resumes there.
+
+With one reflection a pixel shows a ring only where its ray meets a surface there, however many
+surfaces it passes before; all other pixels are exactly 0. So `regions_by_ring` projects the
+surfaces (`Shells`: boxes first, then triangles, cut until their parts are small in the view or lie
+in one ring), and only the border of what each ring can fill is rendered.
 """
 
 from __future__ import annotations
@@ -23,108 +29,237 @@ from ...contract import CHANNELS
 from ...errors import FrameFileError, OutputError, RadarSimError, RenderError
 from ...findings import Finding, finding, merge
 from ...signal.runs import CHUNK_LINES, ZIP, ExrHeader, read_header
-from ...typed_json import write_record
+from ...typed_json import file_sha256, write_record
 from ..materials import found_inside
 from ..plan import Plan, Task, instant_at
-from ..run import MeasurementJob, run_job, shared_folder
+from ..run import MeasurementJob, shared_folder
 from ..scene import check_particles_are_baked, ground_truth, moved_by_scripts
 from ..state import Snapshot, read_triangles, take_snapshot
 from ..views import Region, ViewWindow, set_border
 
-# -------------------------------------------------------------------------------------------------
-# Check that Blender has written an EXR file completely. Uses the standard library and numpy.
-#
-# A full disk leaves a truncated file, and Blender does not report it when it renders in the
-# background. A Blender program has no EXR library that is safe to import, so the pixels are
-# decompressed here; only a plain float32 ZIP image, as Blender writes it, is accepted.
-# -------------------------------------------------------------------------------------------------
+
+class RingJob(MeasurementJob):
+    """A run that measures rings, the sampling mode of the paper."""
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        self._pending: list[Task] = []
+        self._scene_written: int | None = None
+        self._regions: list[Region] | None = None
+
+    def _config_findings(self) -> list[Finding]:
+        found = [*super()._config_findings(), *merge(self._inside_by_frame())]
+        held = self._held_by_scripts()
+        return [*found, finding("rendered-at-whole-frames", *held)] if held else found
+
+    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
+        super()._refuse_unmeasurable(depsgraph)
+        if self._measurement.snapshots > 1:
+            check_particles_are_baked(
+                take_snapshot(depsgraph),
+                "Without the motion of particles, take one snapshot (--snapshots 1).",
+            )
+
+    def _held_by_scripts(self) -> list[str]:
+        """Objects that scripts hold between the snapshots of the first frame, and move after it."""
+        first, *later = self.plan.instants(self._measurement.frames[0])
+        if not later or not moved_by_scripts():
+            return []
+        moments = (first, *later, instant_at(first.frame + 1.0, self._fps()))
+        then, soon, next_frame = (
+            {one.name: one.matrix_world.copy() for one in self._time.show(at).objects}
+            for at in moments
+        )
+        return [n for n, at in then.items() if at == soon.get(n) and at != next_frame.get(n, at)]
+
+    def _inside_by_frame(self) -> Iterator[Finding]:
+        """Find antennas inside walls and other interiors in each frame; sidecars hold no
+        findings.
+        """
+        assert self._settings is not None
+        if not self._settings.interiors.delay:  # nothing has an interior
+            return
+        for frame in self._measurement.frames:
+            depsgraph = self._time.show(self.plan.instants(frame)[0])
+            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
+            for one in found_inside(depsgraph, antennas):
+                yield one.in_frame(frame)
+
+    def _plan_renders(self) -> None:
+        tasks = list(self.plan.tasks(self.own_frames))
+        self._pending = [task for task in tasks if not self._is_done(task)]
+        self.total = len(tasks)
+        self.done = self.total - len(self._pending)
+
+    def _is_done(self, task: Task) -> bool:
+        return shared_folder.is_done(self.folder, task, self.fingerprint)
+
+    def pending(self) -> Iterator[Task]:
+        groups = itertools.groupby(self._pending, key=lambda task: task.frame)
+        tasks = {frame: list(group) for frame, group in groups}
+        for frame in self._claimed(list(tasks)):
+            self.frame_lost = False
+            for task in tasks[frame]:
+                if self._is_done(task):  # by another process, meanwhile
+                    self.done += 1
+                elif not self.frame_lost:
+                    yield task
+
+    def start(self, task: Task) -> None:
+        """Set time and ring for a render, and record the antennas."""
+        assert self._settings is not None
+        if self._scene_written != task.frame:
+            shared_folder.make_frame_folder(self.folder, task.frame)
+            self._write_scene(task.frame)
+            self._scene_written = task.frame
+            self._records = None  # of another moment
+        if self._records is None or not self._time.shows(task.instant):
+            depsgraph = self._time.show(task.instant)
+            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
+            self._regions = regions_by_ring(depsgraph, self.plan, *self._records)
+        self._settings.set_ring(task.ring_min_m, task.ring_max_m)
+        render = self._scene.render
+        render.use_border = self._regions is not None
+        if self._regions is not None:
+            size_px = self._measurement.width_px, self._measurement.height_px
+            set_border(render, self._regions[task.ring], *size_px)
+
+    def render(self, task: Task) -> None:
+        try:
+            result = bpy.ops.render.render(scene=self._scene.name)
+        except RuntimeError as error:
+            raise RenderError(
+                f"Cycles failed at {task.exr_path}: {str(error).strip()} "
+                "Render an ordinary image of this scene with Cycles to see whether that works."
+            ) from error
+        if "FINISHED" not in result:
+            raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
+
+    def finish(self, task: Task) -> None:
+        """Write, check and rename the EXR, then write its sidecar; nothing half-written stays."""
+        assert self._records is not None
+        final = self.folder / task.exr_path
+        # Blender would make the folder again, without the rest of the run.
+        shared_folder.check_there(self.folder, task.frame)
+        try:
+            file = AtomicFile(final)
+            try:
+                save_render(self._scene, file.temporary)
+                verify_exr(file.temporary, self._measurement.width_px, self._measurement.height_px)
+                if not self.keeps_frame():  # another process has taken over: it renders this one
+                    return
+                file.commit()
+            finally:
+                file.discard()
+            write_record(self.folder / task.sidecar_path, self._record_of(task, final))
+        except RadarSimError:
+            shared_folder.check_there(self.folder, task.frame)
+            raise
+        self._rendered += 1
+        self.done += 1
+
+    def _record_of(self, task: Task, exr: Path) -> contract.RenderRecord:
+        """Return the sidecar of a finished render."""
+        assert self._records is not None
+        receiver, transmitter = self._records
+        plan, measurement = self.plan, self.plan.measurement
+        return contract.RenderRecord(
+            sampling_mode="rings",
+            frame=task.frame,
+            snapshot_index=task.snapshot_index,
+            time_s=task.instant.time_s,
+            ring=task.ring,
+            ring_min_m=task.ring_min_m,
+            ring_max_m=task.ring_max_m,
+            width_px=measurement.width_px,
+            height_px=measurement.height_px,
+            metres_per_unit=plan.metres_per_unit,
+            range_encoding_length_m=plan.range_encoding_length_m,
+            extinction_length_m=plan.extinction_length_m,
+            receiver=receiver,
+            transmitter=transmitter,
+            samples=measurement.samples,
+            seed=measurement.seed,
+            max_reflections=measurement.max_reflections,
+            exr_file=exr.name,
+            exr_sha256=file_sha256(exr),
+            run_fingerprint=self.fingerprint,
+            versions=self.versions,
+        )
 
 
-def verify_exr(path: Path, width_px: int, height_px: int) -> None:
-    """Check that a file is complete: right channels, type and size, every pixel finite.
+def regions_by_ring(
+    depsgraph: Any,
+    plan: Plan,
+    receiver: contract.ReceiverRecord,
+    transmitter: contract.TransmitterRecord,
+) -> list[Region] | None:
+    """Return the pixels that each ring can fill at the depsgraph's time; None: perhaps all.
 
-    OutputError: it is missing or incomplete. RenderError: it holds NaN or infinite pixels.
+    They are known if paths have one reflection and Cycles renders the faces that Blender evaluates.
     """
-    if not path.exists():
-        raise OutputError(
-            f"Blender has not written {path}. {disk_of(path).capitalize()} is full, or the folder "
-            "was removed. Make room and render again."
-        )
-    try:
-        header = read_header(path)
-        _check_layout(header, width_px, height_px)
-        finite = all(np.isfinite(values).all() for values in _pixels(path, header))
-    except (OSError, ValueError, zlib.error, FrameFileError) as error:
-        raise OutputError(
-            f"Blender has written {path} incompletely ({error}). The disk is probably full: "
-            f"{disk_of(path)}. Make room and render again."
-        ) from error
-    if not finite:
-        raise RenderError(
-            f"Cycles has rendered NaN or infinite pixels into {path}, which have no power. Look "
-            "for a material or a transmitter power near 1e38, or an object at the antenna."
-        )
+    asked = plan.measurement
+    if asked.max_reflections > 1 or receiver.kind != "perspective":
+        return None
+    found = ground_truth.rendered_surfaces(depsgraph)
+    snapshot, units = found.snapshot, plan.metres_per_unit
+    shapes = [snapshot.shapes[i] for i in np.unique(snapshot.layout.shape[found.rows])]
+    # Cycles renders curves and point clouds, which have no faces, as hair and spheres.
+    if any(one.kind in {"CURVES", "POINTCLOUD"} or not _as_evaluated(one) for one in shapes):
+        return None
+    pose = np.array(receiver.matrix_world, dtype=np.float64)
+    place, axes = pose[:3, 3], pose[:3, :3]
+    corners = found.corners * units
+    size_px = asked.width_px, asked.height_px
+    view = ViewWindow(receiver.left, receiver.right, receiver.bottom, receiver.top, *size_px)
+    source = (np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3] - place) @ axes
+    edges = [ring * asked.ring_step_m for ring in range(plan.rings + 1)]
+    reach = max(float(np.abs(part).max(initial=0.0)) for part in (corners, place, corners - place))
+    shells = Shells(view, source, edges, reach)
+    large = found.rows[shells.take((corners - place) @ axes)]
+    for shape in np.unique(snapshot.layout.shape[large]):
+        triangles = _triangles(snapshot, int(shape))
+        if triangles is None:
+            return None
+        for row in large[snapshot.layout.shape[large] == shape]:
+            matrix = snapshot.matrix(row)
+            world = (triangles @ matrix[:3, :3].T + matrix[:3, 3]) * units
+            if not shells.take_triangles((world - place) @ axes):
+                return None
+    return shells.regions()
 
 
-def _check_layout(header: ExrHeader, width_px: int, height_px: int) -> None:
-    if header.channels != dict.fromkeys(CHANNELS, "float"):
-        raise ValueError(f"channels {header.channels}, expected float {sorted(CHANNELS)}")
-    if header.compression != ZIP:
-        raise ValueError("not ZIP compressed")
-    size = header.width_px, header.height_px
-    if size != (width_px, height_px):
-        raise ValueError(f"{size[0]} x {size[1]} pixels, expected {width_px} x {height_px}")
+def _triangles(snapshot: Snapshot, shape: int) -> Real | None:
+    """Triangles of a shape, own axes, (m, 3, 3) [Blender units]; None if it has no mesh."""
+    with snapshot.mesh(snapshot.shapes[shape]) as mesh:
+        if mesh is None:
+            return None
+        vertices, triangles = read_triangles(mesh)
+        return vertices.astype(np.float64)[triangles]
 
 
-def _pixels(path: Path, header: ExrHeader) -> Iterator[Single]:
-    """Yield the values of each chunk: inflate, undo the predictor, re-interleave."""
-    data = path.read_bytes()
-    for row, (start, length) in header.chunks.items():
-        rows = min(CHUNK_LINES[ZIP], header.height_px - row)
-        size = 4 * rows * header.width_px * len(CHANNELS)
-        packed = data[start : start + length]
-        if length == size:  # stored as it is where ZIP gains nothing
-            yield np.frombuffer(packed, dtype="<f4")
-            continue
-        raw = np.frombuffer(zlib.decompress(packed), dtype=np.uint8)
-        if raw.size != size:
-            raise ValueError("a chunk has a wrong length")
-        # Predictor: each byte is the difference from the one before, plus 128.
-        steps = raw.astype(np.int64)
-        steps[1:] -= 128
-        values = np.cumsum(steps).astype(np.uint8)
-        half = (size + 1) // 2
-        merged = np.empty_like(values)
-        merged[0::2], merged[1::2] = values[:half], values[half:]
-        yield merged.view("<f4")
+def _as_evaluated(shape: Any) -> bool:
+    """Whether Cycles renders the faces that Blender evaluates, and rays pass them straight."""
+    item = shape.original
+    return (
+        not len(item.particle_systems)
+        and not any(modifier.type == "SUBSURF" for modifier in item.modifiers)
+        and not any(map(_moves_faces, shape.materials))
+    )
 
 
-# -------------------------------------------------------------------------------------------------
-# Write Blender's render result to a file of any name.
-# -------------------------------------------------------------------------------------------------
-
-
-def save_render(scene: Any, path: Path) -> None:
-    """Write the last render in the scene's format; an existing file is replaced."""
-    result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
-    if result is None:
-        raise RenderError(
-            "Blender has no render result, so the frame is incomplete. Start the run again."
-        )
-    try:
-        # write_still would expand # and {} in folder names.
-        result.save_render(str(path), scene=scene)
-    except RuntimeError as error:
-        raise OutputError(
-            f"Blender cannot write {path}: {str(error).strip()} Choose an output folder that is "
-            f"writable, or make room on {disk_of(path)}."
-        ) from error
+def _moves_faces(material: Any) -> bool:
+    """Whether a material displaces faces, or sends rays elsewhere."""
+    tree = material and material.node_tree
+    return bool(tree) and (
+        any(link.to_socket.name == "Displacement" for link in tree.links)
+        or any(node.bl_idname == "ShaderNodeBsdfRayPortal" for node in tree.nodes)
+    )
 
 
 # -------------------------------------------------------------------------------------------------
-# Parts of a perspective view in which surfaces at given ranges can be seen. Does not import bpy.
-#
-# All points are in the receiver's axes, so that u = x / -z and v = y / -z.
+# Parts of a perspective view in which surfaces at given ranges can be seen. All points are in the
+# receiver's axes, so that u = x / -z and v = y / -z.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -152,16 +287,8 @@ _QUARTERS = np.array(
 class Shells:
     """Bounds of what a view shows in rings of ranges from the transmitter.
 
-    Parameters
-    ----------
-    view
-        Edges of the view, tangents, and its pixels.
-    transmitter_m
-        Its place, (3,) [m].
-    edges_m
-        Edges of the n rings, (n + 1,) [m].
-    reach_m
-        Largest coordinate in the scene, for rounding [m].
+    `edges_m` are those of the n rings, (n + 1,); `reach_m` is the largest coordinate in the scene,
+    for rounding.
     """
 
     def __init__(
@@ -177,7 +304,7 @@ class Shells:
     def take(self, parts: Real) -> Mask:
         """Take the convex hulls of some points, (m, p, 3) [m], where they need no cut.
 
-        Returns which were not taken: they may be seen in a ring, and are large. (m,)
+        Returns those not taken, (m,): they may be seen in a ring, and are large.
         """
         first, last = self._rings(parts)
         open_parts = (first <= last) & self._in_view(parts)
@@ -196,9 +323,8 @@ class Shells:
         return open_parts
 
     def take_triangles(self, triangles: Real) -> bool:
-        """Take triangles, (m, 3, 3) [m], cut as often as they need it.
-
-        Returns whether they could be; else the view holds too many.
+        """Take triangles, (m, 3, 3) [m], cut as often as they need it; False: there are too
+        many.
         """
         for _ in range(_MOST_CUTS):
             triangles = triangles[self.take(triangles)]
@@ -281,217 +407,81 @@ def _heights(points: Real) -> Real:
     return np.asarray(np.divide(height, size, out=np.zeros(len(points)), where=size > 0))
 
 
-def axes_of(receiver: contract.ReceiverRecord) -> tuple[Real, Real]:
-    """Return the place of a receiver, (3,) [m], and its axes as columns, (3, 3)."""
-    pose = np.array(receiver.matrix_world, dtype=np.float64)
-    return pose[:3, 3], pose[:3, :3]
-
-
 # -------------------------------------------------------------------------------------------------
-# Pixels that a ring can fill: nothing else of its render is worth its time.
-#
-# With one reflection a pixel shows a ring only where its ray meets a surface there, however many
-# surfaces it passes before. So it suffices to know which parts of the view surfaces at these ranges
-# cover. All other pixels are exactly 0.
+# EXR files: written by Blender, checked here.
 # -------------------------------------------------------------------------------------------------
 
 
-#: Types of objects without faces, which Cycles renders as hair and spheres.
-_OF_POINTS = {"CURVES", "POINTCLOUD"}
+def verify_exr(path: Path, width_px: int, height_px: int) -> None:
+    """Check that a file is complete: right channels, type and size, every pixel finite.
 
-
-def regions_by_ring(
-    depsgraph: Any,
-    plan: Plan,
-    receiver: contract.ReceiverRecord,
-    transmitter: contract.TransmitterRecord,
-) -> list[Region] | None:
-    """Return the pixels that each ring can fill at the depsgraph's time; None: perhaps all.
-
-    They are known where paths have one reflection and Cycles renders the faces that Blender
-    evaluates.
+    A full disk leaves a truncated file, and Blender does not report it when it renders in the
+    background. A Blender program has no EXR library that is safe to import, so the pixels are
+    decompressed here; only a plain float32 ZIP image, as Blender writes it, is accepted.
+    OutputError: the file is missing or incomplete. RenderError: it has NaN or infinite pixels.
     """
-    asked = plan.measurement
-    if asked.max_reflections > 1 or receiver.kind != "perspective":
-        return None
-    found = ground_truth.rendered_surfaces(depsgraph)
-    snapshot, units = found.snapshot, plan.metres_per_unit
-    shapes = [snapshot.shapes[i] for i in np.unique(snapshot.layout.shape[found.rows])]
-    if any(shape.kind in _OF_POINTS or not _as_evaluated(shape) for shape in shapes):
-        return None
-    place, axes = axes_of(receiver)
-    corners = found.corners * units
-    size_px = asked.width_px, asked.height_px
-    view = ViewWindow(receiver.left, receiver.right, receiver.bottom, receiver.top, *size_px)
-    source = (np.array(transmitter.matrix_world, dtype=np.float64)[:3, 3] - place) @ axes
-    edges = [ring * asked.ring_step_m for ring in range(plan.rings + 1)]
-    reach = max(float(np.abs(part).max(initial=0.0)) for part in (corners, place, corners - place))
-    shells = Shells(view, source, edges, reach)
-    large = found.rows[shells.take((corners - place) @ axes)]
-    for shape in np.unique(snapshot.layout.shape[large]):
-        triangles = _triangles(snapshot, int(shape))
-        if triangles is None:
-            return None
-        for row in large[snapshot.layout.shape[large] == shape]:
-            matrix = snapshot.matrix(row)
-            world = (triangles @ matrix[:3, :3].T + matrix[:3, 3]) * units
-            if not shells.take_triangles((world - place) @ axes):
-                return None
-    return shells.regions()
-
-
-def _triangles(snapshot: Snapshot, shape: int) -> Real | None:
-    """Triangles of a shape, own axes, (m, 3, 3) [Blender units]; None where it has no mesh."""
-    with snapshot.mesh(snapshot.shapes[shape]) as mesh:
-        if mesh is None:
-            return None
-        vertices, triangles = read_triangles(mesh)
-        return vertices.astype(np.float64)[triangles]
-
-
-def _as_evaluated(shape: Any) -> bool:
-    """Whether Cycles renders the faces that Blender evaluates, and rays pass them straight."""
-    item = shape.original
-    return (
-        not len(item.particle_systems)
-        and not any(modifier.type == "SUBSURF" for modifier in item.modifiers)
-        and not any(map(_moves_faces, shape.materials))
-    )
-
-
-def _moves_faces(material: Any) -> bool:
-    """Whether a material displaces faces, or sends rays elsewhere."""
-    tree = material and material.node_tree
-    return bool(tree) and (
-        any(link.to_socket.name == "Displacement" for link in tree.links)
-        or any(node.bl_idname == "ShaderNodeBsdfRayPortal" for node in tree.nodes)
-    )
-
-
-class RingJob(MeasurementJob):
-    """A run that measures rings, the sampling mode of the paper.
-
-    Parameters
-    ----------
-    *arguments, **keywords
-        Those of `MeasurementJob`.
-    """
-
-    def __init__(self, *arguments: Any, **keywords: Any) -> None:
-        super().__init__(*arguments, **keywords)
-        self._pending: list[Task] = []
-        self._scene_written: int | None = None
-        self._regions: list[Region] | None = None
-
-    def _config_findings(self) -> list[Finding]:
-        found = [*super()._config_findings(), *merge(self._inside_by_frame())]
-        held = self._held_by_scripts()
-        return [*found, finding("rendered-at-whole-frames", *held)] if held else found
-
-    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
-        super()._refuse_unmeasurable(depsgraph)
-        if self._measurement.snapshots > 1:
-            check_particles_are_baked(
-                take_snapshot(depsgraph),
-                "Without the motion of particles, take one snapshot (--snapshots 1).",
-            )
-
-    def _held_by_scripts(self) -> list[str]:
-        """Objects that scripts hold between the snapshots of the first frame, and move after it."""
-        first, *later = self.plan.instants(self._measurement.frames[0])
-        if not later or not moved_by_scripts():
-            return []
-        moments = (first, *later, instant_at(first.frame + 1.0, self._fps()))
-        then, soon, next_frame = (
-            {one.name: one.matrix_world.copy() for one in self._show(at).objects} for at in moments
+    if not path.exists():
+        raise OutputError(
+            f"Blender has not written {path}. {disk_of(path).capitalize()} is full, or the folder "
+            "was removed. Make room and render again."
         )
-        return [n for n, at in then.items() if at == soon.get(n) and at != next_frame.get(n, at)]
+    try:
+        header = read_header(path)
+        if header.channels != dict.fromkeys(CHANNELS, "float"):
+            raise ValueError(f"channels {header.channels}, expected float {sorted(CHANNELS)}")
+        if header.compression != ZIP:
+            raise ValueError("not ZIP compressed")
+        size = header.width_px, header.height_px
+        if size != (width_px, height_px):
+            raise ValueError(f"{size[0]} x {size[1]} pixels, expected {width_px} x {height_px}")
+        finite = all(np.isfinite(values).all() for values in _pixels(path, header))
+    except (OSError, ValueError, zlib.error, FrameFileError) as error:
+        raise OutputError(
+            f"Blender has written {path} incompletely ({error}). The disk is probably full: "
+            f"{disk_of(path)}. Make room and render again."
+        ) from error
+    if not finite:
+        raise RenderError(
+            f"Cycles has rendered NaN or infinite pixels into {path}, which have no power. Look "
+            "for a material or a transmitter power near 1e38, or an object at the antenna."
+        )
 
-    def _inside_by_frame(self) -> Iterator[Finding]:
-        """What is inside walls and other interiors in each frame; sidecars hold no findings."""
-        assert self._settings is not None
-        if not self._settings.interiors.delay:  # nothing has an interior
-            return
-        for frame in self._measurement.frames:
-            depsgraph = self._show(self.plan.instants(frame)[0])
-            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-            for one in found_inside(depsgraph, antennas):
-                yield one.in_frame(frame)
 
-    def _plan_renders(self) -> None:
-        tasks = list(self.plan.tasks(self.own_frames))
-        self._pending = [task for task in tasks if not self._is_done(task)]
-        self.total = len(tasks)
-        self.done = self.total - len(self._pending)
+def _pixels(path: Path, header: ExrHeader) -> Iterator[Single]:
+    """Yield the values of each chunk: inflate, undo the predictor, re-interleave."""
+    data = path.read_bytes()
+    for row, (start, length) in header.chunks.items():
+        rows = min(CHUNK_LINES[ZIP], header.height_px - row)
+        size = 4 * rows * header.width_px * len(CHANNELS)
+        packed = data[start : start + length]
+        if length == size:  # stored as it is where ZIP gains nothing
+            yield np.frombuffer(packed, dtype="<f4")
+            continue
+        raw = np.frombuffer(zlib.decompress(packed), dtype=np.uint8)
+        if raw.size != size:
+            raise ValueError("a chunk has a wrong length")
+        # Predictor: each byte is the difference from the one before, plus 128.
+        steps = raw.astype(np.int64)
+        steps[1:] -= 128
+        values = np.cumsum(steps).astype(np.uint8)
+        half = (size + 1) // 2
+        merged = np.empty_like(values)
+        merged[0::2], merged[1::2] = values[:half], values[half:]
+        yield merged.view("<f4")
 
-    def _is_done(self, task: Task) -> bool:
-        return shared_folder.is_done(self.folder, task, self.fingerprint)
 
-    def pending(self) -> Iterator[Task]:
-        """Renders that are still to be made, in order."""
-        groups = itertools.groupby(self._pending, key=lambda task: task.frame)
-        tasks = {frame: list(group) for frame, group in groups}
-        for frame in self._claimed(list(tasks)):
-            self.frame_lost = False
-            for task in tasks[frame]:
-                if self._is_done(task):  # by another process, meanwhile
-                    self.done += 1
-                elif not self.frame_lost:
-                    yield task
-
-    def start(self, task: Task) -> None:
-        """Set time and ring for a render, and note where the antennas are."""
-        assert self._settings is not None
-        if self._scene_written != task.frame:
-            shared_folder.make_frame_folder(self.folder, task.frame)
-            self._write_scene(task.frame)
-            self._scene_written = task.frame
-            self._records = None  # of another moment
-        if self._records is None or not self._time.shows(task.instant):
-            depsgraph = self._show(task.instant)
-            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
-            self._regions = regions_by_ring(depsgraph, self.plan, *self._records)
-        self._settings.set_ring(task.ring_min_m, task.ring_max_m)
-        render = self._scene.render
-        render.use_border = self._regions is not None
-        if self._regions is not None:
-            size_px = self._measurement.width_px, self._measurement.height_px
-            set_border(render, self._regions[task.ring], *size_px)
-
-    def render(self, task: Task) -> None:
-        """Render and wait for the end (not for use in the UI)."""
-        try:
-            result = bpy.ops.render.render(scene=self._scene.name)
-        except RuntimeError as error:
-            raise RenderError(
-                f"Cycles failed at {task.exr_path}: {str(error).strip()} "
-                "Render an ordinary image of this scene with Cycles to see whether that works."
-            ) from error
-        if "FINISHED" not in result:
-            raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
-
-    def finish(self, task: Task) -> None:
-        """Write, check and rename the EXR, then write its sidecar; nothing half-written stays."""
-        assert self._records is not None
-        final = self.folder / task.exr_path
-        # Blender would make the folder again, without the rest of the run.
-        shared_folder.check_there(self.folder, task.frame)
-        try:
-            file = AtomicFile(final)
-            try:
-                save_render(self._scene, file.temporary)
-                verify_exr(file.temporary, self._measurement.width_px, self._measurement.height_px)
-                if not self.keeps_frame():  # another process has taken over: it renders this one
-                    return
-                file.commit()
-            finally:
-                file.discard()
-            record = run_job.render_record(
-                self.plan, task, *self._records, final, self.versions, self.fingerprint
-            )
-            write_record(self.folder / task.sidecar_path, record)
-        except RadarSimError:
-            shared_folder.check_there(self.folder, task.frame)
-            raise
-        self._rendered += 1
-        self.done += 1
+def save_render(scene: Any, path: Path) -> None:
+    """Write the last render in the scene's format; an existing file is replaced."""
+    result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
+    if result is None:
+        raise RenderError(
+            "Blender has no render result, so the frame is incomplete. Start the run again."
+        )
+    try:
+        # write_still would expand # and {} in folder names.
+        result.save_render(str(path), scene=scene)
+    except RuntimeError as error:
+        raise OutputError(
+            f"Blender cannot write {path}: {str(error).strip()} Choose an output folder that is "
+            f"writable, or make room on {disk_of(path)}."
+        ) from error

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run: job, output folder, lock, the scene's settings for a measurement."""
+"""A run: what both sampling modes share.
+
+`run_job` surveys the frames, plans, and drives the renders; `scene_state` sets the user's scene for
+a measurement and restores it, and chooses the device; `shared_folder` is the output folder, in
+which several processes claim frames by leases.
+"""
 
 from .run_job import MeasurementJob
 from .scene_state import MeasurementSettings

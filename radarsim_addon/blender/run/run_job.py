@@ -8,6 +8,11 @@
             job.start(task)
             job.render(task)
             job.finish(task)
+
+`prepare` finds the antennas, looks at all frames for the extent of the scene and for closing
+speeds, makes the plan from them, puts the scene into its measuring state, and opens the folder for
+this run or joins the processes that measure it. `pending` claims one frame after another. `restore`
+gives the user's scene back. `SceneTime` brings the scene to a moment, as it renders there.
 """
 
 from __future__ import annotations
@@ -29,9 +34,8 @@ import bpy
 from ... import __version__, contract
 from ...errors import RadarSimError
 from ...findings import Finding, finding, merge
-from ...signal.radar import Burst
 from ...signal.runs import shared_plan
-from ...typed_json import file_sha256, read_record, write_record
+from ...typed_json import read_record, write_record
 from ..materials import is_physical, separate_averages
 from ..nodes import refresh_groups
 from ..plan import (
@@ -39,7 +43,6 @@ from ..plan import (
     Instant,
     Measurement,
     Plan,
-    Task,
     check_frame_rate,
     check_unit_scale,
     config_findings,
@@ -76,249 +79,20 @@ from . import shared_folder
 from .scene_state import MeasurementSettings
 from .shared_folder import SharedFolder
 
-# -------------------------------------------------------------------------------------------------
-# Brings a scene to a moment, as it renders there: hidden objects, simulations, instances.
-# -------------------------------------------------------------------------------------------------
-
-
-class SceneTime:
-    """The moment that a scene shows.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    view_layer : bpy.types.ViewLayer
-    restorer
-        Takes back what is shown for the run.
-    last_needed
-        Last Blender frame that the run needs, if it needs a given one.
-    """
-
-    def __init__(
-        self,
-        scene: Any,
-        view_layer: Any,
-        restorer: SettingsRestorer,
-        last_needed: Callable[[int], float],
-    ) -> None:
-        self._scene, self._view_layer = scene, view_layer
-        self._restorer, self._last_needed = restorer, last_needed
-        self._simulated_to = -math.inf
-        self._shown: Instant | None = None
-        self._hiding_moves = True
-
-    def show(self, instant: Instant) -> Any:
-        """Bring the scene to a moment; returns the depsgraph at it."""
-        # Before the time is set: what appears later would keep the place of another time.
-        if self._shown is None:
-            show_as_rendered(self._restorer, self._scene)
-            self._hiding_moves = hiding_is_animated()
-        if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
-            show_what_renders(self._restorer, self._view_layer)
-        if instant.frame + 1 > self._simulated_to:
-            # All at once: a cache that is played further later on is no longer exact, and loses
-            # frames when a time between two of them is read.
-            self._simulated_to = math.ceil(self._last_needed(instant.frame))
-            for frame in simulation_frames(self._scene, int(self._simulated_to)):
-                self._scene.frame_set(frame)
-        self._scene.frame_set(instant.frame, subframe=instant.subframe)
-        self._shown = instant
-        return evaluated_depsgraph(self._view_layer)
-
-    def shows(self, instant: Instant) -> bool:
-        """Whether the scene is at a moment; the user may have scrubbed the timeline since."""
-        now = self._scene.frame_current + self._scene.frame_subframe
-        return self._shown == instant and bool(now == instant.evaluated_frame)
-
-    def forget(self) -> None:
-        """Take what is shown as unknown: it was taken back."""
-        self._shown = None
-
-    def simulate_again(self) -> None:
-        """Play simulations before the next moment that is shown."""
-        self._simulated_to = -math.inf
-
-
-# -------------------------------------------------------------------------------------------------
-# A look at all frames of a run before the first render: extent and closing speeds.
-# -------------------------------------------------------------------------------------------------
-
-
-class Survey:
-    """What is known of the frames looked at so far.
-
-    Parameters
-    ----------
-    show
-        Brings the scene to a moment and returns the depsgraph at it.
-    rig
-        Both antennas.
-    metres_per_unit
-        Length of a Blender unit [m].
-    fps
-        Frames per second.
-    burst
-        Pulses of a frame.
-    """
-
-    def __init__(
-        self,
-        show: Callable[[Instant], Any],
-        rig: Rig,
-        metres_per_unit: float,
-        fps: float,
-        burst: Burst,
-    ) -> None:
-        self._show, self._rig, self._units, self._fps = show, rig, metres_per_unit, fps
-        self._seen: tuple[Any, ...] = ()
-        self.extent = Extent()
-        self.speeds = ClosingSpeeds(metres_per_unit, burst.pulses / burst.prf_hz)
-
-    def look_at(
-        self, moments: Sequence[Instant], any_material: bool, check: Callable[[Any], None]
-    ) -> None:
-        """Look at the moments of a radar frame; `check` is called with each depsgraph."""
-        looks = []
-        for instant in moments:
-            depsgraph = self._show(instant)
-            check(depsgraph)
-            boxes, antennas = look = self._look(depsgraph, any_material)
-            looks.append(look)
-            # Where Blender has evaluated nothing since, all is as before.
-            now = boxes.snapshot, *(place.tobytes() for place in antennas)
-            if now != self._seen:
-                found = ground_truth.extent_of_boxes(boxes, antennas, self._units)
-                self.extent = self.extent.union(found)
-            self._seen = now
-        first = moments[0]
-        soon = instant_at(first.evaluated_frame + VELOCITY_FRAMES, self._fps)
-        later = self._look(self._show(soon), any_material)
-        self.speeds.add(looks[0], later, soon.time_s - first.time_s)
-
-    def _look(self, depsgraph: Any, any_material: bool) -> tuple[Any, Any]:
-        """Boxes of what echoes, and places of the antennas."""
-        boxes = ground_truth.echoing_boxes(depsgraph, any_material)
-        return boxes, ground_truth.antenna_positions(depsgraph, self._rig)
-
-
-# -------------------------------------------------------------------------------------------------
-# The JSON files that a run writes next to its renders: plan, labels of a frame, sidecars.
-# -------------------------------------------------------------------------------------------------
-
-
-def plan_record(
-    plan: Plan, scene: str, identity: str, findings: list[Finding], versions: dict[str, str]
-) -> contract.RunRecord:
-    """Return what ``run.json`` holds.
-
-    `scene` is the scene's name and `identity` that of its files; empty: the run is like no other.
-    `findings` are known before the first render; `versions` are of programs.
-    """
-    file_name = Path(bpy.data.filepath).name
-    digest = identity or secrets.token_hex(16)
-    record = run_record(plan, digest, file_name, scene, findings, versions)
-    record.extra["extent"] = dataclasses.astuple(plan.extent)
-    record.extra["resumable"] = bool(identity)
-    record.extra["polarisation"] = plan.measurement.polarisation
-    return record
-
-
-def write_scene(
-    folder: Path,
-    frame: int,
-    plan: Plan,
-    rig: Rig,
-    show: Callable[[Instant], Any],
-    fingerprint: str,
-) -> None:
-    """Write the labels of a radar frame, unless those of this run are there.
-
-    `show` brings the scene to a moment and returns the depsgraph at it. `fingerprint` is the run's.
-    """
-    path = folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
-    try:
-        if read_record(path, contract.GroundTruthRecord).run_fingerprint == fingerprint:
-            return
-    except RadarSimError:
-        pass
-    instants = plan.instants(frame)
-    units = plan.metres_per_unit
-    later, interval_s = None, 0.0
-    if len(instants) > 1:
-        depsgraph = show(instants[1])
-        receiver, _ = ground_truth.antenna_positions(depsgraph, rig)
-        later = ground_truth.rendered_surfaces(depsgraph), receiver
-        interval_s = instants[1].time_s - instants[0].time_s
-    objects = ground_truth.object_records(show(instants[0]), rig, units, later, interval_s)
-    record = contract.GroundTruthRecord(frame, instants[0].time_s, objects, fingerprint)
-    write_record(path, record)
-
-
-def render_record(
-    plan: Plan,
-    task: Task,
-    camera: contract.ReceiverRecord,
-    emitter: contract.TransmitterRecord,
-    exr: Path,
-    versions: dict[str, str],
-    fingerprint: str,
-) -> contract.RenderRecord:
-    """The sidecar of a finished render of a ring, in the file `exr` of a run's `fingerprint`."""
-    measurement = plan.measurement
-    return contract.RenderRecord(
-        sampling_mode="rings",
-        frame=task.frame,
-        snapshot_index=task.snapshot_index,
-        time_s=task.instant.time_s,
-        ring=task.ring,
-        ring_min_m=task.ring_min_m,
-        ring_max_m=task.ring_max_m,
-        width_px=measurement.width_px,
-        height_px=measurement.height_px,
-        metres_per_unit=plan.metres_per_unit,
-        range_encoding_length_m=plan.range_encoding_length_m,
-        extinction_length_m=plan.extinction_length_m,
-        receiver=camera,
-        transmitter=emitter,
-        samples=measurement.samples,
-        seed=measurement.seed,
-        max_reflections=measurement.max_reflections,
-        exr_file=exr.name,
-        exr_sha256=file_sha256(exr),
-        run_fingerprint=fingerprint,
-        versions=versions,
-    )
-
-
-#: Frames beyond the burst at which motion is sampled, and one more.
-_FURTHER_FRAMES = 3
-
 
 class MeasurementJob:
-    """One run of a scene.
+    """One run of a scene, whose view layer is measured into `folder`.
 
-    Class attributes say how it is driven: `unit` is what `done` and `total` count, and renders of
-    a `blocking` job are so short that the user interface does them between two looks at events.
-
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    view_layer : bpy.types.ViewLayer
-        The one that is measured.
-    measurement
-        What is asked for.
-    folder
-        Output folder; made if its parent exists.
-    overwrite
-        Remove the frames of any earlier run from the folder, instead of keeping or refusing them.
-    camera, emitter : bpy.types.Object, optional
-        Antennas, where the scene has several.
+    The folder is made if its parent exists. `overwrite` removes the frames of any earlier run from
+    it, instead of keeping or refusing them. `camera` and `emitter` are the antennas, if the scene
+    has several. `unit` is what `done` and `total` count; renders of a `blocking` job are so short
+    that the user interface does them between two looks at events.
     """
 
     unit = "renders"
     any_projection = False
     blocking = False
-    #: What is being done, within the run.
+    #: Present step of the run, in words.
     stage = ""
     #: Whether the step is a pause before something else that takes time.
     pausing = False
@@ -349,23 +123,23 @@ class MeasurementJob:
         self._rendered = 0
         self.total = self.done = 0
         self.folder, self.overwrite = folder, overwrite
-        #: Hash of the scene's files, set by who has opened them, if nobody can have changed the
+        #: Hash of the scene's files, if they were just opened and nobody can have changed the
         #: scene since. Empty: this run resumes no earlier one, and no later one resumes it.
         self.identity = ""
         #: Fingerprint in the plan of this run, once that is written.
         self.fingerprint = ""
-        #: Camera that renders paths, where who opened the file has added it: a `ViewCamera`.
+        #: Camera that renders paths, if one was added after the file was opened: a `ViewCamera`.
         self.view_camera: Any = None
         #: Frames of the run that this process measures, as long as no other one does.
         self.own_frames: Sequence[int] = measurement.frames
-        #: Whether the plan of the folder is taken over, where it is this run's: its frames are not
-        #: looked at again. Nothing is written before a frame is measured.
+        #: Whether the plan of the folder is taken over, if it is this run's: its frames are not
+        #: surveyed again. Nothing is written before a frame is measured.
         self.joins = False
         #: Whether another process has taken over the frame that was measured last.
         self.frame_lost = False
         #: Whether Blender reported evaluations before this job, as with the add-on.
         self._followed = follow_evaluations()
-        #: What is known before the first render, and of the frames that are done.
+        #: Findings before the first render, and on the frames that are done.
         self.early_findings: list[Finding] = []
         self.run_findings: list[Finding] = []
         self.frame_findings: list[Finding] = []
@@ -390,7 +164,7 @@ class MeasurementJob:
     def prepare(self) -> None:
         """Check everything, plan, and put the scene into its measuring state."""
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
-        fresh = not os.path.exists(self.folder)  # Path.exists raises for names it cannot look at
+        fresh = not os.path.exists(self.folder)  # Path.exists raises for some names
         shared_folder.prepare_folder(self.folder)
         try:
             self._prepare()
@@ -402,7 +176,7 @@ class MeasurementJob:
             raise
 
     def _prepare(self) -> None:
-        # A file of an older radarsim holds older node groups, which know less of the measurement.
+        # A file of an older radarsim holds older node groups.
         refresh_groups()
         if not self.identity:
             read_all_again()  # a script may change data without telling Blender
@@ -447,7 +221,10 @@ class MeasurementJob:
         raise NotImplementedError
 
     def _record(self, findings: list[Finding]) -> contract.RunRecord:
-        """What ``run.json`` holds of this run."""
+        """Return the content of ``run.json`` of this run.
+
+        Without an `identity`, its digest is random: the run is like no other.
+        """
         identity = self.identity
         if identity:
             chosen = self._scene, self._view_layer, self.rig.camera, self.rig.emitter
@@ -455,10 +232,16 @@ class MeasurementJob:
             # The carrier changes what a physical material reflects; others render alike at any.
             if any(is_physical(material) for material in bpy.data.materials):
                 identity += f" {self._measurement.waveform.carrier_hz!r} Hz"
-        return plan_record(self.plan, self.scene_name, identity, findings, self.versions)
+        file_name, digest = Path(bpy.data.filepath).name, identity or secrets.token_hex(16)
+        plan, versions = self.plan, self.versions
+        record = run_record(plan, digest, file_name, self.scene_name, findings, versions)
+        record.extra["extent"] = dataclasses.astuple(plan.extent)
+        record.extra["resumable"] = bool(identity)
+        record.extra["polarisation"] = plan.measurement.polarisation
+        return record
 
     def _plan_of_folder(self) -> contract.RunRecord | None:
-        """Record and `plan` with the extent of the folder's run, where that is this one."""
+        """Record and `plan` with the extent of the folder's run, if that is this one."""
         try:
             record = shared_folder.earlier_run(self.folder)
             if record is None or not self.identity or record.frames != list(self.frames):
@@ -485,7 +268,7 @@ class MeasurementJob:
         return check_frame_rate(float(render.fps) / shortest_decimal(render.fps_base))
 
     def _surveyed(self, frame: int) -> tuple[float, ...]:
-        """Moments of a radar frame, in Blender frames, at which the scene is looked at."""
+        """Moments of a radar frame, in Blender frames, that are surveyed."""
         if self._measurement.snapshots < 2:
             return (float(frame),)
         return (float(frame), frame + self._measurement.snapshot_interval_s * self._fps())
@@ -493,23 +276,39 @@ class MeasurementJob:
     def _last_needed(self, frame: int) -> float:
         """Last Blender frame whose state `frame` or one of the run may need."""
         frames = *self._measurement.frames, frame
-        # motion is sampled beyond the burst
-        return max(max(self._surveyed(one)) for one in frames) + _FURTHER_FRAMES
-
-    def _show(self, instant: Instant) -> Any:
-        """Bring the scene to a moment; returns the depsgraph at it."""
-        return self._time.show(instant)
+        # Motion is sampled two frames beyond the burst, and there is one more.
+        return max(max(self._surveyed(one)) for one in frames) + 3
 
     def _survey(self) -> Extent:
-        """Extent over all frames."""
-        units = self._metres_per_unit()
-        survey = Survey(self._show, self.rig, units, self._fps(), self._measurement.burst)
+        """Look at all frames before the first render: return their extent; keep closing speeds."""
+        units, fps, burst = self._metres_per_unit(), self._fps(), self._measurement.burst
+        self._speeds = ClosingSpeeds(units, burst.pulses / burst.prf_hz)
+        extent = Extent()
+        seen: tuple[Any, ...] = ()
         for frame in self._measurement.frames:
-            moments = [instant_at(at, self._fps()) for at in self._surveyed(frame)]
-            survey.look_at(moments, self.code_world, self._refuse_unmeasurable)
-        self._speeds = survey.speeds
+            moments = [instant_at(at, fps) for at in self._surveyed(frame)]
+            looks = []
+            for instant in moments:
+                depsgraph = self._time.show(instant)
+                self._refuse_unmeasurable(depsgraph)
+                boxes, antennas = look = self._look(depsgraph)
+                looks.append(look)
+                # If Blender has evaluated nothing since, all is as before.
+                now = boxes.snapshot, *(place.tobytes() for place in antennas)
+                if now != seen:
+                    extent = extent.union(ground_truth.extent_of_boxes(boxes, antennas, units))
+                seen = now
+            first = moments[0]
+            soon = instant_at(first.evaluated_frame + VELOCITY_FRAMES, fps)
+            later = self._look(self._time.show(soon))
+            self._speeds.add(looks[0], later, soon.time_s - first.time_s)
         self._time.forget()
-        return survey.extent
+        return extent
+
+    def _look(self, depsgraph: Any) -> tuple[Any, Any]:
+        """Return boxes of what echoes, and places of the antennas."""
+        boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
+        return boxes, ground_truth.antenna_positions(depsgraph, self.rig)
 
     def _refuse_unmeasurable(self, depsgraph: Any) -> None:
         """See that all can be recorded, before anything is written."""
@@ -550,7 +349,7 @@ class MeasurementJob:
     # -- renders -----------------------------------------------------------------------------------
 
     def _claimed(self, frames: Sequence[int]) -> Iterator[int]:
-        """Frames that this process may measure, one after another."""
+        """Yield the frames that this process may measure, one after another."""
         left = yield from self._shared.claimed(frames)
         if left:
             who = self._shared.holders(left)
@@ -562,7 +361,7 @@ class MeasurementJob:
         return not self.frame_lost
 
     def pending(self) -> Iterator[Any]:
-        """Renders that are still to be made, in order."""
+        """Yield the renders that are still to be made, in order."""
         raise NotImplementedError
 
     def start(self, task: Any) -> None:
@@ -588,7 +387,22 @@ class MeasurementJob:
         )
 
     def _write_scene(self, frame: int) -> None:
-        write_scene(self.folder, frame, self.plan, self.rig, self._show, self.fingerprint)
+        """Write the ground truth of a radar frame, unless that of this run is there."""
+        path = self.folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
+        with contextlib.suppress(RadarSimError):
+            if read_record(path, contract.GroundTruthRecord).run_fingerprint == self.fingerprint:
+                return
+        instants, units = self.plan.instants(frame), self.plan.metres_per_unit
+        later, interval_s = None, 0.0
+        if len(instants) > 1:
+            depsgraph = self._time.show(instants[1])
+            receiver, _ = ground_truth.antenna_positions(depsgraph, self.rig)
+            later = ground_truth.rendered_surfaces(depsgraph), receiver
+            interval_s = instants[1].time_s - instants[0].time_s
+        depsgraph = self._time.show(instants[0])
+        objects = ground_truth.object_records(depsgraph, self.rig, units, later, interval_s)
+        time_s = instants[0].time_s
+        write_record(path, contract.GroundTruthRecord(frame, time_s, objects, self.fingerprint))
 
     # -- afterwards --------------------------------------------------------------------------------
 
@@ -598,22 +412,20 @@ class MeasurementJob:
 
     @property
     def findings(self) -> list[Finding]:
-        """Those of the run, known before the first render, then those of its frames so far."""
+        """Findings of the run, known before the first render, then those of its frames so far."""
         return merge(self.run_findings + self.frame_findings)
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """Radar frames of the run."""
         return tuple(self._measurement.frames)
 
     @property
     def scene_name(self) -> str:
-        """Name of the scene that is rendered."""
         return str(self._scene.name)
 
     @property
     def fraction(self) -> float:
-        """Share of the run that is done, 0 to 1."""
+        """Fraction of the run that is done."""
         return self.done / self.total if self.total else 1.0
 
     @property
@@ -636,5 +448,57 @@ class MeasurementJob:
         self._shared.close()
 
     def leave(self) -> None:
-        """Let go of files alone, where the process ends and nobody needs the user's scene."""
+        """Release files only: the process ends, and nobody needs the user's scene."""
         self._shared.close()
+
+
+class SceneTime:
+    """The moment that a scene shows.
+
+    `restorer` takes back what is shown for the run; `last_needed` gives the last Blender frame that
+    the run needs, if it needs a given one.
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        view_layer: Any,
+        restorer: SettingsRestorer,
+        last_needed: Callable[[int], float],
+    ) -> None:
+        self._scene, self._view_layer = scene, view_layer
+        self._restorer, self._last_needed = restorer, last_needed
+        self._simulated_to = -math.inf
+        self._shown: Instant | None = None
+        self._hiding_moves = True
+
+    def show(self, instant: Instant) -> Any:
+        """Bring the scene to a moment; return the depsgraph at it."""
+        # Before the time is set: what appears later would keep the place of another time.
+        if self._shown is None:
+            show_as_rendered(self._restorer, self._scene)
+            self._hiding_moves = hiding_is_animated()
+        if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
+            show_what_renders(self._restorer, self._view_layer)
+        if instant.frame + 1 > self._simulated_to:
+            # All at once: a cache that is played further later is no longer exact, and loses
+            # frames when a time between two of them is read.
+            self._simulated_to = math.ceil(self._last_needed(instant.frame))
+            for frame in simulation_frames(self._scene, int(self._simulated_to)):
+                self._scene.frame_set(frame)
+        self._scene.frame_set(instant.frame, subframe=instant.subframe)
+        self._shown = instant
+        return evaluated_depsgraph(self._view_layer)
+
+    def shows(self, instant: Instant) -> bool:
+        """Whether the scene is at a moment; the user may have scrubbed the timeline since."""
+        now = self._scene.frame_current + self._scene.frame_subframe
+        return self._shown == instant and bool(now == instant.evaluated_frame)
+
+    def forget(self) -> None:
+        """Take the moment as unknown: what was shown was taken back."""
+        self._shown = None
+
+    def simulate_again(self) -> None:
+        """Play simulations before the next moment that is shown."""
+        self._simulated_to = -math.inf

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """All that a measurement needs of the user's scene, set for a run and restored after it.
 
-Each setting here spoils the measurement without a word when it is wrong: see the reasons in
-the comments. What is not ours to change (threads, geometry) stays as the user has it; so does the
-device, if its check passes.
+`MeasurementSettings` sets render, Cycles, image format, view layers, antennas, materials and scene
+attributes. Each setting spoils the measurement without a word when it is wrong: see the comments.
+Threads and geometry stay as the user has them; so does the device, if its check passes.
+
+The behaviour of Cycles that a measurement relies on was found on the CPU. A GPU is checked once for
+each version of Blender and radarsim, in a process of its own (`headless.selfcheck`): a kernel that
+crashes or hangs takes no window along. The verdict is kept in the user's cache folder.
 """
 
 from __future__ import annotations
@@ -18,7 +22,6 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import bpy
@@ -62,177 +65,12 @@ from ..scene import (
 )
 from ..state import SettingsRestorer, evaluated_depsgraph
 
-# -------------------------------------------------------------------------------------------------
-# Which device Cycles renders on, and whether a check of it has passed.
-#
-# What a measurement presumes of Cycles was found on the CPU. A GPU is checked once for each version
-# of Blender and radarsim, in a process of its own (`headless.selfcheck`): a kernel that crashes or
-# hangs takes no window along. The outcome is kept in the user's cache folder.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Kinds of devices that Cycles has, as its preferences name them.
-KINDS = ("CPU", "CUDA", "OPTIX", "HIP", "ONEAPI", "METAL")
-#: Longest check [s]. Kernels that Blender has to compile first take most of it.
-_TIME_LIMIT_S = 300.0
-NO_ANSWER = "the check ends"
-
-
-@dataclass(frozen=True)
-class Device:
-    """A kind of device and the devices of it, by Cycles' own identifiers."""
-
-    kind: str = "CPU"
-    ids: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Outcome of a check: largest deviation and bound of each fact, and those that failed."""
-
-    facts: dict[str, tuple[float, float]]
-    failed: tuple[str, ...]
-
-
-def chosen_device(scene: Any) -> Device:
-    """Return what a scene and the user's preferences choose; the CPU where they choose none."""
-    addon = bpy.context.preferences.addons.get("cycles")
-    if scene.cycles.device != "GPU" or addon is None:
-        return Device()
-    kind = addon.preferences.compute_device_type
-    used = [item for item in addon.preferences.devices if item.use]
-    if not any(item.type == kind for item in used):
-        return Device()  # Cycles takes the CPU, too
-    return Device(kind, tuple(sorted(item.id for item in used)))
-
-
-def choose_device(scene: Any, device: Device) -> None:
-    """Set scene and preferences (in memory) to a device; no ids: to all devices of its kind.
-
-    RadarSimError where Blender does not find it.
-    """
-    scene.cycles.device = "CPU" if device.kind == "CPU" else "GPU"
-    if device.kind == "CPU":
-        return
-    preferences = bpy.context.preferences.addons["cycles"].preferences
-    try:
-        preferences.compute_device_type = device.kind
-    except TypeError:
-        raise RadarSimError(
-            f"This Blender has no devices of kind {device.kind}. Choose another one, or CPU."
-        ) from None
-    preferences.refresh_devices()
-    for item in preferences.devices:
-        item.use = item.id in device.ids if device.ids else item.type == device.kind
-    if chosen_device(scene).kind != device.kind:
-        raise RadarSimError(
-            f"Blender finds no device of kind {device.kind} on this machine. Install its driver, "
-            "or choose CPU."
-        )
-
-
-def failed_facts(scene: Any) -> tuple[Device, tuple[str, ...]]:
-    """Return the device that is chosen and the facts that do not hold on it; checked once."""
-    device = chosen_device(scene)
-    if device.kind == "CPU":
-        return device, ()
-    path = cache_file(device)
-    verdict = _read(path)
-    if verdict is None:
-        verdict = check(device)
-        keep(path, verdict)
-    return device, verdict.failed
-
-
-def check(device: Device) -> Verdict:
-    """Check a device in a process of its own."""
-    root = Path(errors.__file__).parent
-    code = (
-        f"import sys; sys.path.insert(0, {str(root.parent)!r}); "
-        f"from {root.name}.blender.headless.selfcheck import check_here; check_here(sys.argv[-1])"
-    )
-    program = bpy.app.binary_path
-    words = [sys.executable, "-c", code]
-    if program:
-        words = [program, "--background", "--factory-startup", "--python-expr", code, "--"]
-    with tempfile.TemporaryDirectory(prefix="radarsim_") as name:
-        order = Path(name, "check.json")
-        write_json(order, dataclasses.asdict(device))
-        said = ""
-        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
-            done = subprocess.run(
-                [*words, str(order)],
-                timeout=_TIME_LIMIT_S,
-                check=False,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                encoding="utf-8",
-                errors="replace",
-                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
-            )
-            said = f" (exit code {done.returncode}) {done.stderr.strip()[-200:]}"
-        return _read(order) or Verdict({}, (NO_ANSWER + said.rstrip(),))
-
-
-def keep(path: Path, verdict: Verdict) -> None:
-    """Write a verdict; a cache that cannot be written costs another check."""
-    try:
-        make_folder(path.parent.parent)
-        make_folder(path.parent)
-        write_json(path, dataclasses.asdict(verdict))
-    except (OSError, RadarSimError):
-        pass
-
-
-def cache_file(device: Device) -> Path:
-    """Return where the verdict on a device is kept: one for each build of Blender and radarsim."""
-    key = [__version__, bpy.app.version_string, str(bpy.app.build_hash), device.kind, *device.ids]
-    name = hashlib.sha256(json.dumps(key).encode()).hexdigest()[:16]
-    home = Path.home()
-    folder = {"win32": home / "AppData/Local", "darwin": home / "Library/Caches"}.get(
-        sys.platform, home / ".cache"
-    )
-    given = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME")
-    return (Path(given) if given else folder) / "radarsim" / f"device-{name}.json"
-
-
-def _read(path: Path) -> Verdict | None:
-    """A verdict; None where there is none that can be read."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        facts = {str(k): (float(v[0]), float(v[1])) for k, v in data["facts"].items()}
-        return Verdict(facts, tuple(map(str, data["failed"])))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
-        return None
-
-
-#: Surfaces that may lie in line; transparent ones count.
-_TRANSPARENT_BOUNCES = 1024
-_BORDER = ("border_min_x", "border_max_x", "border_min_y", "border_max_y")
-
 
 class MeasurementSettings:
-    """Context manager: a scene that measures, and the user's scene again afterwards.
+    """A scene that measures (`apply`), and the user's scene again afterwards (`restore`).
 
-    Parameters
-    ----------
-    scene : bpy.types.Scene
-    view_layer : bpy.types.ViewLayer
-        The one that is rendered.
-    rig
-        Receiver and transmitter.
-    plan
-        What is measured.
-    any_material
-        Materials of other kinds than Radar Material echo too (a world volume carries the code).
-    view_camera : ViewCamera, optional
-        The camera that renders; None: the receiver does.
-
-    Raises
-    ------
-    SceneError
-        Cycles is not available. Nothing is changed then.
+    `any_material`: other materials than Radar Material echo too (a world volume carries the range
+    encoding). `view_camera` is the `ViewCamera` that renders; None: the receiver does.
     """
 
     def __init__(
@@ -260,20 +98,11 @@ class MeasurementSettings:
         self.interiors = Interiors()
         self.device_kind = "CPU"
 
-    def __enter__(self) -> MeasurementSettings:
-        self.apply()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.restore()
-
     def apply(self) -> None:
-        """Set everything; on failure restore all settings, then raise the error."""
+        """Set everything; on failure restore all settings, then raise the error.
+
+        SceneError: Cycles is not available, and nothing is changed.
+        """
         if not hasattr(self._scene, "cycles"):
             raise SceneError(
                 "Cycles is not enabled in this Blender; the radar is rendered with it. "
@@ -286,7 +115,8 @@ class MeasurementSettings:
             self._recorder.set(self._scene, "camera", self._renders)
             # Materials are settled once: also of what is hidden in the viewport or until later.
             show_what_ever_renders(self._recorder, self._view_layer)
-            assigned = self._assigned()
+            used = assigned_materials(evaluated_depsgraph(self._view_layer))
+            assigned = {m for one in used for m in one.materials if m is not None}
             unfit = self._set_device()
             self._set_render()
             self._set_cycles()
@@ -334,14 +164,15 @@ class MeasurementSettings:
         # Other aspects would stretch the angles between pixels (and 5.0 cannot write them).
         put(render, "pixel_aspect_x", 1.0)
         put(render, "pixel_aspect_y", 1.0)
-        self._recorder.keep(render, "use_border", "use_crop_to_border", *_BORDER)
+        border = ("border_min_x", "border_max_x", "border_min_y", "border_max_y")
+        self._recorder.keep(render, "use_border", "use_crop_to_border", *border)
         render.use_border = render.use_crop_to_border = False
         put(render, "use_motion_blur", False)
         put(render, "use_multiview", False)
         put(render, "use_freestyle", False)
         put(render, "film_transparent", False)
         put(render, "dither_intensity", 0.0)
-        # The frame would be post-processed.
+        # These would post-process the frame.
         put(render, "use_compositing", False)
         put(render, "use_sequencer", False)
         put(render, "use_single_layer", False)
@@ -354,7 +185,7 @@ class MeasurementSettings:
                 put(render, name, False)
 
     def _set_device(self) -> list[Finding]:
-        """The CPU in place of a device whose check failed."""
+        """Use the CPU in place of a device whose check failed."""
         device, failed = failed_facts(self._scene)
         self.device_kind = "CPU" if failed else device.kind
         if not failed:
@@ -363,12 +194,8 @@ class MeasurementSettings:
         return [finding("device-unfit", *failed, device=device.kind)]
 
     def _set_cycles(self) -> None:
-        cycles, put, put_some = (
-            self._scene.cycles,
-            self._recorder.set,
-            self._recorder.set_if_present,
-        )
-        measurement = self._plan.measurement
+        put, put_some = self._recorder.set, self._recorder.set_if_present
+        cycles, measurement = self._scene.cycles, self._plan.measurement
         put(cycles, "samples", measurement.samples)
         put(cycles, "seed", measurement.seed)
         put(cycles, "use_animated_seed", False)  # both snapshots must sample the same paths
@@ -395,7 +222,7 @@ class MeasurementSettings:
         for name in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
             put(cycles, name, measurement.max_reflections - 1)
         put(cycles, "volume_bounces", 0)
-        put(cycles, "transparent_max_bounces", _TRANSPARENT_BOUNCES)
+        put(cycles, "transparent_max_bounces", 1024)  # surfaces in line; transparent ones count
         put(cycles, "use_light_tree", False)
         put(cycles, "film_exposure", 1.0)
         put(cycles, "film_transparent_glass", False)
@@ -481,13 +308,8 @@ class MeasurementSettings:
             [finding("camera-markers", *others, receiver=self._rig.camera.name)] if others else []
         )
 
-    def _assigned(self) -> set[Any]:
-        """Materials of the rendered objects."""
-        assigned = assigned_materials(evaluated_depsgraph(self._view_layer))
-        return {m for one in assigned for m in one.materials if m is not None}
-
     def _set_materials(self, assigned: set[Any]) -> list[Finding]:
-        """Physical materials at the run's carrier, and the layers that waves go through.
+        """Set physical materials to the run's carrier, and the layers that waves go through.
 
         `assigned` are those of the rendered objects.
         """
@@ -557,3 +379,144 @@ class MeasurementSettings:
         put(self._scene, attributes.ATTR_FACET_FRESNEL, 1.0 if EXACT_FACETS else 0.0)
         put(self._scene, attributes.ATTR_RING_MIN, 0.0)
         put(self._scene, attributes.ATTR_RING_MAX, 0.0)
+
+
+# -------------------------------------------------------------------------------------------------
+# The device that Cycles renders on, and whether a check of it has passed.
+# -------------------------------------------------------------------------------------------------
+
+
+#: Kinds of devices that Cycles has, as its preferences name them.
+KINDS = ("CPU", "CUDA", "OPTIX", "HIP", "ONEAPI", "METAL")
+#: Longest check [s]. Kernels that Blender has to compile first take most of it.
+_TIME_LIMIT_S = 300.0
+NO_ANSWER = "the check ends"
+
+
+@dataclass(frozen=True)
+class Device:
+    """A kind of device and its devices, by Cycles' own identifiers."""
+
+    kind: str = "CPU"
+    ids: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Outcome of a check: largest deviation and bound of each fact, and those that failed."""
+
+    facts: dict[str, tuple[float, float]]
+    failed: tuple[str, ...]
+
+
+def chosen_device(scene: Any) -> Device:
+    """Return what a scene and the user's preferences choose; the CPU if they choose none."""
+    addon = bpy.context.preferences.addons.get("cycles")
+    if scene.cycles.device != "GPU" or addon is None:
+        return Device()
+    kind = addon.preferences.compute_device_type
+    used = [item for item in addon.preferences.devices if item.use]
+    if not any(item.type == kind for item in used):
+        return Device()  # Cycles takes the CPU, too
+    return Device(kind, tuple(sorted(item.id for item in used)))
+
+
+def choose_device(scene: Any, device: Device) -> None:
+    """Set scene and preferences (in memory) to a device; no ids: to all devices of its kind.
+
+    RadarSimError if Blender does not find it.
+    """
+    scene.cycles.device = "CPU" if device.kind == "CPU" else "GPU"
+    if device.kind == "CPU":
+        return
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    try:
+        preferences.compute_device_type = device.kind
+    except TypeError:
+        raise RadarSimError(
+            f"This Blender has no devices of kind {device.kind}. Choose another one, or CPU."
+        ) from None
+    preferences.refresh_devices()
+    for item in preferences.devices:
+        item.use = item.id in device.ids if device.ids else item.type == device.kind
+    if chosen_device(scene).kind != device.kind:
+        raise RadarSimError(
+            f"Blender finds no device of kind {device.kind} on this machine. Install its driver, "
+            "or choose CPU."
+        )
+
+
+def failed_facts(scene: Any) -> tuple[Device, tuple[str, ...]]:
+    """Return the device that is chosen and the facts that do not hold on it; checked once."""
+    device = chosen_device(scene)
+    if device.kind == "CPU":
+        return device, ()
+    path = cache_file(device)
+    verdict = _read(path)
+    if verdict is None:
+        verdict = check(device)
+        keep(path, verdict)
+    return device, verdict.failed
+
+
+def check(device: Device) -> Verdict:
+    """Check a device in a process of its own."""
+    root = Path(errors.__file__).parent
+    code = (
+        f"import sys; sys.path.insert(0, {str(root.parent)!r}); "
+        f"from {root.name}.blender.headless.selfcheck import check_here; check_here(sys.argv[-1])"
+    )
+    program = bpy.app.binary_path
+    words = [sys.executable, "-c", code]
+    if program:
+        words = [program, "--background", "--factory-startup", "--python-expr", code, "--"]
+    with tempfile.TemporaryDirectory(prefix="radarsim_") as name:
+        order = Path(name, "check.json")
+        write_json(order, dataclasses.asdict(device))
+        said = ""
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+            done = subprocess.run(
+                [*words, str(order)],
+                timeout=_TIME_LIMIT_S,
+                check=False,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                encoding="utf-8",
+                errors="replace",
+                creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+            )
+            said = f" (exit code {done.returncode}) {done.stderr.strip()[-200:]}"
+        return _read(order) or Verdict({}, (NO_ANSWER + said.rstrip(),))
+
+
+def keep(path: Path, verdict: Verdict) -> None:
+    """Write a verdict; a cache that cannot be written costs another check."""
+    try:
+        make_folder(path.parent.parent)
+        make_folder(path.parent)
+        write_json(path, dataclasses.asdict(verdict))
+    except (OSError, RadarSimError):
+        pass
+
+
+def cache_file(device: Device) -> Path:
+    """Return the file of the verdict on a device: one for each build of Blender and radarsim."""
+    key = [__version__, bpy.app.version_string, str(bpy.app.build_hash), device.kind, *device.ids]
+    name = hashlib.sha256(json.dumps(key).encode()).hexdigest()[:16]
+    home = Path.home()
+    folder = {"win32": home / "AppData/Local", "darwin": home / "Library/Caches"}.get(
+        sys.platform, home / ".cache"
+    )
+    given = os.environ.get("LOCALAPPDATA" if sys.platform == "win32" else "XDG_CACHE_HOME")
+    return (Path(given) if given else folder) / "radarsim" / f"device-{name}.json"
+
+
+def _read(path: Path) -> Verdict | None:
+    """Read a verdict; None if there is none that can be read."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        facts = {str(k): (float(v[0]), float(v[1])) for k, v in data["facts"].items()}
+        return Verdict(facts, tuple(map(str, data["failed"])))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError):
+        return None

@@ -1,8 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run's folder that several processes may write at the same time. Does not import bpy.
 
-The first process is the coordinator: it tidies the folder up and writes ``run.json``. Others join
-it if they measure the same. Frames are claimed by leases, one at a time; nothing else is locked.
+`SharedFolder` is the run's side: the first process is the coordinator, which tidies the folder up
+(`open_folder`) and writes ``run.json``. Others join it if they measure the same. Frames are claimed
+by leases, one at a time; nothing else is locked.
+
+A lease is a file that exactly one process can create (`Leases.claim`). Its owner renews it every 10
+s; one that was not renewed for 60 s, by the clock of the file server, is stale. It may be followed
+by a lease of the next generation, which makes it void. So processes on several machines share a
+folder without a lock, and what a killed process left behind is taken over. On the owner's own
+machine, a lease whose process is gone is stale at once.
 """
 
 from __future__ import annotations
@@ -36,7 +43,7 @@ from ...typed_json import file_sha256, read_record, write_record
 from ..plan import Task
 
 # -------------------------------------------------------------------------------------------------
-# The run's folder: made, checked, compared with what an earlier run left, tidied up. No bpy.
+# The run's folder: made, checked, compared with an earlier run, tidied up.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -54,7 +61,7 @@ def prepare_folder(folder: Path) -> None:
 
 
 def check_there(folder: Path, frame: int | None = None) -> None:
-    """See that the folder of a run that is going on, and that of a frame, are still there.
+    """Check that the folder of a run, and that of a frame, are still there.
 
     A new folder would contain a run without its plan.
     """
@@ -79,7 +86,7 @@ def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
 
 
 def earlier_run(folder: Path) -> contract.RunRecord | None:
-    """The run whose files are in the folder; None for a folder without frames.
+    """Return the run whose files are in the folder; None for a folder without frames.
 
     OutputError: there are frames, but no readable ``run.json`` that says of which run.
     """
@@ -98,8 +105,8 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
 def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> None:
     """Prepare the folder for a run: keep frames of this run, remove or refuse those of another.
 
-    Frames of an earlier run are removed with `overwrite`, and without it where `record` is of a
-    scene in memory and the earlier run is of the same file and scene.
+    Frames of an earlier run are removed with `overwrite`, and without it if `record` is of a scene
+    in memory and the earlier run is of the same file and scene.
     """
     earlier = None
     try:
@@ -112,13 +119,15 @@ def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> No
         if not overwrite:
             _check_replaceable(folder, earlier, record)
         clear_run(folder)
-    clear_partial(folder)
+    remove_temporaries(folder)  # which a killed run has left half written
+    for frame_folder in (folder / contract.FRAMES_DIR).glob("frame_*"):
+        _clear_partial(frame_folder, remove_temporaries)
 
 
 def _check_replaceable(
     folder: Path, earlier: contract.RunRecord, record: contract.RunRecord
 ) -> None:
-    """See that a run may replace an earlier one without being told to; OutputError if not."""
+    """Check that a run may replace an earlier one without being told to; OutputError if not."""
     remedy = "Choose another folder, or overwrite (Radar > Measure, overwrite=True, --overwrite)."
     if (earlier.blend_file, earlier.scene) != (record.blend_file, record.scene):
         raise OutputError(
@@ -134,43 +143,20 @@ def _check_replaceable(
 
 
 def scene_text(record: contract.RunRecord) -> str:
-    """Return the file and the scene of a run for messages.
-
-    Parameters
-    ----------
-    record
-        Plan of the run.
-
-    Returns
-    -------
-    str
-    """
+    """Return the file and the scene of a run for messages."""
     file = f"{record.blend_file!r}" if record.blend_file else "a file that was never saved"
     return f"{file}, scene {record.scene!r}" if record.scene else file
 
 
 def clear_run(folder: Path) -> None:
     """Remove the files of an earlier run and its products; nothing that is not ours."""
-    # The plan goes last: a clearing that is interrupted leaves frames of the earlier run, which
-    # nobody mistakes for frames of the next one.
+    # The plan goes last: a clearing that is interrupted leaves frames that still belong to it.
     products = folder / contract.PRODUCTS_DIR
     # A frame's summary goes first: products without it are not taken for whole ones.
     patterns = "frame_*_summary.json", "frame_[0-9]*_*", "range_doppler.*", "antennas.png"
     made = [path for pattern in patterns for path in products.glob(pattern)]
     for path in dict.fromkeys([*made, *_own_files(folder), folder / contract.RUN_FILE]):
         remove_file(path)
-
-
-def clear_partial(folder: Path) -> None:
-    """Remove what a killed run left half written."""
-    remove_temporaries(folder)
-    for place in (folder / contract.FRAMES_DIR).glob("frame_*"):
-        _clear_partial(place, remove_temporaries)
-
-
-def clear_partial_frame(folder: Path, frame: int) -> None:
-    """Remove what processes that were killed on this machine left half written in a frame."""
-    _clear_partial(folder / contract.frame_dir(frame), remove_abandoned)
 
 
 def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
@@ -180,7 +166,9 @@ def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
 
 
 def is_done(folder: Path, task: Task, fingerprint: str) -> bool:
-    """Whether a render of a run is there: sidecar of it, EXR as the sidecar says, byte for byte."""
+    """Whether a render of a run is there: its sidecar, and the EXR that this names, byte for
+    byte.
+    """
     try:
         record = read_record(folder / task.sidecar_path, contract.RenderRecord)
         exr = folder / task.exr_path
@@ -211,21 +199,15 @@ def _own_files(folder: Path) -> list[Path]:
 
 
 # -------------------------------------------------------------------------------------------------
-# Leases: which process works on which part of a run's folder. Does not import bpy.
-#
-# A lease is a file that exactly one process can create. Its owner renews it every 10 s; one that
-# was not renewed for 60 s, by the clock of the file server, is stale. It may be followed by a lease
-# of the next generation, which makes it void. So processes on several machines share a folder
-# without a lock, and what a killed process left behind is taken over. On the owner's own machine, a
-# lease whose process is gone is stale at once.
+# Leases: which process works on which part of a run's folder.
 # -------------------------------------------------------------------------------------------------
 
 
+#: Time between two renewals of a lease, and the age from which it is stale [s].
 BEAT_S, STALE_S = 10.0, 60.0
-"""Time between two renewals of a lease, and the age from which it is stale [s]."""
 
 _SUFFIX = ".lease"
-#: Leases are some hundred bytes; what is larger is none.
+#: Leases are some hundred bytes; a larger file is none.
 _MAX_BYTES = 4096
 #: Tries to create a lease, while others try, too; and the time between them [s].
 _TRIES, _PAUSE_S = 40, 0.02
@@ -242,16 +224,16 @@ class _Seen:
 
 
 class Lease:
-    """A lease that this process owns; see :meth:`Leases.claim`."""
+    """A lease that this process owns; see `Leases.claim`."""
 
     def __init__(self, leases: Leases, name: str, path: Path, content: bytes) -> None:
         self.name = name
         self._leases, self._path, self._content = leases, path, content
 
     def renew(self) -> bool:
-        """Renew the lease; False where another process has taken over."""
+        """Renew the lease; False if another process has taken over."""
         try:
-            # Of one open file: where another replaces it meanwhile, this one is nobody's.
+            # One open file: if another process replaces it meanwhile, nobody uses this one.
             with open(self._path, "rb+") as stream:
                 if stream.read(_MAX_BYTES) != self._content:
                     return False
@@ -290,7 +272,7 @@ class Leases:
         self._thread: threading.Thread | None = None
 
     def claim(self, name: str) -> Lease | None:
-        """Take the lease of a name, such as "frame_0001"; None where another process holds it.
+        """Take the lease of a name, such as "frame_0001"; None if another process holds it.
 
         It is renewed until it is released.
         """
@@ -312,7 +294,7 @@ class Leases:
                 stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
-            # What was stale must still be there: else its successor has come and gone meanwhile,
+            # The stale lease must still be there: else its successor has come and gone meanwhile,
             # and the generations have begun again.
             if self.newest(name) != path or not _still_there(seen):
                 path.unlink(missing_ok=True)
@@ -327,7 +309,7 @@ class Leases:
         return None
 
     def holder(self, name: str) -> str | None:
-        """Return who holds a lease, such as "process 12 on tower"; None where nobody does."""
+        """Return who holds a lease, such as "process 12 on tower"; None if nobody does."""
         seen = self._seen(name)
         if seen is None or self._is_stale(seen):
             return None
@@ -346,15 +328,13 @@ class Leases:
         return files[-1][1] if files else None
 
     def forget(self, lease: Lease) -> None:
-        """Renew a lease no more."""
+        """Stop renewing a lease."""
         with self._lock:
             if lease in self._held:
                 self._held.remove(lease)
             if not self._held:
                 self._stopped.set()
                 self._thread = None
-
-    # -- renewal -----------------------------------------------------------------------------------
 
     def _keep(self, lease: Lease) -> None:
         with self._lock:
@@ -373,8 +353,6 @@ class Leases:
             for lease in held:
                 with contextlib.suppress(OutputError):  # the owner finds out before it publishes
                     lease.renew()
-
-    # -- files -------------------------------------------------------------------------------------
 
     def _files(self, name: str) -> list[tuple[int, Path]]:
         """Generations of a lease, the oldest first."""
@@ -395,8 +373,8 @@ class Leases:
     def _is_stale(self, seen: _Seen) -> bool:
         """Whether a lease's process is gone, or has not renewed it for too long."""
         age_s = self._server_time_s() - seen.renewed_s
-        # One that is dated in the future was left when a clock was wrong: its owner would have
-        # renewed it. One without content has just been created, or its owner was killed then.
+        # A lease from the future was left when a clock was wrong: its owner would have renewed
+        # it. One without content has just been created, or its owner was killed then.
         return is_gone(_owner(seen)) or abs(age_s) > self._stale_s
 
     def _server_time_s(self) -> float:
@@ -416,7 +394,7 @@ class Leases:
 
 
 def _read(path: Path) -> tuple[bytes, float] | None:
-    """Content of a lease and the time of its renewal; None where there is none."""
+    """Content of a lease and the time of its renewal; None if there is none."""
     try:
         with open(path, "rb") as stream:  # a network file system looks again only when it opens
             return stream.read(_MAX_BYTES), os.fstat(stream.fileno()).st_mtime
@@ -467,7 +445,7 @@ class SharedFolder:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        # Beside run.json, where a look for them costs the same however many frames there are.
+        # Next to run.json, where finding them costs the same for any number of frames.
         self._leases = Leases(folder)
         self._lease: Lease | None = None
         self._plan: dict[str, Any] = {}
@@ -495,7 +473,7 @@ class SharedFolder:
                         left.unlink()
 
     def join(self, record: contract.RunRecord) -> None:
-        """Take the plan that is there for this process's, if it is; else OutputError.
+        """Check that the plan that is there is this process's; else OutputError.
 
         Nothing is written and nothing tidied up: thousands may join at the same time.
         """
@@ -515,8 +493,8 @@ class SharedFolder:
     def claimed(self, frames: Sequence[int]) -> Generator[int, None, list[int]]:
         """Claim frames, one after another; each is given back when the next one is asked for.
 
-        Another process may have measured one since: look. Frames of other processes come last,
-        since some may fail. Returned are frames that are left to others.
+        Another process may have measured one since. Frames of other processes come last, since some
+        may fail. Returns the frames that are left to others.
         """
         waiting, some = list(frames), False
         while waiting:
@@ -527,7 +505,8 @@ class SharedFolder:
                     left.append(frame)
                     continue
                 with self._lease:
-                    clear_partial_frame(self._folder, frame)
+                    # Files of processes on this machine that are gone.
+                    _clear_partial(self._folder / contract.frame_dir(frame), remove_abandoned)
                     yield frame
                 self._lease = None
             if len(left) == len(waiting):
@@ -542,19 +521,17 @@ class SharedFolder:
         return waiting
 
     def keeps_frame(self) -> bool:
-        """Renew the lease of the frame; False where another process has taken the frame over."""
+        """Renew the lease of the frame; False if another process has taken the frame over."""
         return self._lease is not None and self._lease.renew()
 
     def close(self) -> None:
-        """Give back what is claimed. May be called again."""
+        """Give back the claimed frame. May be called again."""
         if self._lease is not None:
             self._lease.release()
             self._lease = None
 
-    # -- details -----------------------------------------------------------------------------------
-
     def _claim(self, frame: int) -> Lease | None:
-        """Claim a frame while nobody opens the folder, and see that the plan is still ours."""
+        """Claim a frame while nobody opens the folder, and check that the plan is still ours."""
         deadline_s = time.monotonic() + 2 * STALE_S
         while time.monotonic() < deadline_s:
             check_there(self._folder)
@@ -600,7 +577,6 @@ class SharedFolder:
         return False
 
     def _is_ours(self, record: contract.RunRecord) -> bool:
-        """Whether a plan is that of our run."""
         return record.fingerprint == self._fingerprint and shared_plan(record) == self._plan
 
     def _refuse_another_run(self, others: str) -> None:
