@@ -27,6 +27,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import starmap
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -118,7 +119,7 @@ def foreign_objects(depsgraph: Any, is_known: Callable[[Any], bool]) -> Iterator
     Faces decide, not slots: an object that only holds instances has none, and Set Material of
     Geometry Nodes leaves an empty slot that no face uses.
     """
-    snapshot = take_snapshot(depsgraph)
+    snapshot, is_known = take_snapshot(depsgraph), cache(is_known)
     for shape in snapshot.shapes:
         original, slots = shape.original, shape.materials or (None,)
         if original.type not in SURFACE_TYPES or original.hide_render or all(map(is_known, slots)):

@@ -507,16 +507,15 @@ def _reads_settings(tree: Any) -> bool:
     )
 
 
+#: Nodes whose output changes from frame to frame.
+_NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
+
+
 def holds_foreign_materials(depsgraph: Any) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
     if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
         return True
-    # A mesh with the same modifiers in viewport and renders has been judged as evaluated.
-    evaluated = {
-        one.item
-        for one in assigned_materials(depsgraph)
-        if all(each.show_viewport == each.show_render for each in one.item.modifiers)
-    }
+    evaluated = {one.item for one in assigned_materials(depsgraph) if _same_faces_always(one.item)}
     shown = [
         one
         for one in bpy.data.objects
@@ -527,6 +526,28 @@ def holds_foreign_materials(depsgraph: Any) -> bool:
     ]
     slots = [tuple(slot.material for slot in item.material_slots) or (None,) for item in shown]
     return not all(is_radar_material(material) for of_one in slots for material in of_one)
+
+
+def _same_faces_always(item: Any) -> bool:
+    """Whether the faces of this moment decide: no modifier makes others in renders or later."""
+    if not item.modifiers:
+        return True
+    still = not item.animation_data and not getattr(item.data, "animation_data", None)
+    return still and all(
+        one.show_viewport == one.show_render
+        and one.type == "NODES"
+        and not (one.node_group and _depends_on_time(one.node_group))
+        for one in item.modifiers
+    )
+
+
+def _depends_on_time(tree: Any) -> bool:
+    """Whether a group of Geometry Nodes, or one in it, is animated or reads the time."""
+    return bool(tree.animation_data) or any(
+        node.bl_idname in _NODES_OF_TIME
+        or (node.type == "GROUP" and node.node_tree and _depends_on_time(node.node_tree))
+        for node in tree.nodes
+    )
 
 
 def holds_rough_facets(depsgraph: Any) -> bool:
