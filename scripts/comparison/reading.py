@@ -146,7 +146,10 @@ def _read_hdf5(path: Path) -> Iterator[tuple[str, Values]]:
 
     def visit(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset):
-            found.append((name, np.asarray(item[()])))
+            # Texts come as Python objects, which no record can hold.
+            text = h5py.check_string_dtype(item.dtype) is not None
+            values = np.asarray(item.asstr()[()]).astype(str) if text else np.asarray(item[()])
+            found.append((name, values))
         for label, value in item.attrs.items():
             found.extend(_hdf5_attribute(f"{name}@{label}", value))
 

@@ -247,6 +247,17 @@ def test_a_record_comes_back_as_it_was(tmp_path: Path) -> None:
     assert back.results["case"][Place("t", "k")] == "text"
 
 
+def test_texts_of_hdf5_files_can_be_recorded(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "targets.h5", "w") as file:
+        file.create_dataset("name", data=["Van", "Still"], dtype=h5py.string_dtype())
+    found = dict(reading._read_hdf5(tmp_path / "targets.h5"))
+    results = {"case": {Place("targets.h5", "name"): found["name"]}}
+    record.write_record(tmp_path / "r.npz", record.Record({}, results))
+    back = record.read_record(tmp_path / "r.npz").results["case"]
+    assert back[Place("targets.h5", "name")].tolist() == ["Van", "Still"]
+
+
 def test_bad_arguments_end_with_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(tmp_path)
     assert compare_results.main([folder, folder]) == 2

@@ -282,14 +282,14 @@ class QualitySums:
             )
             # a fraction within its own standard error is no news
             found.append(told(lost, left - stderr))
-        for code, watts in (
-            ("transparency-truncated", self.truncated_transparency_w),
-            ("mirror-way-through", self.through_mirrored_w),
-            ("reverse-outside-view", self.one_way_w),
-            ("mixed-paths", self.mixed_w),
-        ):
-            if (fraction := self.share(watts)) > _WARN_SHARE:
-                found.append(told(finding(code, fraction=fraction), fraction))
+        if (fraction := self.share(self.truncated_transparency_w)) > _WARN_SHARE:
+            found.append(told(finding("transparency-truncated", fraction=fraction), fraction))
+        if (fraction := self.share(self.through_mirrored_w)) > _WARN_SHARE:
+            found.append(told(finding("mirror-way-through", fraction=fraction), fraction))
+        if (fraction := self.share(self.one_way_w)) > _WARN_SHARE:
+            found.append(told(finding("reverse-outside-view", fraction=fraction), fraction))
+        if (fraction := self.share(self.mixed_w)) > _WARN_SHARE:
+            found.append(told(finding("mixed-paths", fraction=fraction), fraction))
         unranged = self.share(self.unranged_w)
         if unranged > _WARN_SHARE:
             found.append(finding("unranged-power", fraction=unranged))

@@ -35,10 +35,11 @@ def test_each_mesh_is_read_once_and_never_evaluated_again(
     bpy.context.view_layer.update()
     read: list[int] = []
     evaluated_again: list[str] = []
+    read_triangles = snapshot.read_triangles
 
     def count(mesh: Any) -> Any:
         read.append(len(mesh.vertices))
-        return snapshot.read_triangles(mesh)
+        return read_triangles(mesh)
 
     def note(_scene: Any, depsgraph: Any) -> None:
         changed = (one.id.name for one in depsgraph.updates if one.is_updated_geometry)
