@@ -96,7 +96,7 @@ def rough_conductors(bench: Bench) -> list[Check]:
     checks, brightest = [], []
     table: dict[tuple[float, float], float] = {}
     alphas = (0.1, 0.3, 0.6, 1.0)
-    # Up to 4.5 the lobe takes Fresnel's equations in a form for large indices: docs/development.md.
+    # Up to 4.5 the lobe takes Fresnel's equations in a form for large indices: docs/internals.md.
     new = bpy.app.version >= (5, 0, 0)
     for alpha in alphas:
         for index in (1e4 + 1e4j, 2.3 + 0.05j):
