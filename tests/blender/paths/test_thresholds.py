@@ -87,8 +87,11 @@ def is_rounded(wavelengths: float) -> bool:
 
 
 def box(pixels: float) -> ViewBoxes:
-    edges = (np.array([edge]) for edge in (10.0, 10.0 + pixels, 10.0, 90.0))
-    return ViewBoxes(np.ones(1, int), *edges, np.ones(1), np.zeros((1, 3)), np.ones(1), np.ones(1))
+    one = np.ones(1)
+    right, top = (10 + pixels) * one, 90 * one
+    return ViewBoxes(
+        one.astype(int), 10 * one, right, 10 * one, top, one, np.zeros((1, 3)), one, one
+    )
 
 
 def is_large(pixels: float) -> bool:
