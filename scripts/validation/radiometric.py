@@ -143,7 +143,7 @@ GROUP = Group(
     "A square metre of a Lambert surface (Diffuse BSDF, albedo 0.6) in watts: scene, renders, "
     "table of paths, sum of powers. A street seen in all directions, poles included.",
     (
-        Case("plate square on", lambda bench: ranges(bench, 0.0), 20.0, quick=True),
+        Case("plate at normal incidence", lambda bench: ranges(bench, 0.0), 20.0, quick=True),
         Case("plate at 60 degrees", lambda bench: ranges(bench, 60.0), 20.0),
         Case("two sites", bistatic, 20.0),
         Case("street in all directions", street, 20.0),

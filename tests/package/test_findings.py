@@ -293,7 +293,7 @@ def test_a_verb_has_the_number_of_its_names() -> None:
 
 @pytest.mark.parametrize("code", [c for c, kind in CATALOGUE.items() if "{subjects}" in kind.text])
 def test_texts_with_names_fit_one_name(code: str) -> None:
-    """A sentence that begins with names goes on with a verb for one name and one for several."""
+    """A sentence that begins with names has the verb of one name, or that of several."""
     kind = CATALOGUE[code]
     assert re.findall(r"(?:^|[.:] )\{subjects\} (?!\{they:)", kind.text) == []
     for text in (kind.text, kind.cause, kind.remedy):

@@ -32,7 +32,7 @@ BUDGET = LinkBudget(1.0, AntennaRecord("isotropic", {}), AntennaRecord("cosine",
 
 
 def opened(folder: Path, later: Callable[[PathsRecord], PathsRecord], **changes: object) -> tuple:
-    """The unequal echoes at rest, rendered at both ends of the burst, and the options."""
+    """The unequal echoes, stationary, rendered at both ends of the burst, and the options."""
     run = open_run(u.write_run(folder / "run", moving=False))
     options = dataclasses.replace(
         ProcessOptions(radar=u.FMCW, speckle_seed=None, range_taper="none"), **changes
