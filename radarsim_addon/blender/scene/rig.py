@@ -27,7 +27,8 @@ from .finite_checks import check_pose
 #: Scene property: the radar that measures.
 ACTIVE_RADAR_PROPERTY = "radarsim_rig"
 EMITTER_NAME = "Radar Emitter"
-#: Largest deviation of an antenna's axes from length 1. float32 matrices are within 1e-6.
+#: Largest deviation of the products of an antenna's axes from 0 and 1: half of it is a deviation
+#: of a length. float32 matrices are within 1e-6.
 _SCALE_TOLERANCE = 1e-4
 
 
