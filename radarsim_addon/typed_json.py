@@ -15,7 +15,6 @@ import functools
 import hashlib
 import json
 import math
-import stat
 import typing
 from collections.abc import Callable
 from dataclasses import MISSING
@@ -23,47 +22,11 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 from . import contract
-from .atomic_files import record_fields, write_json
+from .atomic_files import TextTooLongError, read_text, record_fields, write_json
 from .errors import ConfigError, FrameFileError, SchemaError
 from .findings import Finding
 from .findings import from_json as finding_from_json
 from .options import MAX_LENGTH_M, Declared, Setting, declared, value_type
-
-# -- text ------------------------------------------------------------------------------------------
-
-
-class TextTooLongError(ValueError):
-    """A file is longer than the part that is read."""
-
-
-def read_text(path: Path, most_bytes: int) -> str:
-    """Text of a file of at most `most_bytes`, UTF-8 with or without byte-order mark.
-
-    What is read is counted, not what the file system says: a device or a pipe has no size.
-    """
-    with open(path, "rb") as stream:
-        data = stream.read(most_bytes + 1)
-    if len(data) > most_bytes:
-        raise TextTooLongError(f"it holds more than {most_bytes} bytes")
-    return data.decode("utf-8-sig")
-
-
-def refusal_to_open(path: Path) -> str:
-    """Say why a file that a user names cannot be read: "does not exist"; "" where it can.
-
-    `Path.is_file` raises for names that are too long and in folders that are closed to this user.
-    """
-    try:
-        mode = path.stat().st_mode
-        if not stat.S_ISREG(mode):
-            return "is a folder" if stat.S_ISDIR(mode) else "is no ordinary file"
-        with open(path, "rb"):
-            return ""
-    except FileNotFoundError:
-        return "does not exist"
-    except OSError as error:
-        return f"cannot be read: {error.strerror or error}"
-
 
 # -- any dataclass ---------------------------------------------------------------------------------
 

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Real
+from ..atomic_files import TextTooLongError, read_text
 from ..errors import ConfigError
-from ..typed_json import TextTooLongError, read_text
 
 #: Relative slack at the ends of a closed interval: numbers arrive through float32 properties.
 EDGE_SLACK = 1e-6

@@ -11,11 +11,12 @@ from pathlib import Path
 import pytest
 
 from radarsim_addon import contract
+from radarsim_addon.atomic_files import TextTooLongError, read_text, refusal_to_open
 from radarsim_addon.errors import RadarSimError
 from radarsim_addon.physics.checks import read_csv
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.radar import load_radar, read_system
-from radarsim_addon.typed_json import TextTooLongError, read_record, read_text, refusal_to_open
+from radarsim_addon.typed_json import read_record
 
 ENDLESS = Path("/dev/zero")
 

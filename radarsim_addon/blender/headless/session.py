@@ -16,11 +16,11 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
+from ...atomic_files import refusal_to_open
 from ...contract import RUN_FILE
 from ...errors import ConfigError, RadarSimError, SceneError
 from ...findings import finding
 from ...processes import keep_freed_memory, own_folder, remove_abandoned_folders
-from ...typed_json import refusal_to_open
 from ..materials import set_mirrors
 from ..paths import PathJob
 from ..plan import given_settings

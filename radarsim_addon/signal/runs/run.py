@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...arrays import Single
+from ...atomic_files import refusal_to_open
 from ...contract import (
     CHANNELS,
     GROUND_TRUTH_FILE,
@@ -35,7 +36,7 @@ from ...contract import (
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
 from ...findings import Finding, frames_text
-from ...typed_json import check_run, file_sha256, from_json, read_record, refusal_to_open
+from ...typed_json import check_run, file_sha256, from_json, read_record
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
 
