@@ -55,10 +55,11 @@ PATHS = {
     "clutter-beyond-angles": Kind(
         "caution",
         "The clutter model {model} of {subjects} holds for grazing angles of {low_deg:.3g} to "
-        "{high_deg:.3g} degrees. {fraction:percent} of the rays meet the surface outside it; all "
-        "meet it at {least_deg:.3g} to {most_deg:.3g} degrees.",
-        "There sigma0 is extrapolated (a table holds its nearest row), with an unknown error.",
-        "Take ranges with such angles out of the result, or use a table that holds them.",
+        "{high_deg:.3g} degrees. {fraction:percent} of the rays have a grazing angle outside this "
+        "range; the angles of all rays are {least_deg:.3g} to {most_deg:.3g} degrees.",
+        "Outside this range sigma0 is extrapolated (a table gives its nearest row), with an "
+        "unknown error.",
+        "Exclude ranges with such angles from the result, or use a table that covers them.",
     ),
     "clutter-on-flat-earth": Kind(
         "caution",
@@ -185,7 +186,7 @@ MIRRORS = {
         "of images is {most}.",
         "Paths to the transmitter via {count:this mirror|these mirrors} are missing. radarsim "
         "makes the images for the mirrors that fill the largest solid angle at the transmitter.",
-        "Raise Mirror images, or give surfaces that are no mirrors a roughness above 0.",
+        "Raise Mirror images. If one of these surfaces is no mirror, give it a roughness above 0.",
     ),
     "mirror-pairs-left-out": Kind(
         "caution",

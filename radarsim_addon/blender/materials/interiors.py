@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Interiors of objects for a run: where waves enter and come out again, and where they do not.
 
-`settle_interiors` makes materials opaque whose interior is not connected. `overlapping_shells` and
-`found_inside` name what lies inside walls: other parts of a mesh, other objects, antennas.
+A material whose Volume socket is not connected is made opaque (`settle_interiors`).
+`overlapping_shells` and `found_inside` name what lies inside walls: other parts of a mesh, other
+objects, antennas.
 
 `settle_interiors_far_away` is about rounding. Cycles takes a depth inside an object as the
-difference of two float32 distances from the start of the ray. Where this matters, plane-parallel
-walls absorb and delay at their faces, which know the thickness (see
-`nodes.physical_material.wall_at_face`). Others are named with the error.
+difference of two float32 distances from the start of the ray. Where this rounding matters, the
+absorption and delay of plane-parallel walls are computed at their faces from the wall's thickness
+(see `nodes.physical_material.wall_at_face`). For all other objects, a finding gives the name and
+the error.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One radar frame of the sampling mode "paths": its tiles measured, refined, joined into a table.
+"""One radar frame of the sampling mode "paths": measure its tiles, refine them, write the table.
 
 `FrameWork.measure` first divides the field of view into tiles of equal pixels, and lays finer ones
 over small objects in sight and over glints. It measures every tile replicate by replicate (with
-sub-pixel offsets): renders give rows, and `RowFinisher` adds what Cycles does not tell: bodies,
-vertices in float64, powers of lobes that Cycles does not have. With mirrors, each replicate is
-rendered again with the transmitter in the place of each of its images (`MirrorViews`). Then the
-tiles that most of the error comes from are halved until the error target, the time limit or the
-finest pixels are reached. `FrameWork.write` writes the table with the motion of its rows, and the
+sub-pixel offsets). Each render gives rows of the path table. `RowFinisher` adds what Cycles does
+not provide: the body on which each vertex lies, the vertices in float64, powers of lobes that
+Cycles does not have. With mirrors, each replicate is rendered once more for each image of the
+transmitter, with the transmitter at that image (`MirrorViews`). Then the tiles with the largest share of the
+error are halved, until the error target, the time limit or the finest pixels are reached. `FrameWork.write` writes the table with the motion of its rows, and the
 sidecar with what a user should know of the frame.
 """
 

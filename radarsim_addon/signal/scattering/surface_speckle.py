@@ -11,15 +11,16 @@ a path has
 
 of zero mean, m = exp(-(kappa h_rms)^2 / 2). Its phase is that of a path via the cell's scatterer,
 of length l_c instead of l. All paths of one cell use this scatterer; P_cell is the sum of their
-powers P. g = sqrt(P / P_cell) keeps it, so the mean power is the sum of the powers however fine the
-pixels are. Where the height is unknown m = 0: fully developed speckle.
+powers P. With g = sqrt(P / P_cell), the mean power of a cell is P_cell, however fine the pixels
+are. Where the height is unknown m = 0: fully developed speckle.
 
 The scatterer moves with its body, and all paths of its cell move with it: on a body that turns they
-would otherwise lose their common phase. There it lies within the box of the body's mesh: beyond the
-end of a rotor blade it would be faster than all of the blade. On a stationary body all paths of a
-cell have one delay, that of the power-weighted mean of their lengths: with delays of their own, a
-receiver that resolves them in part would lose power. A cell that is deeper than the range
-resolution is split into parts of that depth, each with its own scatterer.
+would otherwise lose their common phase. On a body that turns, the scatterer is kept inside the box
+of the mesh: beyond the tip of a rotor blade it would move faster than any point of the blade. On a
+stationary body all paths of a cell have one delay, that of the power-weighted mean of their
+lengths. If each path kept its own delay, a receiver that resolves these delays in part would lose
+power. A cell that is deeper than the range resolution is split into parts of that depth, each with
+its own scatterer.
 
 A surface of small height also has a coherent part, m^2 = exp(-(2 k h_rms cos)^2) of the power
 (Ament 1953). It is left out: as a sum over pixel centres its level grows with the number of pixels
@@ -28,8 +29,9 @@ in a Fresnel zone, by 6 dB for each doubling of the resolution.
 Cells as large as the pixels' footprints make speckle the same from view to view; finer cells would
 be hit or missed by chance.
 
-Clutter that fluctuates (`SurfaceFluctuations`) has texture, a field in the object's own
-coordinates, and scatterers with velocities, which they keep from frame to frame.
+Clutter that fluctuates (`SurfaceFluctuations`) has two parts: a texture (a field in the object's
+own coordinates) and scatterers with velocities. The scatterers keep their velocities from frame to
+frame.
 
 `SurfaceSpeckle` goes through the table once: it adds up the power of each cell (`_add_up`), draws
 the cells' scatterers (`_draw`), then gives rows their factors (`scattering`).

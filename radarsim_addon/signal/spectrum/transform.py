@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One spectrum from many paths: phases, a type-1 transform, and its error.
 
-In: lengths of n paths at one pulse [m] and amplitudes. Out: `PulseResult`. Three transforms, alike
-to their callers: `PulseTransform` (nothing moves meanwhile), `PulseMotionTransform` (paths move
-while the pulse is under way), `RampTransform` (frequencies come one after the other).
-`SynthesisReport` at the end adds up what was chosen.
+In: lengths of n paths at one pulse [m] and amplitudes. Out: `PulseResult`. Three transforms with
+the same interface: `PulseTransform` (no path moves during a pulse), `PulseMotionTransform` (paths
+move during the pulse), `RampTransform` (the frequencies of a ramp, one after the other).
+`SynthesisReport` says which methods were used, their cost and their errors.
 """
 
 from __future__ import annotations
