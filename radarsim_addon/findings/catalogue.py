@@ -186,7 +186,7 @@ MIRRORS = {
         "of images is {most}.",
         "Paths to the transmitter via {count:this mirror|these mirrors} are missing. radarsim "
         "makes the images for the mirrors that fill the largest solid angle at the transmitter.",
-        "Raise Mirror images. If one of these surfaces is no mirror, give it a roughness above 0.",
+        "Raise Mirror images, and give each surface that is no mirror a roughness above 0.",
     ),
     "mirror-pairs-left-out": Kind(
         "caution",

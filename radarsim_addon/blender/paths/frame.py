@@ -6,9 +6,10 @@ over small objects in sight and over glints. It measures every tile replicate by
 sub-pixel offsets). Each render gives rows of the path table. `RowFinisher` adds what Cycles does
 not provide: the body on which each vertex lies, the vertices in float64, powers of lobes that
 Cycles does not have. With mirrors, each replicate is rendered once more for each image of the
-transmitter, with the transmitter at that image (`MirrorViews`). Then the tiles with the largest share of the
-error are halved, until the error target, the time limit or the finest pixels are reached. `FrameWork.write` writes the table with the motion of its rows, and the
-sidecar with what a user should know of the frame.
+transmitter, with the transmitter at that image (`MirrorViews`). Then the tiles with the largest
+share of the error are halved, until the error target, the time limit or the finest pixels are
+reached. `FrameWork.write` writes the table with the motion of its rows, and the sidecar with what a
+user should know of the frame.
 """
 
 from __future__ import annotations
