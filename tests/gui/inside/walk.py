@@ -354,7 +354,10 @@ def script(robot: Any) -> Any:
     yield from robot.settle()
     yield from robot.click_image(editor, place)
     result["clicked"] = [chosen, shown.row]
-    result["zoom"] = list(editor.spaces.active.zoom)
+    # An image gets its size once the zoom is calm.
+    space = editor.spaces.active
+    yield from robot.wait(lambda: abs(space.zoom[0] - 1) < 2e-3, "the picture at its size", 20)
+    result["zoom"] = list(space.zoom)
     shown.cfar = "os"
     yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "processing by itself", 20)
     yield from robot.wait(lambda: PROCESS not in robot.modal_operators(), "its end", 120)
