@@ -9,6 +9,7 @@ zoom up to the picture's own size.
 from __future__ import annotations
 
 import math
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,12 @@ def as_image(name: str, picture: Single) -> Any:
     """
     image = bpy.data.images.get(name)
     if image is None:
-        image = bpy.data.images.new(name, 1, 1, alpha=False)
+        # A new image whose source becomes "FILE" marks all objects as changed, as an edit does.
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "picture.png")
+            path.write_bytes(_file_of(picture, min(picture.shape[1], 64)))
+            image = bpy.data.images.load(str(path))
+        image.name, image.filepath_raw = name, ""
     shown = [area.spaces.active.image for _, area, _ in _shown()]
     sized = [one.size[0] for one in (image, *shown) if one in shown and one.name in _pictures]
     _pictures[name] = picture
@@ -61,7 +67,6 @@ def _write(image: Any, picture: Single, width: int) -> None:
     """
     data = _file_of(picture, width)
     image.pack(data=data, data_len=len(data))
-    image.source = "FILE"
     image.buffers_free()
     image.update()
 

@@ -165,6 +165,8 @@ def test_results_older_than_the_last_edit_are_marked(state: Any, tmp_path: Path)
     process()
     earlier = "Of an earlier session: the scene may have changed"
     assert sr.age_of_results() == earlier and earlier in texts()
+    for image in list(bpy.data.images):  # new pictures are no edits either
+        bpy.data.images.remove(image)
     settings(active_radar(scene)).output_folder = str(tmp_path / "run")
     for _ in range(2):  # the second time in place of the first run
         assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
