@@ -264,6 +264,27 @@ def refined(order: int, away_m: float, sigma_m: float) -> bool:
     return bool(hits.refine(rows, np.zeros(3), np.zeros(3))._found)
 
 
+def is_delayed(order: int, sigmas: float) -> bool:
+    """Whether the encoded length of a path from the origin stays: of so many deviations more."""
+    anything: Any = None
+    hits = HitPoints(anything, 1.0, 1e-3, True, anything)
+    hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
+        hit=lambda bodies, *_: (
+            np.where(bodies > 0, 1.0, np.nan),
+            np.tile([0.0, 0.0, 1.0], (bodies.size, 1)),
+        )
+    )
+    rows = np.zeros(1, PATH_DTYPE)
+    rows["order"], rows["flags"] = order, PathFlag.ENCODED_LENGTH
+    rows["first_body"] = rows["last_body"] = 1
+    rows["direction"] = rows["first_scatterer_m"] = [[0, 0, -1]]
+    rows["last_scatterer_m"] = [[order - 1, 0, -1]]
+    rows["length_sigma_m"] = 1e-3
+    rows["length_m"] = {1: 2.0, 2: 2 + math.sqrt(2)}[order] + 1e-3 * sigmas
+    hits.refine(rows, np.zeros(3), np.zeros(3))
+    return bool(rows["flags"][0])
+
+
 def is_another_mesh(fraction: float) -> bool:
     """Of 1000 hit points, this fraction is off the mesh."""
     lost = np.arange(1000) < 1000 * fraction
@@ -402,6 +423,8 @@ def is_divided(pitch: float) -> bool:
         # 4 * 4 * 2^-24 * 2 r is 1e-3 at 524 m
         pytest.param(lambda r: refined(1, r, 0.0), 450.0, 600.0, id="length-over-point"),
         pytest.param(lambda s: refined(2, 1.0, s), 4e-5, 6e-5, id="sigmas"),
+        pytest.param(lambda x: is_delayed(1, x), 19.0, 21.0, id="delay"),
+        pytest.param(lambda x: is_delayed(2, x), 19.0, 21.0, id="delay-between"),
         pytest.param(is_another_mesh, 0.045, 0.055, id="another-mesh"),
         pytest.param(are_apart, 0.009, 0.011, id="one-place"),
         pytest.param(has_more_planes, 64, 65, id="planes"),
