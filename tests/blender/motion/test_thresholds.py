@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -93,6 +94,21 @@ def _leads_away(wavelengths: float) -> bool:
     return bool(burst.findings[0].code == "surface-not-followed")
 
 
+def _says_error(wavelengths: float) -> bool:
+    """Whether a bound of the displacement error is said with the motion of a frame."""
+    burst = mock.MagicMock(_bound_m=wavelengths, _apart_m=0.0, _approximated_w=0.0, findings=[])
+    burst._plan.wavelength_m = burst._power_w = 1.0
+    burst._scene.tracks = None
+    with (
+        mock.patch.object(burst_motion, "write_bodies", return_value=([], "", "")),
+        mock.patch.object(burst_motion, "body_record"),
+        mock.patch.object(burst_motion, "MotionRecord"),
+        mock.patch.object(burst_motion, "write_record"),
+    ):
+        _burst.write(burst, Path(), 0.0, {})
+    return "displacement-error" in {one.code for one in burst.findings}
+
+
 def _fits_alone(samples: float) -> bool:
     """Whether a motion that is not followed is fitted again to so many samples of the burst."""
     moving = np.eye(4) * np.arange(1.0, samples + 2)[:, None, None]
@@ -159,6 +175,7 @@ def _stays(part: float) -> bool:
         pytest.param(_resolved, 7.9, 8.1, id="miss"),
         pytest.param(_off_line, 0.011, 0.009, id="on-frames"),
         pytest.param(_leads_away, 0.011, 0.009, id="not-followed"),
+        pytest.param(_says_error, 0.011, 0.009, id="displacement"),
         pytest.param(_fits_alone, 13, 12, id="burst-alone"),
         pytest.param(_jumps, 4.1, 3.9, id="sudden"),
         pytest.param(_stays, 0.44, 0.42, id="jump-that-stays"),
