@@ -299,6 +299,15 @@ def test_gates_of_certain_surfaces() -> None:
     assert PathClass(1, 1, 1, 1, surface_depth=1) in [r.path_class for r in tracer.asked]
 
 
+def test_a_long_chain_of_surfaces_ends_where_the_rest_is_weak() -> None:
+    """Asked behind every fourth surface."""
+    tracer = Tracer([Path(0, 0, 1, 0, 20.0, 1.0), Path(0, 0, 1, 20, 30.0, 1e-6)])
+    found = tracer.run(deterministic_transmission=True)
+    depths = [r.path_class.depth_min for r in tracer.asked if r.path_class.depth_max is None]
+    assert depths == [4]
+    assert found.truncated_transparency == 1e-6
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [

@@ -14,18 +14,36 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.paths import clutter_weights, error_budget, glints, mirrors
+from radarsim_addon.blender.paths import (
+    clutter_weights,
+    curved_mirrors,
+    error_budget,
+    glints,
+    mirrors,
+    obstacles,
+)
 from radarsim_addon.blender.paths.curved_mirrors import CurvedMirrors
+from radarsim_addon.blender.paths.hit_points import BodyMeshes, HitPoints
 from radarsim_addon.blender.paths.measured_tiles import QualitySums
-from radarsim_addon.blender.paths.tiles import ViewBoxes
+from radarsim_addon.blender.paths.mirror_paths import MirrorPaths
+from radarsim_addon.blender.paths.tiles import Area, Tile, ViewBoxes, lay_in_steps
+from radarsim_addon.blender.paths.view_tracer import ViewTracer
 from radarsim_addon.blender.views import ViewWindow
+from radarsim_addon.contract import ImageRecord
 from radarsim_addon.physics.mirrors import Reflected
-from radarsim_addon.signal.paths import PATH_DTYPE
+from radarsim_addon.physics.specular_points import SpecularPoints
+from radarsim_addon.signal.paths import CURVED_IMAGE_DTYPE, PATH_DTYPE, PathFlag
 
 pytestmark = pytest.mark.blender
 
 FRAME = ViewWindow(0.0, 100.0, 0.0, 100.0, 100, 100)
+SIDES = {"left": -1.0, "right": 1.0, "bottom": -1.0, "top": 1.0}
 EARTH_M = 4 / 3 * 6_371_000
+
+
+def camera() -> Any:
+    """A receiver at the origin that looks along -Z."""
+    return SimpleNamespace(kind="perspective", matrix_world=np.eye(4), **SIDES)
 
 
 def strong_enough(ratio: float) -> bool:
@@ -37,9 +55,8 @@ def echoes(ratio: float) -> bool:
     rows = np.zeros(2, dtype=PATH_DTYPE)
     rows["order"] = rows["length_m"] = rows["solid_angle_sr"] = 1
     rows["power_w"], rows["last_object"] = (1.0, ratio), (1, 2)
-    sides = {"left": -1.0, "right": 1.0, "bottom": -1.0, "top": 1.0}
     sums = QualitySums()
-    sums.add_rows(rows, SimpleNamespace(kind="perspective", matrix_world=np.eye(4), **sides))  # type: ignore[arg-type]
+    sums.add_rows(rows, camera())
     return 2 in sums.echoing
 
 
@@ -114,6 +131,270 @@ def differs(level_db: float) -> bool:
     return bool(faces.findings({"Ball": 10 ** (level_db / 10) / (4 * math.pi) ** 3}, ["Ball"]))
 
 
+def search(window: ViewWindow = FRAME) -> Any:
+    """The search for bright parts from the origin along -Z."""
+    found: Any = object.__new__(glints.BrightParts)
+    found._kind, found._window = "perspective", window
+    found._turn, found._place_m = np.eye(3), np.zeros(3)
+    found._bodies = SimpleNamespace(number=np.ones(1, int), name=lambda _: "Ball")
+    found._box = found.area_m2 = lambda _: 1.0
+    return found
+
+
+def part(slopes: list[tuple[float, float]], across_m: float, flat: bool) -> glints.SurfaceParts:
+    """A triangle 100 m ahead of RMS slope 0.05, with these slopes from normal incidence."""
+    corners_m = np.array([[[0.0, 0, -100], [across_m, 0, -100], [0, across_m, -100]]])
+    normals = -corners_m / np.linalg.norm(corners_m, axis=2)[..., None]
+    normals = normals - np.pad(slopes, ((0, 0), (0, 1)))
+    normals /= np.linalg.norm(normals, axis=2)[..., None]
+    one = np.zeros(1, int)
+    return glints.SurfaceParts(corners_m, normals, np.array([0.05]), one, np.array([flat]))
+
+
+def spots(weight: list[float], deviation: list[float], solid: float, flat: bool) -> Any:
+    many = len(weight)
+    one, square = np.ones(many), np.tile(1e-6 * np.eye(2), (many, 1, 1))
+    low, high = np.full((many, 2), 10.0), np.full((many, 2), 90.0)
+    return glints._Spots(
+        np.zeros(many, int), one.astype(bool) & flat, low, high, one, np.array(deviation),
+        np.array(weight), np.array(weight), low, square, solid / many * one,
+    )  # fmt: skip
+
+
+def is_dark(slopes: float) -> bool:
+    window = ViewWindow(-1.0, 1.0, -1.0, 1.0, 100, 100)
+    tilted = part([(slopes * 0.05, 0.0)] * 3, 1e-3, True)
+    return not any(one.body.size for one in search(window)._spots(tilted, np.zeros(3)))
+
+
+def asks_for_pixels(weight: float) -> bool:
+    """A spot that the view does not resolve, next to one that it does."""
+    return bool(search()._glint(spots([1.0, weight], [10.0, 0.1], 1.0, False)))
+
+
+def fills_its_box(fraction: float) -> bool:
+    """Bright facets of an object, as small as a thousandth of a pixel."""
+    return not search()._glint(spots([1.0], [10.0], fraction, True))
+
+
+def is_facet_resolved(pixels: float) -> bool:
+    return not search()._unresolved(spots([1.0], [10.0], pixels**2, True)).body.size
+
+
+def is_aside(slopes: float) -> bool:
+    """A mirroring square of 1 m, that many RMS slopes from normal incidence."""
+    window = ViewWindow(-1.0, 1.0, -1.0, 1.0, 100, 100)
+    tilted = part([(slopes * 0.05, 0.0)] * 3, 1.0, True)
+    return not list(glints._faces(search(window), tilted, [np.zeros(3)] * 2, 0.1))
+
+
+def misses_the_specular_point(slopes: float) -> bool:
+    window = ViewWindow(-1.0, 1.0, -1.0, 1.0, 100, 100)
+    least = slopes * 0.05
+    bent = part([(least, 0.0), (least + 0.05, 0.02), (least + 0.05, -0.02)], 1.0, False)
+    return not list(glints._faces(search(window), bent, [np.zeros(3)] * 2, 0.1))
+
+
+def is_bent_little(radius: float) -> bool:
+    """A small triangle on a cylinder of so many wavelengths."""
+    angle, z = np.array([0.0, 0.02, 0.01]), np.array([0.0, 0.0, 0.02])
+    normals = np.column_stack([np.cos(angle), np.sin(angle), 0 * z])[None]
+    corners_m = radius * normals
+    corners_m[..., 2] = z
+    mesh = SimpleNamespace(corner_normals=normals, triangles=np.array([[0, 1, 2]]))
+    across = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
+    own: Any = SimpleNamespace(mesh=mesh, pose=np.eye(4), corners_m=corners_m, across_m2=across)
+    return bool(curved_mirrors._patches(own, np.array([0]), 1.0)[1][0])
+
+
+def specular_point() -> SpecularPoints:
+    none = np.zeros(1, int)
+    point = np.array([[0.0, 0.0, -1.0]])
+    return SpecularPoints(none, none, np.full((1, 3), 1 / 3), point, -point)
+
+
+def is_wide(width: float) -> bool:
+    """A bowl 1 m from both ends narrows the beam to this width over that behind a plane."""
+    curvature = (width - 1) * np.eye(2)[None]
+    patches = SimpleNamespace(select=lambda _: SimpleNamespace(curvature=lambda *_: curvature))
+    paths = SimpleNamespace(
+        _search=SimpleNamespace(find=lambda _: specular_point()),
+        _antenna_m=np.zeros(3),
+        mirrors=SimpleNamespace(patches=patches, body=np.ones(1, int)),
+        focusing=set(),
+    )
+    ways = curved_mirrors.CurvedPaths._ways(paths, np.zeros((1, 3)))  # type: ignore[arg-type]
+    assert bool(ways.cosine.size) != bool(paths.focusing)
+    return bool(ways.cosine.size)
+
+
+def has_curved_path(power: float) -> bool:
+    """A path over a curved mirror of this power over that of the direct path."""
+    one = np.ones(1)
+    found = specular_point()
+    ways = curved_mirrors._Ways(found, -found.normals, one, one, one, one)
+    paths = SimpleNamespace(
+        _ways=lambda _: ways,
+        _hits=SimpleNamespace(normals=lambda *_: np.array([[0.0, 0.0, -1.0]])),
+        _receiver_m=np.array([0.0, 0.0, -1.0]),
+        _reflection=lambda _: Reflected(power * one, 0 * one, 0 * one, 0 * one),
+        _blocked=lambda ways, places, body, seen: (~seen, np.zeros(1, bool)),
+        mirrors=SimpleNamespace(body=np.ones(1, int), names={1: "Ball"}),
+        turned=mirrors.MirrorPolarisation(),
+        alike=lambda rows, points: np.ones(rows.size, bool),
+        narrow=set(),
+    )
+    rows = np.zeros(1, CURVED_IMAGE_DTYPE)
+    return bool(
+        curved_mirrors.CurvedPaths.over(paths, rows, 0, np.array([0.0, 0.0, -1.0]))[0].size  # type: ignore[arg-type]
+    )
+
+
+def refined(order: int, away_m: float, sigma_m: float) -> bool:
+    """Whether a path is computed again for a wavelength of 1 m."""
+    anything: Any = None
+    hits = HitPoints(anything, 1.0, 1.0, True, anything)
+    hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
+        hit=lambda bodies, *_: (np.full(bodies.size, np.nan), np.full((bodies.size, 3), np.nan))
+    )
+    rows = np.zeros(1, PATH_DTYPE)
+    rows["order"], rows["length_sigma_m"], rows["length_m"] = order, sigma_m, 2 * away_m
+    rows["direction"] = [[0, 0, -1]]
+    rows["last_scatterer_m"] = rows["first_scatterer_m"] = [[0, 0, -away_m]]
+    return bool(hits.refine(rows, np.zeros(3), np.zeros(3))._found)
+
+
+def is_delayed(order: int, sigmas: float) -> bool:
+    """Whether the encoded length of a path from the origin stays: of so many deviations more."""
+    anything: Any = None
+    hits = HitPoints(anything, 1.0, 1e-3, True, anything)
+    hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
+        hit=lambda bodies, *_: (
+            np.where(bodies > 0, 1.0, np.nan),
+            np.tile([0.0, 0.0, 1.0], (bodies.size, 1)),
+        )
+    )
+    rows = np.zeros(1, PATH_DTYPE)
+    rows["order"], rows["flags"] = order, PathFlag.ENCODED_LENGTH
+    rows["first_body"] = rows["last_body"] = 1
+    rows["direction"] = rows["first_scatterer_m"] = [[0, 0, -1]]
+    rows["last_scatterer_m"] = [[order - 1, 0, -1]]
+    rows["length_sigma_m"] = 1e-3
+    rows["length_m"] = {1: 2.0, 2: 2 + math.sqrt(2)}[order] + 1e-3 * sigmas
+    hits.refine(rows, np.zeros(3), np.zeros(3))
+    return bool(rows["flags"][0])
+
+
+def is_another_mesh(fraction: float) -> bool:
+    """Of 1000 hit points, this fraction is off the mesh."""
+    lost = np.arange(1000) < 1000 * fraction
+    normals = np.ones((1000, 3))
+    mesh = SimpleNamespace(hit=lambda *_: (np.where(lost, np.nan, 1.0), normals.copy()))
+    bodies: Any = SimpleNamespace(pose=np.eye(4)[None], shape=np.zeros(1, int))
+    anything: Any = None
+    meshes: Any = BodyMeshes(bodies, 1.0, anything)
+    meshes._meshes_of = lambda *_: [(mesh, np.zeros(1, int))]
+    found, _ = meshes.hit(np.ones(1000, int), np.zeros(3), normals, normals, np.ones(1000))
+    return bool(np.isnan(found).all())
+
+
+def are_apart(fraction: float) -> bool:
+    """Antennas this far from one another, over the distance of the farthest surface."""
+    extent = SimpleNamespace(from_receiver_m=1.0)
+    run = SimpleNamespace(polarising=True, deterministic=True, plan=SimpleNamespace(extent=extent))
+    own: Any = SimpleNamespace(
+        run=run, receiver=camera(), transmitter_m=np.array([fraction, 0.0, 0.0])
+    )
+    return ViewTracer._polarised_from(own) == 0
+
+
+def has_more_planes(count: float) -> bool:
+    """As many mirrors above one another, of which one gets an image: is one not looked for?"""
+    many = int(count)
+    corners_m = np.zeros((many, 3, 3)) + np.arange(many)[:, None, None]
+    normals = np.tile([0.0, 0.0, 1.0], (many, 1))
+    names = [f"Mirror {n}" for n in range(many)]
+    faces = mirrors._Faces(
+        corners_m, normals, np.ones(many), np.ones(many, int), [None] * many, names  # type: ignore[list-item]
+    )  # fmt: skip
+    anything: Any = SimpleNamespace(bodies=SimpleNamespace(originals={}))
+    with mock.patch.object(mirrors, "_faces", return_value=faces):
+        (said,) = mirrors.find_mirrors(anything, np.zeros(3), 1.0, 1)[1]
+    assert said.numbers["count"] == many - 1
+    return len(said.subjects) < many - 1
+
+
+def is_another_way(off: float, turned: float) -> bool:
+    """A row whose length and direction are off those over the mirror 1 m below, as fractions."""
+    rows = np.zeros(1, CURVED_IMAGE_DTYPE)
+    rows["order"], rows["last_body"] = 2, 1
+    rows["last_scatterer_m"] = [[0, 1, -8]]
+    way = np.array([0.0, -3.0, -8.0])  # the image of the scatterer is 3 m below
+    length_m = np.linalg.norm(way) + np.linalg.norm([0, 1, 8])
+    # the distance from the ray is a fraction of the whole length
+    away = np.array([turned * length_m / np.linalg.norm(way), 0.0, 0.0])
+    rows["direction"] = way / np.linalg.norm(way) + away
+    rows["length_m"] = length_m * (1 + off)
+    paths: Any = SimpleNamespace(
+        _back=None,
+        _curved_back=None,
+        images=[SimpleNamespace(mirrors=[None])],
+        records=[ImageRecord([[0.0, 1.0, 0.0]], [-1.0], ["Mirror"])],
+        _receiver_m=np.zeros(3),
+        _transmitter_m=np.zeros(3),
+        _alike=lambda rows, _: np.ones(rows.size, bool),
+        _view=SimpleNamespace(sees=lambda rows, _: np.ones(rows.size, bool)),
+    )
+    return not MirrorPaths._seen_directly(paths, rows)[0]
+
+
+def is_poor(width: float, end: str) -> bool:
+    """A path between two lobes, of which the one at this end is as many times wider."""
+    other = {"first": "last", "last": "first"}[end]
+    rows = np.zeros(1, PATH_DTYPE)
+    rows["order"], rows["flags"] = 2, PathFlag.HAS_REVERSE
+    rows[f"{end}_body"], rows[f"{other}_body"] = 2, 1
+    rows["last_scatterer_m"] = rows["first_scatterer_m"] = [[0, 0, -1]]
+    better: Any = object.__new__(clutter_weights.BetterDirection)
+    better._together_m, better._opaque = 1.0, True
+    better._widths = np.array([0.0, 0.1, 0.1 * width])
+    tracer: Any = SimpleNamespace(receiver=camera(), transmitter_m=np.zeros(3))
+    return len(better.in_better_direction(rows, tracer)) == {"first": 0, "last": 2}[end]
+
+
+def spoils_phases(wavelengths: float) -> bool:
+    sums = QualitySums()
+    sums.total_w = sums._row_w = 1.0
+    sums._sigma2_wm2 = wavelengths**2
+    return "phase-unreliable" in {one.code for one in sums.findings(1.0)}
+
+
+def are_too_many(thousands: float) -> bool:
+    """Triangles that delay; their tree is not made here."""
+    shape = SimpleNamespace(
+        original=SimpleNamespace(hide_render=False, type="MESH"), materials=(None,)
+    )
+    snapshot: Any = mock.MagicMock(shapes=[shape])
+    snapshot.layout.shape, snapshot.layout.visible = np.zeros(1, int), np.ones(1, bool)
+    snapshot.matrices_of.return_value = [np.eye(4)]
+    triangles = np.zeros((int(1000 * thousands), 3), int)
+    with (
+        mock.patch.object(obstacles, "delays", return_value=True),
+        mock.patch.object(obstacles, "read_triangles", return_value=(np.zeros((1, 3)), triangles)),
+        mock.patch.object(obstacles, "BVHTree"),
+    ):
+        ways = obstacles.DelayedWays(snapshot, np.zeros(3), 1.0)
+    ways._tree.ray_cast.return_value = (None,)
+    return bool(ways.to(np.ones((1, 3)))[0])
+
+
+def is_divided(pitch: float) -> bool:
+    """A tile of this pitch, over a tiny object."""
+    window = ViewWindow(0.0, 8 * pitch, 0.0, 8 * pitch, 8, 8)
+    area = Area(3.1 * pitch, 3.2 * pitch, 3.1 * pitch, 3.2 * pitch, 1.0)
+    return len(lay_in_steps([Tile(window)], [(1e-3 * pitch, area)], window, 64)) > 1
+
+
 @pytest.mark.parametrize(
     ("crossed", "below", "above"),
     [
@@ -130,6 +411,30 @@ def differs(level_db: float) -> bool:
         pytest.param(is_large, 7.0, 9.0, id="small-object"),
         pytest.param(is_surely_hit, 1.5, 2.5, id="surely-hit"),
         pytest.param(differs, 0.8, 1.2, id="level-of-a-curved-face"),
+        pytest.param(is_dark, 5.8, 6.2, id="reach-of-a-lobe"),
+        pytest.param(asks_for_pixels, 0.08, 0.12, id="faint-spot"),
+        pytest.param(fills_its_box, 0.28, 0.32, id="facets-in-their-box"),
+        pytest.param(is_facet_resolved, 15.0, 17.0, id="large-facets"),
+        pytest.param(is_aside, 1.7, 2.3, id="face-aside"),
+        pytest.param(misses_the_specular_point, 0.7e-3, 1.4e-3, id="specular-point"),
+        pytest.param(is_bent_little, 1.5, 1.7, id="radius-of-curvature"),
+        pytest.param(is_wide, 0.45, 0.55, id="focus"),
+        pytest.param(has_curved_path, 0.7e-6, 1.4e-6, id="faint-mirror-path"),
+        # 4 * 4 * 2^-24 * 2 r is 1e-3 at 524 m
+        pytest.param(lambda r: refined(1, r, 0.0), 450.0, 600.0, id="length-over-point"),
+        pytest.param(lambda s: refined(2, 1.0, s), 4e-5, 6e-5, id="sigmas"),
+        pytest.param(lambda x: is_delayed(1, x), 19.0, 21.0, id="delay"),
+        pytest.param(lambda x: is_delayed(2, x), 19.0, 21.0, id="delay-between"),
+        pytest.param(is_another_mesh, 0.045, 0.055, id="another-mesh"),
+        pytest.param(are_apart, 0.009, 0.011, id="one-place"),
+        pytest.param(has_more_planes, 64, 65, id="planes"),
+        pytest.param(lambda x: is_another_way(x, 0.0), 1.7e-5, 2.3e-5, id="mirrored-length"),
+        pytest.param(lambda x: is_another_way(0.0, x), 1.7e-5, 2.3e-5, id="mirrored-direction"),
+        pytest.param(lambda w: is_poor(w, "first"), 1.8, 2.2, id="from-a-wide-lobe"),
+        pytest.param(lambda w: is_poor(w, "last"), 1.8, 2.2, id="to-a-wide-lobe"),
+        pytest.param(spoils_phases, 0.045, 0.055, id="length-error"),
+        pytest.param(are_too_many, 499, 501, id="delaying-triangles"),
+        pytest.param(is_divided, 0.9e-6, 1.1e-6, id="finest-pitch"),
     ],
 )
 def test_limit_is_crossed(crossed: Callable[[float], bool], below: float, above: float) -> None:
