@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -195,12 +196,14 @@ def misses_the_specular_point(slopes: float) -> bool:
     return not list(glints._faces(search(window), bent, [np.zeros(3)] * 2, 0.1))
 
 
-def is_bent_little(radius: float) -> bool:
-    """A small triangle on a cylinder of so many wavelengths."""
+def is_bent_little(radius: float, *, sphere: bool = False) -> bool:
+    """A small triangle on a cylinder, or a sphere, of so many wavelengths."""
     angle, z = np.array([0.0, 0.02, 0.01]), np.array([0.0, 0.0, 0.02])
-    normals = np.column_stack([np.cos(angle), np.sin(angle), 0 * z])[None]
+    normals = np.column_stack([np.cos(angle), np.sin(angle), z if sphere else 0 * z])
+    normals = (normals / np.linalg.norm(normals, axis=1)[:, None])[None]
     corners_m = radius * normals
-    corners_m[..., 2] = z
+    if not sphere:
+        corners_m[..., 2] = z
     mesh = SimpleNamespace(corner_normals=normals, triangles=np.array([[0, 1, 2]]))
     across = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
     own: Any = SimpleNamespace(mesh=mesh, pose=np.eye(4), corners_m=corners_m, across_m2=across)
@@ -418,6 +421,7 @@ def is_divided(pitch: float) -> bool:
         pytest.param(is_aside, 1.7, 2.3, id="face-aside"),
         pytest.param(misses_the_specular_point, 0.7e-3, 1.4e-3, id="specular-point"),
         pytest.param(is_bent_little, 1.5, 1.7, id="radius-of-curvature"),
+        pytest.param(partial(is_bent_little, sphere=True), 1.5, 1.7, id="radius-of-a-sphere"),
         pytest.param(is_wide, 0.45, 0.55, id="focus"),
         pytest.param(has_curved_path, 0.7e-6, 1.4e-6, id="faint-mirror-path"),
         # 4 * 4 * 2^-24 * 2 r is 1e-3 at 524 m
