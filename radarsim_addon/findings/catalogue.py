@@ -716,6 +716,13 @@ PROCESSING = {
         "Clipping distorts strong echoes and spreads their power over the map.",
         "Raise the full scale of the ADC, or let radarsim choose it.",
     ),
+    "phase-noise-within-steps": Kind(
+        "caution",
+        "The phase noise within one frequency step is {phase_rad:.2g} rad RMS.",
+        "radarsim averages the phase over a step, not the wave. This is exact only for a small "
+        "phase: echoes from far away are up to {loss_db:.2g} dB too strong.",
+        "Shorten the frequency step, or check the levels of the phase noise table.",
+    ),
     "frame-incomplete": Kind(
         "caution",
         "radarsim skipped the frame because it lacks {missing:#render}.",

@@ -362,7 +362,6 @@ def findings_of_frame(
 ) -> list[Finding]:
     """Find what to know before trusting the frame, from every stage; `weather` as it is shown."""
     scatterers, report = speckle.report(), received.echoes.report
-    clipped, samples = received.clipped, received.echoes.samples.size
     mode = frame_input.frame.sampling_mode
     rendered = [*frame_input.frame.record.findings]
     rendered += itertools.chain(*(table.record.findings for table in frame_input.tables))
@@ -381,7 +380,7 @@ def findings_of_frame(
         [] if report is None else report.accuracy_findings(),
         [] if scatterers is None else scatterers.findings,
         _radar_findings(frame_input, statistics.power_w > 0),
-        [finding("adc-clipped", count=clipped, samples=samples)] if clipped else [],
+        received.findings,
     )
     return [item.in_frame(frame_input.frame.number) for item in found]
 

@@ -283,6 +283,31 @@ def test_steps_fold_what_is_faster_than_they_are(range_m: float) -> None:
         assert found == pytest.approx(simulated, rel=1.5 * slack)
 
 
+@pytest.mark.parametrize("level_dbc_hz", [-78.0, -72.0])
+def test_phase_that_is_large_within_a_step_is_named(level_dbc_hz: float) -> None:
+    """By how much the average of the phase keeps more of an echo than that of the wave."""
+    step_s, steps, fine, last_hz = 2e-6, 4096, 200, 5e6
+    rng = np.random.default_rng(6)
+    rate_hz, size = fine / step_s, fine * steps
+    density = 10 ** (level_dbc_hz / 10)
+    spectrum = np.fft.rfft(rng.normal(0, math.sqrt(density * rate_hz), size))
+    spectrum[np.fft.rfftfreq(size, 1 / rate_hz) > last_hz] = 0
+    phase = np.fft.irfft(spectrum, size)
+    apart = (np.roll(phase, 50 * fine) - phase).reshape(steps, fine)
+    wave, averaged = np.exp(1j * apart).mean(), np.exp(1j * apart.mean(axis=1)).mean()
+    excess_db = 20 * math.log10(abs(averaged) / abs(wave))
+
+    radar = Radar(SteppedWaveform(5.3e9, 20e3, 64, step_s), Burst(1000.0, 4))
+    noise = PhaseNoise((1.0, last_hz), (level_dbc_hz, level_dbc_hz))
+    synthesizer = synthesizer_for(radar, (0.0, 1000.0), phase_noise=noise)
+    synthesizer.add(unit_paths(radar, [100.0]))
+    found = apply_receiver(synthesizer.result(), Receiver(phase_noise=noise)).findings
+    assert [item.code for item in found] == ["phase-noise-within-steps"]
+    assert found[0].numbers["loss_db"] == pytest.approx(excess_db, rel=0.05)
+    quiet = PhaseNoise((1.0, last_hz), (level_dbc_hz - 20, level_dbc_hz - 20))
+    assert not apply_receiver(synthesizer.result(), Receiver(phase_noise=quiet)).findings
+
+
 @pytest.mark.parametrize(
     "waveform",
     [
