@@ -136,6 +136,15 @@ def _compare(
     direct = np.flatnonzero(rows["mirrors"] == 0)
     order = direct[np.argsort(point[direct])]
     checks = []
+    known: dict[tuple[bytes, bytes], tuple[float, float]] = {}
+
+    def way_once(end_m: Real, antenna_m: Real) -> tuple[float, float]:
+        """Find the way; several families share it, and the search takes most of the case's time."""
+        key = end_m.tobytes(), antenna_m.tobytes()
+        if key not in known:
+            known[key] = way(end_m, antenna_m)
+        return known[key]
+
     for name, (back, there) in ends.items():
         mine = (rows["receiver_image"] == -back) & (rows["transmitter_image"] == -there)
         base = rows[order[np.searchsorted(point[order], point[mine])]]
@@ -143,7 +152,7 @@ def _compare(
         lengths, powers = [], []
         for one, of in zip(rows[mine], base, strict=True):
             end_m = one["last_scatterer_m"]
-            over = [way(end_m, antenna_m) for antenna_m in antennas_m]
+            over = [way_once(end_m, antenna_m) for antenna_m in antennas_m]
             direct_m = sum(float(np.linalg.norm(end_m - antenna_m)) for antenna_m in antennas_m)
             longer_m = sum(length_m for length_m, _ in over) - direct_m
             found_m = float(one["length_m"] - of["length_m"])
