@@ -142,12 +142,12 @@ def _patches(one: MirroringMesh, kept: Integers, wavelength_m: float) -> tuple[S
     patches, error_m = SmoothPatches.of_mesh(
         one.corners_m[kept], turned, one.mesh.triangles[kept].astype(np.int64)
     )
-    # The larger of both principal curvatures [1/m], from sums of squares and determinants: numpy's
-    # norms of so many small matrices cost a decomposition each.
+    # The larger of both principal curvatures [1/m], (|k1 + k2| + |k1 - k2|) / 2, from the sum of
+    # squares and the trace: numpy's norms of so many small matrices cost a decomposition each.
     squares = np.einsum("...ij,...ij->...", patches.shape, patches.shape)
-    products = np.linalg.det(patches.shape)
-    apart = np.sqrt(np.maximum(squares**2 - 4 * products**2, 0.0))
-    bent = np.sqrt((squares + apart) / 2).max(axis=1, initial=0.0)
+    sums = np.abs(np.einsum("...ii->...", patches.shape))
+    apart = np.sqrt(np.maximum(2 * squares - sums**2, 0.0))
+    bent = ((sums + apart) / 2).max(axis=1, initial=0.0)
     usable = (error_m <= FLAT * wavelength_m) & (bent * _LEAST_RADIUS * wavelength_m <= 1)
     outward = np.einsum("kij,kj->ki", turned, one.across_m2[kept]) > 0
     return patches, usable & outward.all(axis=1)
