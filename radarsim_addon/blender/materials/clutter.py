@@ -18,27 +18,22 @@ of the clutter of any material. Echoes of its surfaces take them; expected power
 from __future__ import annotations
 
 import dataclasses
-import functools
-import os
 from collections.abc import Iterable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import bpy
-from numpy.typing import ArrayLike
 
-from ...arrays import Real
 from ...contract import FluctuationRecord
 from ...errors import ConfigError
 from ...physics.clutter import (
     CLUTTER_TABLE,
-    ClutterModel,
     check_motion,
     check_texture,
     clutter_model,
 )
 from ...physics.materials import TABLE
+from ...signal.scene import Clutter
 from ..nodes.groups import group_input, group_kind
 from ..nodes.physical_material import CLUTTER_ROW, PHYSICAL_KIND
 from .physical_materials import MEDIUM
@@ -50,55 +45,13 @@ PATH = "radarsim_clutter_path"
 NO_CLUTTER = "none"
 
 
-@dataclass(frozen=True)
-class Clutter:
-    """A clutter model with its parameters; `path` is the CSV file of the model 'table'."""
-
-    name: str
-    parameters: dict[str, float] = field(default_factory=dict)
-    path: str | None = None
-
-    @property
-    def model(self) -> ClutterModel:
-        """The model. Raises ConfigError for an unknown name or a table that cannot be used."""
-        if not self.path:
-            return clutter_model(self.name, self.path)
-        path = bpy.path.abspath(self.path)
-        return _table_model(self.name, path, _stamp(path))
-
-    def sigma0_db(self, carrier_hz: float, grazing_rad: ArrayLike, polarisation: str) -> Real:
-        """Return sigma0 at grazing angles [rad] in dB. Raises ConfigError as its model does."""
-        return self.model.sigma0_db(carrier_hz, grazing_rad, polarisation, **self.parameters)
-
-
-@functools.lru_cache(maxsize=16)
-def _table_model(name: str, path: str, _stamp: tuple[int, int] | None) -> ClutterModel:
-    """Model of a file, read again only after the file has changed: panels ask at each redraw."""
-    return clutter_model(name, path)
-
-
-def _stamp(path: str) -> tuple[int, int] | None:
-    """Time of the last change [ns] and size of a file; None without it."""
-    try:
-        found = os.stat(path)
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size
-
-
-def clutter_key(clutter: Clutter) -> str:
-    """Return a text that changes whenever sigma0 of a clutter model may."""
-    stamp = _stamp(bpy.path.abspath(clutter.path)) if clutter.path else None
-    return f"{clutter!r} {stamp}"
-
-
 def clutter_of(material: Any) -> Clutter | None:
     """Return the clutter model of a material or None. Raises ConfigError for an unknown model."""
     name = None if material is None else material.get(CLUTTER)
     if not isinstance(name, str) or name in ("", NO_CLUTTER):
         return None
     if name == CLUTTER_TABLE:
-        return Clutter(name, {}, str(material.get(PATH, "")))
+        return Clutter(name, {}, bpy.path.abspath(str(material.get(PATH, ""))))
     try:
         known = clutter_model(name).parameters
     except ConfigError as error:
@@ -150,7 +103,8 @@ def set_clutter(material: Any, name: str, *, path: str | None = None, **paramete
             "thickness of a thin sheet."
         )
     if name != NO_CLUTTER:
-        Clutter(name, parameters, path).sigma0_db(1e9, 0.1, "average")
+        where = None if path is None else bpy.path.abspath(path)
+        Clutter(name, parameters, where).sigma0_db(1e9, 0.1, "average")
     for key in [key for key in material.keys() if key.startswith(PARAMETER_PREFIX)]:
         del material[key]
     material[CLUTTER] = name

@@ -14,7 +14,7 @@ in each Blender, with and without the add-on, and survive saving and appending:
 ``radarsim_sheet_thickness_m``     thickness of a thin pane that is modelled as one face [m]
 =================================  =================================================================
 
-Any material can have the three properties of the surface; `surface_of` reads them.
+Any material can have the three properties of the surface; `rough_surface_of` reads them.
 `update_material` computes the index n + jk at the carrier from the medium when the carrier changes
 and when a run starts. `beyond_band` says what a medium does outside its band, see
 `MaterialModel.index`.
@@ -23,10 +23,9 @@ and when a run starts. `beyond_band` says what a medium does outside its band, s
 from __future__ import annotations
 
 import contextlib
-import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import starmap
 from typing import Any, NamedTuple
@@ -44,10 +43,10 @@ from ...physics.materials import TABLE, material_model
 from ...physics.rough import (
     cycles_roughness,
     kirchhoff_limits,
-    rms_slope,
     slope_from_roughness,
     transmission_factors,
 )
+from ...signal.scene import RoughSurface, is_conductor
 from ..nodes.groups import (
     ensure_group,
     find_group,
@@ -56,12 +55,11 @@ from ..nodes.groups import (
     group_node,
     holds_group,
 )
-from ..nodes.materials import is_conductor, link_group
+from ..nodes.materials import link_group
 from ..nodes.physical_material import (
     GRAZING_TRANSMISSION,
     PHYSICAL_KIND,
     SHEET_KIND,
-    SMOOTH_BELOW,
     THICKNESS,
 )
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS, TRANSMISSION
@@ -166,31 +164,6 @@ class Medium:
         return complex(self.model.index(carrier_hz, beyond_band, **self.parameters))
 
 
-@dataclass(frozen=True)
-class Surface:
-    """Rough surface: RMS height and correlation length [m], and RMS slope; 0 if unknown."""
-
-    rms_height_m: float = 0.0
-    correlation_length_m: float = 0.0
-    rms_slope: float = 0.0
-
-    @property
-    def slope(self) -> float:
-        """RMS slope: sqrt(2) h/l if both are known, else the slope of the record."""
-        if self.rms_height_m > 0 and self.correlation_length_m > 0:
-            return float(rms_slope(self.rms_height_m, self.correlation_length_m))
-        return self.rms_slope
-
-    @property
-    def correlation_length(self) -> float:
-        """Correlation length [m], if unknown from h and the slope; 0 if these are unknown too."""
-        if self.correlation_length_m > 0:
-            return self.correlation_length_m
-        if self.rms_height_m > 0 and self.rms_slope > 0:
-            return math.sqrt(2) * self.rms_height_m / self.rms_slope
-        return 0.0
-
-
 MEDIUM = "radarsim_medium"
 PARAMETER_PREFIX = "radarsim_medium_"
 PATH = "radarsim_medium_path"
@@ -218,43 +191,25 @@ def medium_of(material: Any) -> Medium | None:
     return Medium(name, parameters)
 
 
-def surface_of(material: Any) -> Surface | None:
-    """Return the surface of a material, None if all three properties are missing.
+def rough_surface_of(material: Any) -> RoughSurface:
+    """Return the heights of a material's surface, zeros without any of the three properties.
 
     Without a slope, that of the Roughness of a Radar Material is used.
     """
-    keys = (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE)
-    if material is None:
-        return None
-    values = [float(material.get(key, 0.0)) for key in keys]
-    if not any(value > 0 for value in values):
-        return None
-    surface = Surface(*values)
-    roughness = group_input(material, ROUGHNESS)
-    if surface.slope == 0 and roughness is not None:
-        slope = float(slope_from_roughness(roughness.default_value))
-        return Surface(surface.rms_height_m, surface.correlation_length_m, slope)
-    return surface
+    rough = RoughSurface(
+        *(float(material.get(key, 0.0)) for key in (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE))
+    )
+    roughness = None
+    if rough != RoughSurface() and rough.slope == 0:
+        roughness = group_input(material, ROUGHNESS)
+    if roughness is None:
+        return rough
+    return replace(rough, rms_slope=float(slope_from_roughness(roughness.default_value)))
 
 
 def is_physical(material: Any) -> bool:
     """Return whether a material has one of the physical groups: the material's, or the sheet's."""
     return group_kind(material) in (PHYSICAL_KIND, SHEET_KIND)
-
-
-def has_rough_facets(material: Any) -> bool:
-    """Return whether a material has facets whose channels Cycles rounds separately.
-
-    Then from order 2 on the world should encode the range.
-    """
-    if not EXACT_FACETS or group_kind(material) != PHYSICAL_KIND:
-        return False
-    socket, surface = group_input(material, ROUGHNESS), surface_of(material)
-    return (
-        socket is None
-        or socket.default_value > SMOOTH_BELOW
-        or (surface is not None and surface.slope > 0)
-    )
 
 
 def is_sheet(material: Any) -> bool:
@@ -336,7 +291,7 @@ def inputs_at(material: Any, carrier_hz: float, beyond_band: str = "hold") -> di
             wavelengths = float(material.get(SHEET_THICKNESS, 0.0)) * carrier_hz
             thickness = wavelengths / SPEED_OF_LIGHT_MPS
             return {INDEX: index.real, EXTINCTION: index.imag, THICKNESS: thickness}
-        slope = (surface_of(material) or Surface()).slope
+        slope = rough_surface_of(material).slope
         roughness = float(cycles_roughness(slope))
         through, through_grazing = 1.0, 1.0
         if not is_conductor(index):
@@ -625,8 +580,8 @@ def media_beyond_their_band(
 
 def limits_of(material: Any, carrier_hz: float) -> tuple[Finding, ...]:
     """Find why the model of a material's rough surface does not hold at a carrier."""
-    surface = surface_of(material)
-    if surface is None or surface.rms_height_m == 0 or surface.correlation_length == 0:
+    surface = rough_surface_of(material)
+    if surface.rms_height_m == 0 or surface.correlation_length == 0:
         return ()
     found = kirchhoff_limits(
         surface.rms_height_m, surface.correlation_length, SPEED_OF_LIGHT_MPS / carrier_hz
@@ -645,14 +600,3 @@ def roughness_of(materials: Iterable[Any]) -> tuple[float | None, float | None]:
         if height_m > 0:
             return height_m, float(material.get(CORRELATION_LENGTH, 0.0)) or None
     return None, None
-
-
-def is_rough(item: Any) -> bool:
-    """Return whether all materials of an object are Radar Materials with a rough surface.
-
-    False for an object without materials.
-    """
-    sockets = [group_input(material, ROUGHNESS) for material in slot_materials(item)]
-    return bool(sockets) and all(
-        socket is not None and socket.default_value > SMOOTH_BELOW for socket in sockets
-    )

@@ -14,21 +14,18 @@ such a lobe: sigma0 by grazing angle [dB], which the groups of the materials rea
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ...arrays import Real, dots
+from ...arrays import Real
 from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, finding
 from ...physics.clutter import ClutterModel
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...physics.fresnel import unpolarised_reflectance
-from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import lobe_exponent
-from ..nodes.groups import KIND_PROPERTY, group_input, group_kind
+from ..nodes.groups import KIND_PROPERTY, group_input
 from ..nodes.physical_material import (
     CLUTTER_ROW,
     PHYSICAL_KIND,
@@ -37,104 +34,9 @@ from ..nodes.physical_material import (
     VANISHES_BELOW,
     table_angles_rad,
 )
-from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
 from ..state import SettingsRestorer
 from .clutter import clutter_of
-from .mirrors import LOBE_EXPONENT, SHARP, mirror_of
-
-#: Albedo of the rendered lobe where less is scattered: Cycles drops lobes of 1e-5.
-_LEAST_ALBEDO = 1e-4
-
-
-@dataclass(frozen=True)
-class ScatteredLobe:
-    """A directive lobe at the carrier."""
-
-    #: See `lobe_exponent`.
-    exponent: int
-    #: What the surface mirrors.
-    mirror: MirrorMaterial
-    #: Width of the glossy lobe in place of the mirror, as of a Beckmann lobe; 0: a mirror.
-    alpha: float
-    #: Whether Cycles' lobe has the albedo of a table; else that of a simple material.
-    from_table: bool
-
-    def scattered(
-        self, to_source: Real, normal: Real, polarisation: str, wavelength_m: float
-    ) -> Real:
-        """Return the fraction of the power that is scattered, (n,).
-
-        `to_source` and `normal` are unit vectors from the surface to where waves come from, and
-        across it, (n, 3).
-        """
-        mirror, cosine = self.mirror, np.abs(dots(to_source, normal))
-        kept = mirror.share * coherent_reflection(mirror.rms_height_m, cosine, wavelength_m) ** 2
-        every = replace(mirror, share=1.0).rendered_power(-to_source, normal, polarisation)
-        return np.asarray(every * (1 - kept))
-
-    def table_db(self, wavelength_m: float) -> Real:
-        """Return sigma0 [dB] of the Lambert lobe that Cycles renders in its place, at the angles of
-        a clutter table.
-        """
-        sine = np.sin(table_angles_rad())
-        kept = coherent_reflection(self.mirror.rms_height_m, sine, wavelength_m) ** 2
-        albedo = (1 - kept) * unpolarised_reflectance(self.mirror.index, sine)
-        return np.asarray(10 * np.log10(4 * sine**2 * np.maximum(albedo, _LEAST_ALBEDO)))
-
-
-def scattered_lobe_of(material: Any) -> ScatteredLobe | None:
-    """Return the directive lobe of a material, with its inputs set for the carrier; None without
-    one.
-
-    Raises ConfigError if the exponent cannot be used, or the material scatters nothing by such a
-    lobe.
-    """
-    value = None if material is None else material.get(LOBE_EXPONENT)
-    if value is None:
-        return None
-    try:
-        return _lobe(material, lobe_exponent(value))
-    except ConfigError as error:
-        raise ConfigError(f"Material {material.name!r}: {error}") from error
-
-
-def _lobe(material: Any, exponent: int) -> ScatteredLobe:
-    if clutter_of(material) is not None:
-        raise ConfigError(
-            "It has a clutter model and a scattered lobe. Take one of the two away: "
-            'set_clutter(material, "none") or set_scattered_lobe(material, None).'
-        )
-    kind = group_kind(material)
-    sockets = [group_input(material, name) for name in (INDEX, EXTINCTION, ROUGHNESS)]
-    if kind == KIND:
-        sockets.append(group_input(material, SPECULARITY))
-    if kind not in (KIND, PHYSICAL_KIND) or None in sockets:
-        raise ConfigError(
-            "A scattered lobe needs a Radar Material, simple or physical, without the thickness of "
-            "a thin sheet, whose inputs are numbers. Choose such a material, or remove the links."
-        )
-    values = [float(socket.default_value) for socket in sockets if socket is not None]
-    mirror = mirror_of(material)
-    if kind == KIND:
-        specularity, sharp = values[3], values[2] <= SHARP
-        if specularity >= 1:
-            raise ConfigError(
-                "A scattered lobe needs a Specularity below 1: it holds the other part of the "
-                "power. Effective roughness with the parameter S is a Specularity of 1 - S^2."
-            )
-        mirror = mirror or MirrorMaterial(complex(values[0], values[1]), specularity, False)
-        return ScatteredLobe(exponent, mirror, 0.0 if sharp else values[2] ** 2, False)
-    if mirror is None or mirror.rms_height_m == 0:
-        raise ConfigError(
-            "A scattered lobe of a physical material holds what the RMS height of a mirror takes "
-            "from its image: expected an RMS height above 0, and no correlation length and slope."
-        )
-    if group_input(material, CLUTTER_ROW) is None:
-        raise ConfigError(
-            "A scattered lobe needs the Clutter Row of the physical Radar Material as a number: it "
-            "is linked, or the node group is of an earlier version. Assign the material again."
-        )
-    return ScatteredLobe(exponent, mirror, 0.0, True)
+from .surfaces import LOBE_EXPONENT, read_surface
 
 
 def set_scattered_lobe(material: Any, exponent: int | None) -> None:
@@ -162,7 +64,7 @@ def set_scattered_lobe(material: Any, exponent: int | None) -> None:
         return
     try:
         material[LOBE_EXPONENT] = lobe_exponent(exponent)
-        scattered_lobe_of(material)
+        read_surface(material).scattered_lobe()
     except ConfigError:
         if LOBE_EXPONENT in material.keys():
             del material[LOBE_EXPONENT]
@@ -192,10 +94,10 @@ def set_clutter_tables(
     """
     findings, rows, sockets = [], [], []
     for material in sorted(assigned, key=lambda one: str(one.name_full)):
-        clutter, lobe = clutter_of(material), scattered_lobe_of(material)
+        clutter, lobe = clutter_of(material), read_surface(material).scattered_lobe()
         socket = group_input(material, CLUTTER_ROW)
         if lobe is not None and lobe.from_table:
-            rows.append(lobe.table_db(SPEED_OF_LIGHT_MPS / carrier_hz))
+            rows.append(lobe.rendered_db(table_angles_rad(), SPEED_OF_LIGHT_MPS / carrier_hz))
             sockets.append(socket)
         if clutter is None:
             continue

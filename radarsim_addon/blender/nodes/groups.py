@@ -169,8 +169,11 @@ def group_input(material: Any, name: str) -> Any | None:
     None if another node is linked, or the group has no such input.
     """
     found = find_group(material)
-    if found is None:
-        return None
+    return None if found is None else input_socket(found, name)
+
+
+def input_socket(found: FoundGroup, name: str) -> Any | None:
+    """Return the socket that sets an input of a group, as `group_input` does."""
     socket, enclosing = found.node.inputs.get(name), found.enclosing
     for _ in range(_MAX_STEPS):
         if socket is None or not socket.is_linked:
@@ -190,6 +193,31 @@ def input_value(material: Any, name: str, default: float) -> float:
     """Return the number of such an input; `default` where `group_input` is None."""
     socket = group_input(material, name)
     return default if socket is None else float(socket.default_value)
+
+
+def shaders_at_output(material: Any) -> tuple[list[Any], Any | None]:
+    """Return the shader nodes that reach the output of a material, through mixes and groups.
+
+    Then the node that is linked to the output, muted or not; None without.
+    """
+    output = None if material.node_tree is None else material.node_tree.get_output_node("CYCLES")
+    if output is None:
+        return [], None
+    waiting = [output.inputs["Surface"]]
+    found: dict[int, Any] = {}
+    while waiting:
+        for link in waiting.pop().links:
+            node = link.from_node
+            if node.mute or node.as_pointer() in found:
+                continue
+            found[node.as_pointer()] = node
+            waiting += [socket for socket in node.inputs if socket.type == "SHADER"]
+            tree = getattr(node, "node_tree", None)
+            if tree is not None and tree.get(KIND_PROPERTY) is None:
+                ends = [one for one in tree.nodes if one.bl_idname == "NodeGroupOutput"]
+                waiting += [s for one in ends for s in one.inputs if s.type == "SHADER"]
+    links = output.inputs["Surface"].links
+    return list(found.values()), links[0].from_node if links else None
 
 
 def holds_group(tree: Any) -> bool:

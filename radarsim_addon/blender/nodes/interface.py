@@ -37,11 +37,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from ...signal.scene.surface import OPAQUE_BELOW_TRANSMITTANCE
 from . import attributes
 from .build import TreeBuilder
-
-#: A medium that transmits less than this fraction at normal incidence is an opaque conductor.
-OPAQUE_BELOW_TRANSMITTANCE = 1e-3
 
 
 def cos_incidence(build: TreeBuilder) -> Any:

@@ -13,8 +13,8 @@ import bpy
 
 from ...errors import ConfigError, SceneError
 from ...physics.checks import real_array
+from ...signal.scene import is_conductor
 from .groups import ensure_group, group_input, group_node
-from .interface import OPAQUE_BELOW_TRANSMITTANCE
 from .physical_material import GRAZING_TRANSMISSION
 from .radar_material import (
     EXTINCTION,
@@ -28,8 +28,6 @@ from .radar_material import (
 
 _INPUTS = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
 PRESET_PROPERTY = "radarsim_preset"
-#: Extinction from which power falls by 54 dB within a hundredth of a wavelength.
-_OPAQUE_KAPPA = 100.0
 #: Volume step rate of radarsim's materials. The interior is uniform along a ray, so one step is
 #: exact. The physical material depends on the ray, so Cycles would take steps of a tenth of the
 #: object's size and stop where 1e-6 is left: echoes below -60 dB would be too strong.
@@ -114,13 +112,6 @@ def transmission_inputs(material: Any) -> list[Any]:
         return []
     names = (TRANSMISSION, GRAZING_TRANSMISSION)
     return [group_input(material, name) for name in names if name in node.inputs]
-
-
-def is_conductor(index: complex) -> bool:
-    """Return whether a medium is opaque: it reflects all, or absorbs all within its skin."""
-    # Half the threshold of the node group, which rounds.
-    passed = 4 * index.real / ((index.real + 1) ** 2 + index.imag**2)
-    return passed < OPAQUE_BELOW_TRANSMITTANCE / 2 or index.imag >= _OPAQUE_KAPPA
 
 
 def has_interior(material: Any) -> bool:

@@ -58,6 +58,7 @@ import numpy as np
 
 from ...arrays import Real
 from ...physics.rough import RAMP_BELOW
+from ...signal.scene import SMOOTH_BELOW
 from . import attributes
 from .build import GroupDefinition, TreeBuilder, factor_input, float_input
 from .interface import (
@@ -303,8 +304,6 @@ def internal_echoes(build: TreeBuilder) -> Any:
 
 PHYSICAL_KIND = "radar_physical"
 GRAZING_TRANSMISSION = "Grazing Transmission"
-#: Roughness (alpha 1e-4) below which a surface is a mirror.
-SMOOTH_BELOW = 0.01
 
 
 def _draw(build: TreeBuilder) -> None:

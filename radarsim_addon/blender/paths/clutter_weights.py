@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,19 +41,10 @@ from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import directive_lobe, facet_scattering
 from ...signal.paths import Columns, PathFlag, PathRows, chosen_rows, has_images, read_columns
-from ..materials import (
-    EXACT_FACETS,
-    ScatteredLobe,
-    clutter_of,
-    is_mirror_like,
-    mirror_of,
-    reciprocal_lobe,
-    scattered_lobe_of,
-)
+from ...signal.scene import SMOOTH_BELOW, ScatteredLobe, Surface
+from ..materials import EXACT_FACETS, surfaces_of
 from ..motion import Bodies
-from ..nodes.groups import group_input, group_node
-from ..nodes.materials import lets_nothing_through
-from ..nodes.physical_material import CLUTTER_ROW, SMOOTH_BELOW, TABLE_WIDTH, table_angles_rad
+from ..nodes.physical_material import TABLE_WIDTH, table_angles_rad
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS
 from .hit_points import HitPoints, Normals
 from .mirrors import in_view
@@ -82,14 +73,13 @@ class ClutterWeights:
         self._surfaces: list[ClutterLobe | DirectiveLobe] = []
         known: dict[str, int] = {}
         self._several: set[str] = set()
-        models, lobes = cache(clutter_of), cache(scattered_lobe_of)
-        rows_of = cache(lambda material: group_input(material, CLUTTER_ROW))
+        surfaces = surfaces_of(bodies.snapshot)
         of_shape = np.zeros(len(bodies.snapshot.shapes), dtype=np.intp)
         for number, shape in enumerate(bodies.snapshot.shapes):
             for material in {one for one in shape.materials if one is not None}:
-                clutter, lobe = models(material), lobes(material)
-                if rows_of(material) is None:
-                    clutter = None
+                surface = surfaces[material]
+                clutter = surface.clutter if surface.has_clutter_row else None
+                lobe = surface.scattered_lobe()
                 if clutter is None and lobe is None:
                     continue
                 if len(set(shape.materials)) > 1:
@@ -99,7 +89,7 @@ class ClutterWeights:
                     known[material.name_full] = len(self._surfaces) + 1
                     if clutter is not None:
                         table_db = clutter.sigma0_db(carrier_hz, table_angles_rad(), polarisation)
-                        self._surfaces.append(clutter_lobe(material, clutter.model, table_db))
+                        self._surfaces.append(clutter_lobe(surface, clutter.model, table_db))
                     elif lobe is not None:
                         self._surfaces.append(DirectiveLobe.of(lobe, polarisation, wavelength_m))
                 of_shape[number] = known[material.name_full]
@@ -434,22 +424,18 @@ class DirectiveLobe(_Table):
         return (facets + scattered * directive) / (facets + albedo / np.pi)
 
 
-def clutter_lobe(material: Any, model: ClutterModel, table_db: Real) -> ClutterLobe:
+def clutter_lobe(surface: Surface, model: ClutterModel, table_db: Real) -> ClutterLobe:
     """Return the lobe of a material with a clutter model and the table of the run."""
-
-    def value(name: str) -> float:
-        socket = group_input(material, name)
-        if socket is None:
+    needed = {ROUGHNESS: surface.roughness, INDEX: surface.n, EXTINCTION: surface.kappa}
+    for name, value in needed.items():
+        if value is None:
             raise ConfigError(
-                f"Material {material.name!r} has a clutter model and a link at {name}, so the "
+                f"Material {surface.name!r} has a clutter model and a link at {name}, so the "
                 "scattering into other directions is unknown. Remove the link."
             )
-        return float(socket.default_value)
-
-    roughness = value(ROUGHNESS)
-    index = complex(value(INDEX), value(EXTINCTION))
+    roughness = surface.roughness or 0.0
     alpha = roughness**2 if roughness > SMOOTH_BELOW else 0.0
-    return ClutterLobe(_as_rendered(table_db), material.name, model, index, alpha)
+    return ClutterLobe(_as_rendered(table_db), surface.name, model, surface.index, alpha)
 
 
 def _as_rendered(table_db: Real) -> Real:
@@ -473,9 +459,10 @@ class ReverseMarks:
         """By the body's number, from 1: whether it may mirror, and whether its normals differ from
         those of its faces. Body 0 is unknown.
         """
-        sharp, bodies = cache(is_mirror_like), self._bodies
-        shapes = bodies.snapshot.shapes
-        mirrors = np.array([any(map(sharp, shape.materials)) for shape in shapes], dtype=bool)
+        bodies = self._bodies
+        shapes, surfaces = bodies.snapshot.shapes, surfaces_of(bodies.snapshot)
+        known = [surfaces.of(shape.materials) for shape in shapes]
+        mirrors = np.array([any(one.is_mirror_like for one in every) for every in known], bool)
         rounded = np.zeros(len(shapes), dtype=bool)
         for number in np.flatnonzero(mirrors).tolist():
             with bodies.snapshot.mesh(shapes[number]) as mesh:
@@ -538,13 +525,14 @@ class BetterDirection:
 
     def __init__(self, bodies: Bodies, wavelength_m: float) -> None:
         self._together_m = _TOGETHER * wavelength_m
-        width, shapes = cache(reciprocal_lobe), bodies.snapshot.shapes
-        met = {material for shape in shapes for material in shape.materials}
+        shapes, surfaces = bodies.snapshot.shapes, surfaces_of(bodies.snapshot)
+        known = [surfaces.of(shape.materials) for shape in shapes]
         #: Whether rays pass through no surface, where both directions could be different rows.
         self._opaque = all(
-            lets_nothing_through(one) if group_node(one) else width(one) > 0 for one in met
+            one.is_opaque if one.is_radar else one.reciprocal_lobe > 0
+            for one in {one for every in known for one in every}
         )
-        widths = np.array([min(map(width, shape.materials), default=0.0) for shape in shapes])
+        widths = np.array([min((o.reciprocal_lobe for o in every), default=0.0) for every in known])
         several = np.array([len(set(shape.materials)) > 1 for shape in shapes], dtype=bool)
         widths[several] = 0.0
         for number in np.flatnonzero((widths > 0) & np.isfinite(widths)).tolist():
@@ -609,9 +597,9 @@ class SeenMirrors:
     ) -> None:
         self._hits, self._wavelength_m = hits, wavelength_m
         self._polarisation = polarisation
-        materials = [tuple(shape.materials) for shape in bodies.snapshot.shapes]
-        mirror, lobe = cache(_mirror), cache(scattered_lobe_of)
-        found = [mirror(every) for every in materials]
+        surfaces = surfaces_of(bodies.snapshot)
+        known = [surfaces.of(shape.materials) for shape in bodies.snapshot.shapes]
+        found = [_mirror(every) for every in known]
         self._mirrors = list(dict.fromkeys(one for one in found if one is not None))
         numbers = np.array([-1 if one is None else self._mirrors.index(one) for one in found], int)
         heights_m = np.array(
@@ -621,7 +609,7 @@ class SeenMirrors:
         #: other surfaces [m]; and whether a lobe has the rest of the power.
         self._numbers = np.append(-1, numbers[bodies.shape])
         self._heights_m = np.append(0.0, heights_m[bodies.shape])
-        scatters = np.array([any(map(lobe, every)) for every in materials], dtype=bool)
+        scatters = np.array([any(one.scattered_lobe() for one in e) for e in known], dtype=bool)
         self._scatters = np.append(False, scatters[bodies.shape])
 
     def correct(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
@@ -660,7 +648,7 @@ class SeenMirrors:
         rows["power_w"][chosen] *= np.where(np.isfinite(factor), factor, 1.0)
 
 
-def _mirror(materials: Sequence[Any]) -> MirrorMaterial | None:
+def _mirror(surfaces: Sequence[Surface]) -> MirrorMaterial | None:
     """The mirror that all of a body's materials are, without another lobe; else None."""
-    known = {None if clutter_of(one) else mirror_of(one) for one in materials}
+    known = {None if one.clutter else one.mirror for one in surfaces}
     return known.pop() if len(known) == 1 else None

@@ -38,10 +38,12 @@ from ...signal.paths import (
     replicate_offset_px,
     write_table,
 )
+from ...signal.scene import SMOOTH_BELOW
 from ...typed_json import file_sha256, write_record
-from ..materials import is_rough
+from ..materials import read_surface
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, PathOptions
+from ..state import slot_materials
 from ..views import TracedReplicate, ViewWindow
 from .clutter_weights import ClutterWeights
 from .error_budget import (
@@ -509,7 +511,11 @@ def by_surface(item: Finding, images: Collection[str] = ()) -> list[Finding]:
     if item.code != "object-without-echo":
         return [item]
     named = (one for one in bpy.data.objects if one.name_full in item.subjects)
-    rough = {one.name_full for one in named if is_rough(one)}
+    rough = set()
+    for one in named:
+        known = [read_surface(slot).roughness for slot in slot_materials(one)]
+        if known and all(x is not None and x > SMOOTH_BELOW for x in known):
+            rough.add(one.name_full)
     others = [name for name in item.subjects if name not in rough and name not in images]
     found = [finding("rough-object-without-echo", *sorted(rough))] if rough else []
     return found + ([finding("object-without-echo", *others)] if others else [])

@@ -22,7 +22,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -30,13 +30,11 @@ from ... import contract
 from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...findings import Finding, finding, finding_about
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...physics.fresnel import unpolarised_reflectance
 from ...physics.rcs import specular_face
 from ...physics.rough import least_rms_height_m
 from ...physics.specular_points import GRAZING, bisectors
-from ..materials import glint_slope, surface_of
-from ..nodes.groups import group_input
-from ..nodes.radar_material import EXTINCTION, INDEX, SPECULARITY
+from ...signal.scene import Surface
+from ..materials import surfaces_of
 from ..views import ViewWindow
 from .obstacles import BodyMesh, Obstacles
 from .tiles import Area
@@ -101,8 +99,11 @@ def find_glints(
     objects that no ray meets. Returns at most `MOST_GLINTS`.
     """
     bodies = obstacles.bodies
-    slope = cache(glint_slope)
-    slopes = [np.array([slope(m) for m in shape.materials]) for shape in bodies.snapshot.shapes]
+    surfaces = surfaces_of(bodies.snapshot)
+    slopes = [
+        np.array([one.glint_slope for one in surfaces.of(shape.materials)])
+        for shape in bodies.snapshot.shapes
+    ]
     shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
     chosen = np.flatnonzero(shiny[bodies.shape] & ~np.isin(bodies.number, sorted(hidden)))
     if not chosen.size:
@@ -599,10 +600,14 @@ class SmoothFaces:
         if receiver.kind == "orthographic":  # its powers tell no cross section
             return
         bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
-        height = cache(lambda one: _height_m(one, wavelength_m))
-        smooth = cache(lambda one: _reflectance(one) > 0 and height(one)[0] < _ROUGH * wavelength_m)
-        slope = cache(lambda one: glint_slope(one) if smooth(one) else 0.0)
-        slopes = [np.array([slope(one) for one in shape.materials]) for shape in shapes]
+        surfaces = surfaces_of(bodies.snapshot)
+
+        @cache
+        def slope(one: Surface) -> float:
+            smooth = _height_m(one, wavelength_m)[0] < _ROUGH * wavelength_m
+            return one.glint_slope if smooth and one.reflectance > 0 else 0.0
+
+        slopes = [np.array(list(map(slope, surfaces.of(one.materials)))) for one in shapes]
         shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)[bodies.shape]
         chosen = np.flatnonzero(shiny & (np.bincount(bodies.number)[bodies.number] == 1))
         if not chosen.size:
@@ -611,13 +616,14 @@ class SmoothFaces:
         chosen, _ = search.affordable(search.in_view(chosen), _MOST_OBJECTS)
         for shape in np.unique(bodies.shape[chosen]).tolist():
             own = chosen[bodies.shape[chosen] == shape]
-            materials = dict(zip(slopes[shape].tolist(), shapes[shape].materials, strict=True))
+            known = surfaces.of(shapes[shape].materials)
+            by_slope = dict(zip(slopes[shape].tolist(), known, strict=True))
             for parts in search.candidates(shape, own, self._antennas_m[0]):
                 for face in _faces(search, parts, self._antennas_m, wavelength_m):
-                    number, material = int(bodies.number[face.body]), materials[face.slope]
-                    rcs_m2 = face.rcs_m2 * _reflectance(material)
+                    number, surface = int(bodies.number[face.body]), by_slope[face.slope]
+                    rcs_m2 = face.rcs_m2 * surface.reflectance
                     if rcs_m2 > self._faces.get(number, (0.0,))[0]:
-                        self._faces[number] = rcs_m2, face, *height(material)
+                        self._faces[number] = rcs_m2, face, *_height_m(surface, wavelength_m)
 
     def findings(self, power_w: Mapping[str, float], names: Sequence[str]) -> list[Finding]:
         """Compare the faces with the received power of objects by name; `names` belong to the
@@ -657,25 +663,11 @@ class SmoothFaces:
         return findings
 
 
-def _height_m(material: Any, wavelength_m: float) -> tuple[float, bool]:
+def _height_m(surface: Surface, wavelength_m: float) -> tuple[float, bool]:
     """RMS height of a surface [m], and whether it is known; else the least one of its slope."""
-    surface = surface_of(material)
-    if surface is not None and surface.rms_height_m > 0:
-        return surface.rms_height_m, True
-    return float(least_rms_height_m(glint_slope(material), wavelength_m)), False
-
-
-def _reflectance(material: Any) -> float:
-    """Fraction of the power that the lobe of a Radar Material reflects at normal incidence.
-
-    0 for materials made for light, and where nodes set the index.
-    """
-    n, kappa, share = (group_input(material, one) for one in (INDEX, EXTINCTION, SPECULARITY))
-    if n is None or kappa is None:
-        return 0.0
-    index = complex(n.default_value, kappa.default_value)
-    found = float(unpolarised_reflectance(index, 1.0))
-    return found if share is None else found * float(share.default_value)
+    if surface.rough.rms_height_m > 0:
+        return surface.rough.rms_height_m, True
+    return float(least_rms_height_m(surface.glint_slope, wavelength_m)), False
 
 
 def _faces(

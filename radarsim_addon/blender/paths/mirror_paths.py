@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -35,7 +34,7 @@ from ...signal.paths import (
     read_columns,
     widened,
 )
-from ..materials import clutter_of, lobe_width
+from ..materials import surfaces_of
 from ..motion import Bodies
 from ..plan import Measurement, PathOptions
 from ..state import Shape
@@ -326,13 +325,13 @@ class MirrorPaths:
         return curved
 
     def _read_materials(self, bodies: Bodies) -> None:
-        materials = [shape.materials for shape in bodies.snapshot.shapes]
-        width, clutter = cache(lobe_width), cache(lambda one: clutter_of(one) is not None)
-        widths = [min(map(width, every), default=math.inf) for every in materials]
+        surfaces = surfaces_of(bodies.snapshot)
+        known = [surfaces.of(shape.materials) for shape in bodies.snapshot.shapes]
+        widths = [min((one.lobe_width for one in every), default=math.inf) for every in known]
         #: Width of the narrowest lobe by the body's number, from 1; and that of surfaces without a
         #: clutter model, 0 for others.
         self._lobes = np.append(0.0, np.array(widths)[bodies.shape])
-        weighted = np.array([any(map(clutter, every)) for every in materials], dtype=bool)
+        weighted = np.array([any(one.clutter for one in every) for every in known], dtype=bool)
         self._plain_lobes = np.append(0.0, np.where(weighted, 0.0, widths)[bodies.shape])
 
     def _find_curved(self, curved: CurvedMirrors, most: int) -> None:

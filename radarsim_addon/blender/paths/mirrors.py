@@ -41,7 +41,8 @@ from ...physics.mirrors import (
 )
 from ...signal.motion import PathImages
 from ...signal.paths import PathRows, has_curved_images, planes_of, read_columns
-from ..materials import is_mirror_like, mirror_choice, mirror_of
+from ...signal.scene import Surface
+from ..materials import mirror_choice, surfaces_of
 from .obstacles import BodyMesh, Obstacles
 
 # -------------------------------------------------------------------------------------------------
@@ -193,18 +194,22 @@ class MirroringMesh:
         return [one for one in found if one is not None]
 
 
+def _mirrors(surface: Surface) -> bool:
+    return surface.mirror is not None or surface.is_mirror_like
+
+
 def mirroring_objects(obstacles: Obstacles) -> list[str]:
     """Return the names of the objects whose meshes `mirroring_meshes` has, each once.
 
     Meshes are read only where some of an object's materials mirror and others do not.
     """
     bodies = obstacles.bodies
-    mirrors = cache(lambda one: mirror_of(one) is not None or is_mirror_like(one))
+    surfaces = surfaces_of(bodies.snapshot)
     named: dict[int, bool] = {}
     for index in np.sort(np.unique(bodies.shape, return_index=True)[1]).tolist():
         number = int(bodies.shape[index])
         shape = bodies.snapshot.shapes[number]
-        smooth = np.array([mirrors(one) for one in shape.materials], dtype=bool)
+        smooth = np.array([_mirrors(one) for one in surfaces.of(shape.materials)], dtype=bool)
         named[number] = bool(smooth.any()) and mirror_choice(shape.original) != "never"
         if named[number] and not smooth.all():
             mesh = obstacles.mesh(index)
@@ -220,10 +225,9 @@ def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
     """Yield the meshes of all bodies with materials that mirror, and no mark against it."""
     bodies = obstacles.bodies
     shapes = bodies.snapshot.shapes
-    every = {one for shape in shapes for one in shape.materials}
-    mirrors = {one: mirror_of(one) for one in every}
-    like = {one: mirrors[one] is not None or is_mirror_like(one) for one in every}
-    smooth_slots = [np.array([like[one] for one in shape.materials], bool) for shape in shapes]
+    surfaces = surfaces_of(bodies.snapshot)
+    known = [surfaces.of(shape.materials) for shape in shapes]
+    smooth_slots = [np.array(list(map(_mirrors, every)), dtype=bool) for every in known]
     mirroring = np.array([slots.any() for slots in smooth_slots], dtype=bool)
     for index in np.flatnonzero(mirroring[bodies.shape]).tolist():
         number = int(bodies.shape[index])
@@ -234,7 +238,7 @@ def mirroring_meshes(obstacles: Obstacles) -> Iterator[MirroringMesh]:
         mesh = obstacles.mesh(index)
         if mesh is None:
             continue
-        slots = [mirrors[one] for one in shapes[number].materials]
+        slots = [one.mirror for one in known[number]]
         slot = np.minimum(mesh.slots, len(slots) - 1)
         pose = bodies.pose[index]
         corners = mesh.vertices_m[mesh.triangles] @ pose[:3, :3].T + pose[:3, 3]

@@ -28,13 +28,14 @@ from ...findings import Finding, finding
 from ...signal.motion import read_motion
 from ...typed_json import file_sha256, read_record, write_record
 from ..materials import (
+    EXACT_FACETS,
     SURFACE_TYPES,
     Interiors,
     assigned_materials,
     foreign_objects,
     found_inside,
     has_no_faces,
-    has_rough_facets,
+    read_surface,
 )
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
@@ -556,4 +557,4 @@ def holds_rough_facets(depsgraph: Any) -> bool:
     Materials that geometry nodes set are those of evaluated objects alone.
     """
     assigned = {m for one in assigned_materials(depsgraph) for m in one.materials}
-    return any(has_rough_facets(material) for material in assigned if material is not None)
+    return EXACT_FACETS and any(read_surface(material).has_rough_facets for material in assigned)

@@ -9,7 +9,6 @@ from itertools import chain
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
-import bpy
 import numpy as np
 
 from ...arrays import Real
@@ -22,13 +21,8 @@ from ...signal.draft import (
     mesh_message,
     scene_message,
 )
-from ..materials import clutter_of, mirror_of, scattered_lobe_of
-from ..materials.physical_materials import inputs_at
-from ..nodes.groups import KIND_PROPERTY, group_input, group_node
-from ..nodes.physical_material import PHYSICAL_KIND as PHYSICAL_KIND
-from ..nodes.physical_material import SHEET_KIND as SHEET_KIND
-from ..nodes.physical_material import SMOOTH_BELOW
-from ..nodes.radar_material import EXTINCTION, INDEX, KIND, ROUGHNESS, SPECULARITY
+from ...signal.scene import SMOOTH_BELOW, Surface
+from ..materials import surface_at
 from ..plan import check_unit_scale, shortest_decimal
 from ..rig_settings import own_link_budget, read_measurement, settings
 from ..scene import (
@@ -52,7 +46,6 @@ from .scene_reading import any_material_echoes, rig_of
 
 #: Albedo of a surface without a material in Cycles, and of one whose colour is not known.
 _DEFAULT_ALBEDO, _GUESSED_ALBEDO = 0.8, 0.5
-_COLOURS = {"ShaderNodeBsdfPrincipled": "Base Color", "ShaderNodeBsdfDiffuse": "Color"}
 
 
 class LiveMaterial(NamedTuple):
@@ -75,60 +68,44 @@ def live_material(
 
     any_material: materials of Cycles echo, too.
     """
-    node = group_node(material)
-    if node is None:
-        return _foreign(material) if any_material else LiveMaterial(DraftSurface("silent"))
-    kind = node.node_tree.get(KIND_PROPERTY)
-    if kind == SHEET_KIND:
+    read = surface_at(material, carrier_hz, beyond_band)
+    if read.kind == "light":
+        return _foreign(read) if any_material else LiveMaterial(DraftSurface("silent"))
+    if read.kind == "sheet":
         return LiveMaterial(DraftSurface("silent"), mirrors=True)
-    names = (INDEX, EXTINCTION, SPECULARITY, ROUGHNESS)
-    sockets = {name: group_input(material, name) for name in names if name in node.inputs}
-    values = {
-        name: float((socket or node.inputs[name]).default_value) for name, socket in sockets.items()
-    }
-    guessed = any(socket is None for socket in sockets.values())
-    mirrors = mirror_of(material) is not None
-    lobe = scattered_lobe_of(material) is not None
-    if kind == KIND:
-        surface = DraftSurface(
-            "simple",
-            values[INDEX],
-            values[EXTINCTION],
-            values[SPECULARITY],
-            0.0 if mirrors else values[ROUGHNESS],
-        )
-        return LiveMaterial(surface, guessed, mirrors, lobe)
-    assert kind == PHYSICAL_KIND
-    given = inputs_at(material, carrier_hz, beyond_band)
-    values |= {name: given[name] for name in values if name in given and sockets[name] is not None}
-    smooth = values[ROUGHNESS] <= SMOOTH_BELOW
-    clutter = clutter_of(material)
+    lobe = read.scattered_lobe() is not None
+    wanted = ["n", "kappa", "roughness", *(["specularity"] if read.kind == "simple" else [])]
+    values = {name: getattr(read, name) for name in wanted}
+    known = {name: read.unlinked[name] if x is None else x for name, x in values.items()}
+    clutter, guessed = read.clutter, None in values.values()
+    if read.kind == "simple":
+        mirrors = read.mirror is not None
+        if mirrors:
+            known["roughness"] = 0.0
+        return LiveMaterial(DraftSurface("simple", **known), guessed, mirrors, lobe)
+    smooth = known["roughness"] <= SMOOTH_BELOW
+    if smooth:
+        known["roughness"] = 0.0
     surface = DraftSurface(
         "physical",
-        values[INDEX],
-        values[EXTINCTION],
-        roughness=0.0 if smooth else values[ROUGHNESS],
+        **known,
         clutter="" if clutter is None else clutter.name,
-        clutter_path=bpy.path.abspath(clutter.path) if clutter and clutter.path else "",
+        clutter_path="" if clutter is None else clutter.path or "",
         clutter_parameters={} if clutter is None else clutter.parameters,
         polarisation=polarisation,
     )
     return LiveMaterial(surface, guessed, smooth and clutter is None, lobe)
 
 
-def _foreign(material: Any) -> LiveMaterial:
+def _foreign(read: Surface) -> LiveMaterial:
     """A material of Cycles: a Lambert surface of the colour at its output, as far as known."""
-    if material is None or material.node_tree is None:
+    if read.is_default:
         return LiveMaterial(DraftSurface("lambert", albedo=_DEFAULT_ALBEDO))
-    output = material.node_tree.get_output_node("CYCLES")
-    links = () if output is None else output.inputs["Surface"].links
-    shader = links[0].from_node if links else None
-    name = _COLOURS.get("" if shader is None else shader.bl_idname)
-    if shader is None or name is None or shader.inputs[name].is_linked:
+    shader = read.output
+    if shader is None or shader.kind not in ("Principled", "Diffuse") or shader.albedo is None:
         return LiveMaterial(DraftSurface("lambert", albedo=_GUESSED_ALBEDO), guessed=True)
-    albedo = sum(shader.inputs[name].default_value[:3]) / 3
-    exact = shader.bl_idname == "ShaderNodeBsdfDiffuse"
-    return LiveMaterial(DraftSurface("lambert", albedo=float(albedo)), guessed=not exact)
+    exact = shader.kind == "Diffuse"
+    return LiveMaterial(DraftSurface("lambert", albedo=shader.albedo), guessed=not exact)
 
 
 #: Range limits may exceed the scene's extent by this factor, as those of a run.

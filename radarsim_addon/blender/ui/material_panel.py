@@ -17,13 +17,12 @@ from ...errors import RadarSimError, SceneError
 from ...physics.clutter import CLUTTER_TABLE
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.materials import TABLE
+from ...signal.scene import RoughSurface
 from ..materials import (
-    clutter_key,
     clutter_of,
     fluctuation_of,
-    is_entered,
     media_beyond_their_band,
-    scattered_lobe_of,
+    read_surface,
 )
 from ..materials import physical_materials as pm
 from ..materials.physical_materials import ASSETS, limits_of
@@ -192,7 +191,7 @@ def _plot(clutter: Any, carrier: float) -> int:
     global _plots
     if _plots is None:
         _plots = bpy.utils.previews.new()
-    key = f"{clutter_key(clutter)} {carrier!r}"
+    key = f"{clutter.key} {carrier!r}"
     if key not in _plots:
         if len(_plots) >= _MOST_PLOTS:
             _plots.clear()
@@ -291,18 +290,18 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
         index = f"{values[INDEX]:.5g} + j{values[EXTINCTION]:.4g}"
         text = tr("n = {index} at {ghz:.6g} GHz", index=index, ghz=carrier / 1e9)
         layout.label(text=text)
-        if is_entered(material) and values[EXTINCTION] > 0:
+        if read_surface(material).is_entered and values[EXTINCTION] > 0:
             depth_m = SPEED_OF_LIGHT_MPS / carrier / (4 * math.pi * values[EXTINCTION])
             text = tr("Penetration depth (power to 1/e) {metres:.3g} m", metres=depth_m)
             layout.label(text=text)
 
     def _draw_surface(self, context: Any, layout: Any, material: Any) -> None:
-        surface = pm.surface_of(material)
+        surface = read_surface(material)
         try:
-            scattered_lobe_of(material)
-            if surface is None:
+            surface.scattered_lobe()
+            if surface.rough == RoughSurface():
                 return
-            layout.label(text=tr("Rms slope {slope:.4g}", slope=surface.slope))
+            layout.label(text=tr("Rms slope {slope:.4g}", slope=surface.rough.slope))
             draw_findings(context, layout, limits_of(material, carrier_hz(context.scene)))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")

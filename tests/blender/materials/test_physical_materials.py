@@ -26,6 +26,7 @@ from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.rough import sigma0
+from radarsim_addon.signal.scene import RoughSurface
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
@@ -94,8 +95,8 @@ def test_medium_survives_a_saved_file(tmp_path: Path) -> None:
     made = bpy.data.materials["Wall"]
     pm.update_materials(2e9)
     assert index_of(made) ** 2 == pytest.approx(4.1 + 0.2j, rel=1e-6)
-    surface = pm.surface_of(made)
-    assert surface == pm.Surface(1.2345678e-3, 0.02)
+    surface = pm.rough_surface_of(made)
+    assert surface == RoughSurface(1.2345678e-3, 0.02)
     assert surface.slope == pytest.approx(math.sqrt(2) * 1.2345678e-3 / 0.02)
     with pytest.raises(ConfigError, match=r"'Wall'.*not defined at 9 GHz.*2 to 8 GHz"):
         pm.update_material(made, 9e9, "refuse")
@@ -174,7 +175,7 @@ def test_panel_properties_show_what_is_kept() -> None:
         view.rms_height_mm = 1.5
         view.correlation_length_mm = 30.0
         assert made["radarsim_rms_height_m"] == 1.5e-3
-        assert pm.surface_of(made).slope == pytest.approx(math.sqrt(2) * 0.05)
+        assert pm.rough_surface_of(made).slope == pytest.approx(math.sqrt(2) * 0.05)
         roughness = group_node(made).inputs["Roughness"].default_value
         assert roughness == pytest.approx(math.sqrt(0.1), rel=1e-6)
         view.medium = "conductor"

@@ -20,7 +20,7 @@ from radarsim_addon.blender.materials import (
     interiors,
     layers,
     make_physical_material,
-    mirrors,
+    read_surface,
     scattered_lobe,
     total_reflection,
     wall_faces,
@@ -160,16 +160,16 @@ def not_flat(thickness: float) -> bool:
 
 def simple_is_rough(roughness: float) -> bool:
     material = make_material("Simple", 3.0, 0.0, specularity=1.0, roughness=roughness)
-    return not mirrors.is_mirror_like(material)
+    return not read_surface(material).is_mirror_like
 
 
 def physical_is_rough(roughness: float) -> bool:
-    return not mirrors.is_mirror_like(physical_material(3.0, 0.0, roughness))
+    return not read_surface(physical_material(3.0, 0.0, roughness)).is_mirror_like
 
 
 def is_metal(index: float) -> bool:
     material = make_material("Simple", index, 0.0, specularity=1.0, roughness=0.5)
-    return mirrors.reciprocal_lobe(material) > 0
+    return read_surface(material).reciprocal_lobe > 0
 
 
 def has_glints(colour: float, metallic: float) -> bool:
@@ -179,7 +179,7 @@ def has_glints(colour: float, metallic: float) -> bool:
     shader.inputs["Base Color"].default_value = (colour, colour, colour, 1.0)
     shader.inputs["Metallic"].default_value = metallic
     shader.inputs["Roughness"].default_value = 0.5
-    return mirrors.glint_slope(material) > 0
+    return read_surface(material).glint_slope > 0
 
 
 def is_rendered(albedo: float) -> bool:

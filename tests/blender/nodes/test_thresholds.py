@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("bpy")
 
-from radarsim_addon.blender.nodes.materials import is_conductor
+from radarsim_addon.signal.scene import is_conductor
 
 pytestmark = pytest.mark.blender
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials import reciprocal_lobe
+from radarsim_addon.blender.materials import read_surface
 from radarsim_addon.signal.paths import PathFlag
 from tests.blender import path_helpers as ph
 from tests.blender.paths.test_reverse_marks import corner
@@ -64,11 +64,11 @@ def test_other_pairs_keep_both_directions(tmp_path: Path, case: str) -> None:
 
 
 def test_which_lobes_scatter_alike_in_both_directions() -> None:
-    assert reciprocal_lobe(metal()) == pytest.approx(0.16)
-    assert reciprocal_lobe(ph.lambert(0.3)) == np.inf
-    assert reciprocal_lobe(metal(0.0)) == 0.0
+    assert read_surface(metal()).reciprocal_lobe == pytest.approx(0.16)
+    assert read_surface(ph.lambert(0.3)).reciprocal_lobe == np.inf
+    assert read_surface(metal(0.0)).reciprocal_lobe == 0.0
     # Fresnel's equations at the angle of the ray from the receiver
     brick = nodes.make_material("Brick", 2.0, 0.1, 0.5, 0.4, penetrable=False)
-    assert reciprocal_lobe(brick) == 0.0
+    assert read_surface(brick).reciprocal_lobe == 0.0
     # of GGX the width is the square of Blender's roughness
-    assert reciprocal_lobe(physical_material(4.0, 2.0, 0.3)) == pytest.approx(0.09)
+    assert read_surface(physical_material(4.0, 2.0, 0.3)).reciprocal_lobe == pytest.approx(0.09)

@@ -15,7 +15,7 @@ from radarsim_addon.signal.paths import IMAGE_DTYPE
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials import is_mirror_like
+from radarsim_addon.blender.materials import read_surface
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.mirror_scenes import HEIGHT_M, RANGE_M, box, measure, scene
@@ -188,20 +188,20 @@ def test_lobes_of_principled(inputs: dict[str, float], expected: bool) -> None:
     node = next(n for n in material.node_tree.nodes if n.bl_idname == "ShaderNodeBsdfPrincipled")
     for name, value in inputs.items():
         node.inputs[name].default_value = value
-    assert is_mirror_like(material) == expected
+    assert read_surface(material).is_mirror_like == expected
     if "Roughness" in inputs:
         value = material.node_tree.nodes.new("ShaderNodeValue")
         material.node_tree.links.new(value.outputs[0], node.inputs["Roughness"])
-        assert not is_mirror_like(material)
+        assert not read_surface(material).is_mirror_like
 
 
 def test_lobes_in_groups_and_of_radar_materials() -> None:
     rs.new_scene()
-    assert is_mirror_like(in_a_group("ShaderNodeBsdfGlass"))
-    assert not is_mirror_like(in_a_group("ShaderNodeBsdfDiffuse"))
-    assert is_mirror_like(ph.mirror())
-    assert not is_mirror_like(ph.rough_metal())
-    assert not is_mirror_like(None)
+    assert read_surface(in_a_group("ShaderNodeBsdfGlass")).is_mirror_like
+    assert not read_surface(in_a_group("ShaderNodeBsdfDiffuse")).is_mirror_like
+    assert read_surface(ph.mirror()).is_mirror_like
+    assert not read_surface(ph.rough_metal()).is_mirror_like
+    assert not read_surface(None).is_mirror_like
 
 
 def test_a_plane_edge_on_is_not_named(tmp_path: Path) -> None:

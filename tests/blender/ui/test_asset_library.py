@@ -15,6 +15,7 @@ from radarsim_addon.blender.materials.physical_materials import ASSETS
 from radarsim_addon.blender.nodes import groups
 from radarsim_addon.blender.ui import material_panel as al
 from radarsim_addon.errors import SceneError
+from radarsim_addon.signal.scene import RoughSurface
 
 pytestmark = pytest.mark.blender
 
@@ -39,8 +40,8 @@ def test_appended_materials_are_whole() -> None:
         material = bpy.data.materials[asset.name]
         assert pm.is_physical(material)
         assert pm.medium_of(material) == pm.Medium(asset.medium, asset.parameters)
-        surface = pm.surface_of(material) or pm.Surface()
-        assert surface == pm.Surface(asset.rms_height_m, asset.correlation_length_m)
+        surface = pm.rough_surface_of(material)
+        assert surface == RoughSurface(asset.rms_height_m, asset.correlation_length_m)
         assert material.asset_data.catalog_id == al.CATALOGUE_IDS[asset.catalogue]
         assert material.asset_data.description == asset.description
         assert tuple(material.preview.image_size) == (96, 96)
