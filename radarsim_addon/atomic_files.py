@@ -116,13 +116,13 @@ def write_text(path: Path, text: str, sync: bool = True) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_json(path: Path, data: Any, sync: bool = True) -> None:
+def write_json(path: Path, data: object, sync: bool = True) -> None:
     """Write JSON without NaN or Inf; records in it as objects."""
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False, default=record_fields)
     write_text(path, text + "\n", sync)
 
 
-def record_fields(record: Any) -> dict[str, Any]:
+def record_fields(record: object) -> dict[str, Any]:
     """Fields of a dataclass by name; TypeError for anything else."""
     # `dataclasses.asdict` copies all that is in it, which takes longer than writing it
     return {name: getattr(record, name) for name in _names(cast(Hashable, type(record)))}

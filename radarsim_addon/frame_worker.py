@@ -128,7 +128,7 @@ def serve(folder: str, words: Sequence[str]) -> int:
     return code
 
 
-def _stop(number: int, _: Any) -> None:
+def _stop(number: int, _: object) -> None:
     for worker in _open.values():
         worker.stop()
     if not _open:

@@ -73,7 +73,7 @@ class Setting:
     #: value: add new ones at the end.
     choices: Choices = ()
     lists: bool = False  # whether a list of numbers is allowed in place of a choice
-    initial: Any = None  # value in the window at first; None: the field's default
+    initial: object = None  # value in the window at first; None: the field's default
     on: bool = False  # whether the window gives this value at first, where the default is None
     hint: str = ""  # what to do about a wrong value: one sentence at the end of the error
     flag: str = ""  # option, where it cannot follow from the field's name
@@ -107,7 +107,7 @@ class Declared:
     name: str  # of the field; JSON key
     kind: Any  # type of a value: float, int, bool, str or another one
     optional: bool  # whether None is a value
-    default: Any  # ``dataclasses.MISSING``: none
+    default: object  # ``dataclasses.MISSING``: none
     of: Setting
 
     @property
@@ -204,7 +204,7 @@ class Declared:
             return f" from {low}{'' if high is None else f' to {high}'}{unit}"
         return "" if high is None else f" of at most {high}{unit}"
 
-    def check(self, value: Any) -> None:
+    def check(self, value: object) -> None:
         """Raise a ConfigError unless `value` (SI) has the type and is within the bounds."""
         if value is None and self.optional:
             return
@@ -217,7 +217,7 @@ class Declared:
             f"{self.of.label} is {value!r:.60}{unit}; expected {self._expected(value)}{none}.{hint}"
         )
 
-    def _expected(self, value: Any) -> str:
+    def _expected(self, value: object) -> str:
         """What a value must be, where this one is not it."""
         most, unit = self._most, f" {self.of.unit}" if self.of.unit else ""
         huge = (
@@ -233,7 +233,7 @@ class Declared:
         """What no value exceeds where no maximum is declared."""
         return MAX_LENGTH_M if self.of.unit == "m" else _MOST
 
-    def typed(self, text: str, value: Any) -> str:
+    def typed(self, text: str, value: object) -> str:
         """Say why a number (SI) that was typed in the shown unit is refused; "" where it is not."""
         if self._in_bounds(value):
             return ""
@@ -245,7 +245,7 @@ class Declared:
         hint = f" {self.of.hint}" if self.of.hint else ""
         return f"{text}{unit} is out of bounds; expected {expected}.{hint}"
 
-    def fits(self, value: Any) -> bool:
+    def fits(self, value: object) -> bool:
         """Whether a value (SI) has the type and is within the bounds."""
         of = self.of
         if of.choices:
@@ -257,7 +257,7 @@ class Declared:
             return isinstance(value, tuple) and len(value) == 2 and all(map(self._in_bounds, value))
         return self._in_bounds(value)
 
-    def _in_bounds(self, value: Any) -> bool:
+    def _in_bounds(self, value: object) -> bool:
         of = self.of
         kinds = int if self.number is int else (int, float)
         if isinstance(value, bool) or not isinstance(value, kinds):
@@ -267,7 +267,7 @@ class Declared:
         return low <= value <= high and (of.above is None or value > max(of.above, _LEAST))
 
 
-def declared(kind: Any) -> Mapping[str, Declared]:
+def declared(kind: type) -> Mapping[str, Declared]:
     """Return the settings of a dataclass by field name, in the order of the fields; read only."""
     if kind in _DECLARED:
         return _DECLARED[kind]
@@ -282,7 +282,7 @@ def declared(kind: Any) -> Mapping[str, Declared]:
     return _DECLARED.setdefault(kind, types.MappingProxyType(found))
 
 
-def value_type(hint: Any) -> tuple[Any, bool]:
+def value_type(hint: object) -> tuple[Any, bool]:
     """Return the type of the values that an annotation allows, and whether None is one.
 
     It is the first type apart from None; str for a Literal.
@@ -295,7 +295,7 @@ def value_type(hint: Any) -> tuple[Any, bool]:
     return hint, False
 
 
-def check_settings(record: Any) -> None:
+def check_settings(record: object) -> None:
     """Check every setting of a dataclass instance; ConfigError for the first that does not fit."""
     for name, item in declared(type(record)).items():
         item.check(getattr(record, name))

@@ -64,7 +64,7 @@ def identity() -> dict[str, Any]:
     return _identity_of(os.getpid())
 
 
-def process_began(pid: Any) -> str | None:
+def process_began(pid: object) -> str | None:
     """Return what tells a process from a later one of the same number; None where it is gone."""
     if not isinstance(pid, int) or pid <= 0:
         return None
@@ -84,7 +84,7 @@ def process_began(pid: Any) -> str | None:
     return f"{boot} {fields[19]}"
 
 
-def is_gone(owner: Any) -> bool:
+def is_gone(owner: object) -> bool:
     """Whether a process of this machine, as `identity` gave it, has ended; False where unknown."""
     mine = identity()
     if not isinstance(owner, dict) or any(owner.get(k) != mine[k] for k in ("host", "space")):

@@ -58,7 +58,7 @@ def read_json(path: Path, most_bytes: int, remedy: str, error: type[Exception]) 
 
 def from_json(
     kind: type[Record],
-    data: Any,
+    data: object,
     where: str,
     error: type[Exception] = ConfigError,
     *,
@@ -82,7 +82,7 @@ class _Reader:
     strict: bool
     limits: Callable[[str], Setting] | None
 
-    def record(self, kind: Any, data: Any, where: str) -> Any:
+    def record(self, kind: type, data: object, where: str) -> Any:
         """An instance of a dataclass."""
         if not isinstance(data, dict):
             raise self.error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
@@ -116,7 +116,7 @@ class _Reader:
         except ValueError as wrong:
             raise self.error(f"{where}: {wrong}") from wrong
 
-    def _value(self, hint: Any, value: Any, where: str, setting: Declared | None = None) -> Any:
+    def _value(self, hint: object, value: Any, where: str, setting: Declared | None = None) -> Any:
         """A value as its annotated type."""
         kind, optional, origin, inner = _parts(hint)
         if value is None and optional:
@@ -124,7 +124,7 @@ class _Reader:
         if kind is Finding:
             return finding_from_json(value, where)
         if dataclasses.is_dataclass(kind):
-            return self.record(kind, value, where)
+            return self.record(typing.cast(type, kind), value, where)
         if origin is dict or kind is dict:
             if not isinstance(value, dict):
                 self._refuse(value, where, "a JSON object")
@@ -161,19 +161,19 @@ class _Reader:
             self._refuse(value, where, article + _EXPECTED[kind])
         return value
 
-    def _refuse(self, value: Any, where: str, expected: str) -> NoReturn:
+    def _refuse(self, value: object, where: str, expected: str) -> NoReturn:
         raise self.error(f"{where} is {value!r:.60}; expected {expected}.")
 
 
 @functools.cache
-def _fields(kind: Any) -> dict[str, dataclasses.Field[Any]]:
+def _fields(kind: type) -> dict[str, dataclasses.Field[Any]]:
     """Fields of a dataclass by name."""
     return {item.name: item for item in dataclasses.fields(kind)}
 
 
 @functools.cache
 def _known(
-    kind: Any, limits: Callable[[str], Setting] | None
+    kind: type, limits: Callable[[str], Setting] | None
 ) -> dict[str, tuple[Any, Any, Declared | None]]:
     """By field of a dataclass: annotation, the type of plain values, None for others, and bounds.
 
@@ -190,7 +190,7 @@ def _known(
     }
 
 
-def _fits(value: Any, setting: Declared | None) -> bool:
+def _fits(value: object, setting: Declared | None) -> bool:
     """Whether a plain value of the right type is within its bounds."""
     if setting is not None:
         return setting.fits(value)
@@ -198,14 +198,14 @@ def _fits(value: Any, setting: Declared | None) -> bool:
 
 
 @functools.cache
-def _parts(hint: Any) -> tuple[Any, bool, Any, tuple[Any, ...]]:
+def _parts(hint: object) -> tuple[Any, bool, Any, tuple[Any, ...]]:
     """Kind of the values, whether None is one, and what the kind is made of."""
     kind, optional = value_type(hint)
     return kind, optional, typing.get_origin(kind), typing.get_args(kind)
 
 
 @functools.cache
-def _limited(limits: Callable[[str], Setting] | None, name: str, hint: Any) -> Declared | None:
+def _limited(limits: Callable[[str], Setting] | None, name: str, hint: object) -> Declared | None:
     """What the numbers in a field may be that is no setting."""
     kind, optional, origin, inner = _parts(hint)
     while origin in (list, dict):
@@ -259,7 +259,7 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def write_record(path: Path, record: Any, sync: bool = True) -> None:
+def write_record(path: Path, record: object, sync: bool = True) -> None:
     """Write a record as JSON; it appears whole or not at all.
 
     Records of frames get a digest of their fields. Without `sync` it may be lost, or damaged, by a

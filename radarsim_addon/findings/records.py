@@ -13,7 +13,7 @@ import math
 import string
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 from ..errors import FrameFileError
 from ..terminal import printable
@@ -88,7 +88,7 @@ class _Text(string.Formatter):
     count. Other specifications are Python's own.
     """
 
-    def format_field(self, value: Any, spec: str) -> str:
+    def format_field(self, value: object, spec: str) -> str:
         """Return one value, or the span of several, as text."""
         if "|" in spec:
             one, other = spec.split("|")
@@ -168,7 +168,7 @@ def written(item: Finding) -> Finding:
     return replace(item, text=text, cause=cause, remedy=remedy)
 
 
-def finding(code: str, *subjects: str, **numbers: Any) -> Finding:
+def finding(code: str, *subjects: str, **numbers: object) -> Finding:
     """Make a finding of a code of the catalogue; numbers are in SI, numpy scalars are converted.
 
     KeyError: there is no such code, or its texts need a number that is not given.
@@ -196,7 +196,7 @@ def to_json(item: Finding) -> dict[str, Any]:
     }
 
 
-def from_json(data: Any, where: str) -> Finding:
+def from_json(data: object, where: str) -> Finding:
     """Read what `to_json` gave; `where`: file and place, for errors.
 
     FrameFileError: something of it is of a wrong type, or its severity is unknown.
@@ -224,24 +224,24 @@ def from_json(data: Any, where: str) -> Finding:
     )
 
 
-def _tuple_of(kind: type, values: Any, where: str) -> tuple[Any, ...]:
+def _tuple_of(kind: type, values: object, where: str) -> tuple[Any, ...]:
     if not isinstance(values, list) or any(type(value) is not kind for value in values):
         raise FrameFileError(f"{where} is {values!r:.60}; expected a list of {kind.__name__}.")
     return tuple(values)
 
 
-def _number_from_json(value: Any, where: str) -> Value:
+def _number_from_json(value: object, where: str) -> Value:
     ends = tuple(value) if isinstance(value, list) else (value,)
     if isinstance(value, str) or (
         all(type(end) in (int, float) for end in ends) and (len(ends) == 2 or ends == (value,))
     ):
-        return ends if isinstance(value, list) else value
+        return cast(Value, ends) if isinstance(value, list) else cast(Value, value)
     raise FrameFileError(f"{where} is {value!r:.60}; expected a number, a text or two numbers.")
 
 
-def _plain(value: Any) -> Value:
+def _plain(value: object) -> Value:
     """Return a numpy scalar as Python's own; infinite and undefined values as words."""
-    plain = value.item() if hasattr(value, "item") else value
+    plain = cast(Value, value.item() if hasattr(value, "item") else value)
     return str(plain) if isinstance(plain, float) and not math.isfinite(plain) else plain
 
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -442,7 +442,7 @@ MOST_EXPONENT = 1000
 _COSINES = 4097
 
 
-def lobe_exponent(value: Any) -> int:
+def lobe_exponent(value: object) -> int:
     """Return an exponent as a whole number, 1 to `MOST_EXPONENT`.
 
     Parameters
@@ -457,9 +457,8 @@ def lobe_exponent(value: Any) -> int:
     ------
     ConfigError : it is no such number
     """
-    is_number = isinstance(value, int | float | np.integer | np.floating)
     if (
-        not is_number
+        not isinstance(value, int | float | np.integer | np.floating)
         or isinstance(value, bool)
         or not 1 <= value <= MOST_EXPONENT
         or value != int(value)

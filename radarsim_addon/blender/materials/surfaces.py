@@ -9,7 +9,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from ...errors import ConfigError
-from ...signal.scene import Clutter, Shader, Surface
+from ...signal.scene import Clutter, Kind, Shader, Surface
 from ..nodes.groups import (
     KIND_PROPERTY,
     FoundGroup,
@@ -47,7 +47,7 @@ FIELDS = {
     ROUGHNESS: "roughness",
     THICKNESS: "thickness",
 }
-_KINDS = {KIND: "simple", PHYSICAL_KIND: "physical", SHEET_KIND: "sheet"}
+_KINDS: dict[str, Kind] = {KIND: "simple", PHYSICAL_KIND: "physical", SHEET_KIND: "sheet"}
 #: Inputs that say what colour a shader has.
 _COLOURS = ("Base Color", "Color")
 
@@ -119,7 +119,7 @@ def _clutter(material: Any) -> Clutter | None:
 def _shader(node: Any) -> Shader:
     inputs: dict[str, float | None] = {}
     for socket in node.inputs:
-        value = getattr(socket, "default_value", None)
+        value: Any = getattr(socket, "default_value", None)
         if socket.is_linked:
             inputs[socket.name] = None
         elif socket.type == "RGBA":

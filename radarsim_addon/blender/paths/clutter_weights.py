@@ -397,7 +397,7 @@ class DirectiveLobe(_Table):
     def of(cls, lobe: ScatteredLobe, polarisation: str, wavelength_m: float) -> DirectiveLobe:
         table_db = np.zeros(0)
         if lobe.from_table:
-            table_db = _as_rendered(lobe.table_db(wavelength_m))
+            table_db = _as_rendered(lobe.rendered_db(table_angles_rad(), wavelength_m))
         return cls(table_db, lobe, polarisation, wavelength_m)
 
     @property

@@ -76,7 +76,9 @@ def live_material(
     lobe = read.scattered_lobe() is not None
     wanted = ["n", "kappa", "roughness", *(["specularity"] if read.kind == "simple" else [])]
     values = {name: getattr(read, name) for name in wanted}
-    known = {name: read.unlinked[name] if x is None else x for name, x in values.items()}
+    known: dict[str, Any] = {
+        name: read.unlinked[name] if x is None else x for name, x in values.items()
+    }
     clutter, guessed = read.clutter, None in values.values()
     if read.kind == "simple":
         mirrors = read.mirror is not None

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
-from typing import Any, TextIO
+from typing import TextIO
 
 from ...errors import WorkerError
 from ...findings import Finding, finding_lines, from_json, merge
@@ -70,7 +70,7 @@ class Interrupted(KeyboardInterrupt):
 def stop_signals() -> Iterator[None]:
     """Raise `Interrupted` at Ctrl-C, SIGTERM and, where there is one, at a closed terminal."""
 
-    def interrupt(number: int, _: Any) -> None:
+    def interrupt(number: int, _: object) -> None:
         raise Interrupted(number)
 
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from numpy.typing import ArrayLike
 
 from ...arrays import Int32, Integers, Real, read_npz
 from ...atomic_files import write_arrays
@@ -295,7 +296,7 @@ def _box(record: BodyRecord, where: str) -> Real | None:
     return box
 
 
-def _array(values: Any, shape: tuple[int | None, ...], where: str) -> Real:
+def _array(values: ArrayLike, shape: tuple[int | None, ...], where: str) -> Real:
     array = np.array(values, dtype=np.float64)
     if array.size == 0 and shape[0] is None:
         array = array.reshape(tuple(n or 0 for n in shape))

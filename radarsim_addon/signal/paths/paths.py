@@ -282,7 +282,7 @@ def select_columns(table: Table, rows: Rows) -> Table:
     return type(table)(**columns)
 
 
-def join_columns(tables: Sequence[Table], **joined: Any) -> Table:
+def join_columns(tables: Sequence[Table], **joined: object) -> Table:
     """Return the rows of several tables (one at least) of one type, one behind the other.
 
     Where a table has None for a column, it is filled with the field's metadata "absent"; without

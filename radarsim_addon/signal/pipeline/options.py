@@ -122,7 +122,7 @@ class ProcessOptions:
     hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
     sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
 
-    def __new__(cls, *_: Any, **given: Any) -> Self:
+    def __new__(cls, *_: object, **given: object) -> Self:
         """Refuse unknown names with the nearest known one; dataclasses name none."""
         fields = [item.name for item in dataclasses.fields(cls)]
         for name in given:

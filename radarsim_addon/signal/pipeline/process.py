@@ -26,7 +26,7 @@ import re
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -365,7 +365,7 @@ def kept_frame(folder: Path, frame: RadarFrame, fingerprint: str) -> KeptFrame |
     return KeptFrame(frame.number, (*sizes, path), findings, shown)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """Return a value as JSON that is the same for equal values, arrays by their hash."""
     if isinstance(value, np.ndarray):
         return [str(value.dtype), value.shape, hashlib.sha256(value.tobytes()).hexdigest()]

@@ -283,7 +283,7 @@ class ArrayPattern:
         return _with_gain(antenna, self.peak_gain_dbi)
 
 
-def _taper(value: Any) -> str | tuple[float, ...]:
+def _taper(value: ArrayLike) -> str | tuple[float, ...]:
     return value if isinstance(value, str) else tuple(np.atleast_1d(real_array("Taper", value)))
 
 
@@ -298,9 +298,9 @@ class TablePattern:
         "",
         path="FILE",
     )
-    azimuth_deg: Any = None
-    elevation_deg: Any = None
-    gain_db: Any = None
+    azimuth_deg: ArrayLike | None = None
+    elevation_deg: ArrayLike | None = None
+    gain_db: ArrayLike | None = None
 
     def antenna(self, _: float) -> PeakedAntenna:
         if self.file:
@@ -311,7 +311,9 @@ class TablePattern:
                 "It lacks its table: give 'file', a CSV with the columns azimuth_deg, "
                 "elevation_deg, gain_db, or cut, angle_deg, gain_db."
             )
-        azimuth, elevation, gain_db = (real_array("Table", array) for array in arrays)
+        azimuth, elevation, gain_db = (
+            real_array("Table", one) for one in arrays if one is not None
+        )
         # its own arrays may have been closed over +-180 degrees before
         inside = (azimuth >= -180 - 1e-9) & (azimuth <= 180 + 1e-9)
         if gain_db.shape == (azimuth.size, elevation.size):
