@@ -17,7 +17,7 @@ Layout of a run's folder::
     frames/frame_0001/ring_000_t0.json    its sidecar                             (RenderRecord)
     frames/frame_0001/ring_000_t1.exr     ring 0 in the second snapshot
                                           -- sampling mode "paths" --
-    frames/frame_0001/paths.npy           one row per path                  (signal.paths.table)
+    frames/frame_0001/paths.npz           one row per path                  (signal.paths.table)
     frames/frame_0001/paths.json          its sidecar                              (PathsRecord)
     frames/frame_0001/motion.json         how bodies move in the burst            (MotionRecord)
     frames/frame_0001/burst_001/          the same of a further render of the burst
@@ -84,7 +84,7 @@ RUN_FILE = "run.json"
 GROUND_TRUTH_FILE = "ground_truth.json"
 FRAMES_DIR = "frames"
 PRODUCTS_DIR = "products"
-PATHS_TABLE = "paths.npy"
+PATHS_TABLE = "paths.npz"
 PATHS_FILE = "paths.json"
 TILES_DIR = "tiles"  # measured tiles of a frame that is not whole yet
 MOTION_FILE = "motion.json"
@@ -336,7 +336,7 @@ class PathsRecord:
     relative_error: float
     stop_reason: str
     table_file: str
-    table_sha256: str
+    column_sha256: dict[str, str]  # of the columns of the table
     run_fingerprint: str = ""
     truncated_reflections_stderr: float = 0.0
     truncated_reflections_upper: float | None = None  # bound at 95 % confidence

@@ -112,7 +112,7 @@ def fading(run: Any, frame: int) -> tuple[float, float]:
     """
     folder = run.path / frame_dir(frame)
     record = read_record(folder / PATHS_FILE, PathsRecord)
-    rows = np.array(open_table(folder / record.table_file))
+    rows = open_table(folder / record.table_file).copy()
     rows = rows[rows["last_object"] == record.objects.index("Rear Plate") + 1]
     road = [0, *(n for n, one in enumerate(record.images, 1) if one.objects == ["Road"])]
     rows = rows[np.isin(rows["transmitter_image"], road) & np.isin(rows["receiver_image"], road)]

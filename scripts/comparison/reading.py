@@ -36,6 +36,7 @@ COLUMNS_FILE = "path_columns.npz"
 #: Files whose numbers are in other files too, or that hold none: their endings.
 NOT_READ = {
     "paths.npy": f"table of paths; its columns are in {COLUMNS_FILE}",
+    "paths.npz": f"table of paths; its columns are in {COLUMNS_FILE}",
     ".blend": "scene that a script built; what was measured of it is compared",
     ".png": "picture of numbers that are compared",
     ".gif": "picture of numbers that are compared",

@@ -272,4 +272,4 @@ def acquire(
     )
     place = run.path / contract.frame_dir(frame)
     record = read_record(place / contract.PATHS_FILE, contract.PathsRecord)
-    return Acquired(np.array(open_table(place / record.table_file)), record, run.path)
+    return Acquired(open_table(place / record.table_file).copy(), record, run.path)

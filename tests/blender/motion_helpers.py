@@ -18,6 +18,7 @@ import numpy as np
 
 from radarsim_addon import signal
 from radarsim_addon.signal.decoding import frame_paths
+from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.signal.radar import Burst, Waveform
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -143,7 +144,7 @@ def relative_l2(found: np.ndarray, want: np.ndarray) -> float:
 
 
 def iq_error(
-    rows: np.ndarray,
+    rows: PathRows,
     paths: signal.Paths,
     carrier_hz: float,
     burst: Burst,

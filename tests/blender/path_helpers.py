@@ -16,7 +16,7 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.physics.radar_equation import effective_area_m2
-from radarsim_addon.signal.paths.table import open_table
+from radarsim_addon.signal.paths import PathRows, open_table
 from radarsim_addon.typed_json import read_record
 from tests.blender import radar_scenes as rs
 
@@ -30,9 +30,9 @@ class PathRun:
     job: PathJob
     folder: Path
 
-    def table(self, frame: int = 1) -> np.ndarray:
+    def table(self, frame: int = 1) -> PathRows:
         """Rows of a frame, in memory."""
-        return np.array(open_table(self.folder / contract.frame_dir(frame) / contract.PATHS_TABLE))
+        return open_table(self.folder / contract.frame_dir(frame) / contract.PATHS_TABLE).copy()
 
     def record(self, frame: int = 1) -> contract.PathsRecord:
         """Sidecar of a frame."""
@@ -70,7 +70,7 @@ def run_paths(folder: Path, *, limit: int | None = None, **changes: Any) -> Path
     return PathRun(job, folder)
 
 
-def radiance(rows: np.ndarray, carrier_hz: float = 5.3e9, replicates: int = 1) -> np.ndarray:
+def radiance(rows: PathRows, carrier_hz: float = 5.3e9, replicates: int = 1) -> np.ndarray:
     """Radiance of each row, W/(m^2 sr): what the row's power says of its solid angle."""
     area = effective_area_m2(C0_MPS / carrier_hz)
     return rows["power_w"] / rows["solid_angle_sr"] / area

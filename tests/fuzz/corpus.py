@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import hashlib
 import json
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -137,11 +140,16 @@ def correct_hashes(run: Path) -> None:
     for path in run.rglob(contract.PATHS_FILE):
         try:
             data = json.loads(path.read_text("utf-8"))
-            for digest, name in (
-                ("table_sha256", contract.PATHS_TABLE), ("motion_sha256", contract.MOTION_FILE)
-            ):  # fmt: skip
-                if digest in data and path.with_name(name).exists():
-                    data[digest] = file_sha256(path.with_name(name))
+            if "motion_sha256" in data and path.with_name(contract.MOTION_FILE).exists():
+                data["motion_sha256"] = file_sha256(path.with_name(contract.MOTION_FILE))
+            with (
+                contextlib.suppress(ValueError, zipfile.BadZipFile),
+                np.load(path.with_name(contract.PATHS_TABLE)) as columns,
+            ):
+                data["column_sha256"] = {
+                    name: hashlib.sha256(columns[name].tobytes()).hexdigest()
+                    for name in columns.files
+                }
             path.write_text(json.dumps(_with_own_digest(data)))
         except (OSError, ValueError, TypeError, AttributeError, RecursionError):
             continue

@@ -128,7 +128,7 @@ def test_a_second_run_replaces_the_one_that_was_stopped(walk: dict[str, Any]):
 
 
 def test_paths_are_measured_from_the_window(walk: dict[str, Any]):
-    expected = {"run.json", "frames/frame_0001/paths.npy", "frames/frame_0001/paths.json"}
+    expected = {"run.json", "frames/frame_0001/paths.npz", "frames/frame_0001/paths.json"}
     assert expected <= set(walk["paths"]["files"])
     assert not [name for name in walk["paths"]["files"] if ".part" in name or name.endswith(".exr")]
 

@@ -165,7 +165,7 @@ def test_exclusions_say_why_and_fit_names() -> None:
 def test_every_kind_of_file_is_read(tmp_path: Path) -> None:
     table = np.zeros(3, [("power_w", "<f8"), ("first_m", "<f8", (3,))])
     np.savez(tmp_path / "path_columns.npz", **{name: table[name] for name in table.dtype.names})
-    (tmp_path / "paths.npy").write_bytes(b"in a form of its own")
+    (tmp_path / "paths.npz").write_bytes(b"in a form of its own")
     np.savez(tmp_path / "map.npz", power=np.ones((2, 2)))
     (tmp_path / "d.csv").write_text("range_m,name\n1.5,a\n2.5,b\n")
     (tmp_path / "none.csv").write_text("range_m\n")

@@ -52,7 +52,7 @@ def test_measured(bpy: Any, tmp_path: Path) -> None:
     folder = run.path / frame_dir(11)
     record = read_record(folder / PATHS_FILE, PathsRecord)
     assert not [item.code for item in record.findings if "mirror" in item.code]
-    rows = np.array(open_table(folder / record.table_file))
+    rows = open_table(folder / record.table_file).copy()
     plate = rows[rows["last_object"] == record.objects.index("Rear Plate") + 1]
     barrier = 1 + [image.objects for image in record.images].index(["Barrier"])
     over_m = math.hypot(40.0, 2 * BARRIER_M)

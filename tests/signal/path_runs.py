@@ -15,14 +15,13 @@ from radarsim_addon import contract
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths import (
     COLUMN_GROUPS,
-    PATH_DTYPE,
     PATH_FLAGS,
     PathRows,
     unrendered_record,
     write_table,
 )
 from radarsim_addon.signal.radar import Burst, Waveform
-from radarsim_addon.typed_json import file_sha256, write_record
+from radarsim_addon.typed_json import write_record
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 BURST = Burst(1000.0, 64)
@@ -112,7 +111,7 @@ def trace(
                 )
             nearest[hit], which[hit] = t[hit], number
         hit = which > 0
-        rows = np.zeros(np.count_nonzero(hit), dtype=PATH_DTYPE)
+        rows = PathRows.zeros(np.count_nonzero(hit))
         point = origin_m[hit] + nearest[hit, None] * direction[hit]
         normals = np.array([np.cross(p.half_u, p.half_v) for p in plates], dtype=float)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -131,7 +130,7 @@ def trace(
         rows["last_object"] = rows["first_object"] = which[hit]
         rows["replicate"] = shift
         parts.append(rows)
-    return np.concatenate(parts)
+    return PathRows.joined(parts)
 
 
 def write_run(
@@ -150,7 +149,7 @@ def write_run(
     frame = folder / contract.frame_dir(1)
     frame.mkdir(parents=True)
     table = frame / contract.PATHS_TABLE
-    write_table(table, [rows])
+    written = write_table(table, [rows], rows.size)
     run = contract.RunRecord(
         sampling_mode="paths",
         frames=[1],
@@ -186,7 +185,7 @@ def write_run(
         flags=PATH_FLAGS,
         stop_reason="all tiles",
         table_file=contract.PATHS_TABLE,
-        table_sha256=file_sha256(table),
+        column_sha256=written.column_sha256,
     )
     write_record(frame / contract.PATHS_FILE, record)
     if scene is not None:

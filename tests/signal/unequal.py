@@ -14,7 +14,7 @@ import numpy as np
 
 from radarsim_addon import contract
 from radarsim_addon.signal import Burst, FmcwWaveform, Radar
-from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
+from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.typed_json import read_record, write_record
 from tests.signal import path_runs as pr
 
@@ -80,7 +80,7 @@ ECHOES = (
 
 
 def rows_of(echoes: tuple[Echo, ...] = ECHOES) -> PathRows:
-    rows = np.zeros(len(echoes) * REPLICATES, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(len(echoes) * REPLICATES)
     for number, echo in enumerate(echoes):
         for replicate in range(REPLICATES):
             row = rows[replicate * len(echoes) + number]

@@ -40,7 +40,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import directive_lobe, facet_scattering
-from ...signal.paths import Columns, PathFlag, PathRows, chosen_rows, has_images, read_columns
+from ...signal.paths import PathFlag, PathRows, has_images
 from ...signal.scene import SMOOTH_BELOW, ScatteredLobe, Surface
 from ..materials import EXACT_FACETS, surfaces_of
 from ..motion import Bodies
@@ -52,6 +52,7 @@ from .view_tracer import ViewTracer
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
 _ROWS_AT_ONCE = 16384
+_ENDS = "direction", "first_scatterer_m", "last_scatterer_m", "first_body", "last_body"
 #: Rows of a frame that the findings are based on.
 _LOOKED_AT = 4096
 #: Error of sigma0 by the flat model above which there is a finding [dB].
@@ -112,14 +113,12 @@ class ClutterWeights:
         for start in range(0, rows.size, _ROWS_AT_ONCE):
             some = slice(start, start + _ROWS_AT_ONCE)
             part, ends = rows[some], [one[some] for one in known]
-            read = read_columns(part, ("order", "last_scatterer_m", "direction", "last_body"))
-            if np.any(read["order"] > 1):  # else both ends are one
-                read |= read_columns(part, ("first_scatterer_m", "first_body"))
+            if np.any(part["order"] > 1):  # else both ends are one
                 found = Normals(part.size)
                 found.add(np.arange(part.size), *ends)
                 self._mark_reverses_and_correct_mirrors(part, found, origins_m[some])
             start_m = origin_m if origin_m.ndim == 1 else origin_m[some]
-            self._apply_part(part, read, ends, start_m, transmitter_m)
+            self._apply_part(part, ends, start_m, transmitter_m)
 
     def _mark_reverses_and_correct_mirrors(
         self, rows: PathRows, normals: Normals, origins_m: Real
@@ -130,16 +129,15 @@ class ClutterWeights:
     def _apply_part(
         self,
         rows: PathRows,
-        read: Columns,
         normals: Sequence[Real],
         origin_m: Real,
         transmitter_m: Real,
     ) -> None:
-        """Multiply powers of some rows, which have these columns, and normals at both ends."""
+        """Multiply powers of some rows, which have these normals at both ends."""
         clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
-        orders, met = read["order"], self._of_body.take(read["last_body"]) > 0
+        orders, met = rows["order"], self._of_body.take(rows["last_body"]) > 0
         if np.any(several := orders > 1):
-            met[several] |= self._of_body.take(read["first_body"][several]) > 0
+            met[several] |= self._of_body.take(rows["first_body"][several]) > 0
         for order in (1, 2) if several.any() else (1,):
             part = np.flatnonzero((orders == order) & met)
             start_m = origin_m if origin_m.ndim == 1 else origin_m[part]
@@ -147,7 +145,7 @@ class ClutterWeights:
             exact = clutter_alone and order == 1 and bool(np.all(start_m == transmitter_m))
             if exact or not part.size:
                 continue
-            mine, (first_n, last_n) = chosen_rows(read, part), normals
+            mine, (first_n, last_n) = rows.chosen(part, *_ENDS), normals
             if part.size < rows.size:
                 first_n, last_n = (take_rows(each, part) for each in normals)
             last_m, back = mine["last_scatterer_m"], -mine["direction"]
@@ -224,7 +222,7 @@ class ClutterWeights:
         count = sum(part.size for part in seen)
         if count:
             step = -(-count // _LOOKED_AT)
-            found += self._seen_findings(np.concatenate(seen)[::step], receiver_m)
+            found += self._seen_findings(PathRows.joined(seen)[::step], receiver_m)
         return found
 
     def _seen_findings(self, rows: PathRows, receiver_m: Real) -> list[Finding]:
@@ -570,7 +568,7 @@ class BetterDirection:
             )
         along = back["first_scatterer_m"] - place_m
         back["direction"] = along / norms(along)[:, None]
-        return np.concatenate([np.delete(rows, poor), back])
+        return PathRows.joined([rows[np.delete(np.arange(rows.size), poor)], back])
 
     def _usable(self, rows: PathRows) -> Mask:
         """Rows of two reflections whose reverse is a path of its own, with known vertices."""

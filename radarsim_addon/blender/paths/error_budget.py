@@ -104,7 +104,7 @@ class CellGrid:
         receiver: contract.ReceiverRecord | None = None,
     ) -> list[ReplicatePowers]:
         """Compute the powers of several replicates, as `replicate_powers` of each."""
-        rows = np.concatenate(views) if len(views) > 1 else views[0]
+        rows = PathRows.joined(views)
         view = np.repeat(np.arange(len(views)), [own.size for own in views])
         power_w = rows["power_w"] * count
         grid = GridPlaces().of_views(np.arange(rows.size))

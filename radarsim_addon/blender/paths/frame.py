@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import itertools
 import math
 import time
 from collections.abc import Callable, Collection, Generator, Sequence
@@ -363,7 +364,7 @@ class FrameWork:
             relative_error=self._budget.relative_error(),
             stop_reason=stop_reason,
             table_file=contract.PATHS_TABLE,
-            table_sha256=table.sha256,
+            column_sha256=table.column_sha256,
             motion_file=motion_file.name,
             motion_sha256=file_sha256(motion_file),
             column_groups=column_groups(self._dtype.names or ()),
@@ -389,7 +390,7 @@ class FrameWork:
         table = self._folder / contract.PATHS_TABLE
         parts = (self._motion.complete(part) for part in self._tiles.chunks())
         rows = sum(measured.rows for measured in self._tiles.tiles.values())
-        return write_table(table, parts, self._dtype, rows)
+        return write_table(table, parts, rows, self._dtype)
 
     def _findings(self, quality: QualitySums) -> list[Finding]:
         scene, target = self._run.scene, self._options.max_standard_error
@@ -456,13 +457,14 @@ class RowFinisher:
         if len(views) == 1:
             rows, origin_m = views[0]
         else:
-            rows = np.concatenate(rows_of)
+            rows = PathRows.joined(rows_of)
             one_place = origins_m[0].ndim == 1
             origin_m = origins_m[0] if one_place else np.concatenate(origins_m)
         self.motion.label(rows)
         normals = self.hits.refine(rows, origin_m, transmitter_m)
         self.clutter.apply(rows, normals, origin_m, transmitter_m)
-        return np.split(rows, np.cumsum([one.size for one in rows_of[:-1]], dtype=np.intp))
+        edges = np.cumsum([0, *(one.size for one in rows_of)]).tolist()
+        return [rows[start:stop] for start, stop in itertools.pairwise(edges)]
 
 
 @dataclass(frozen=True)
@@ -499,7 +501,7 @@ class MirrorViews:
             quality.through_mirrored_w += through_w
             quality.total_w += through_w
             rows.append(found)
-        every, through_w = self.mirrors.with_both_ways(np.concatenate(rows))
+        every, through_w = self.mirrors.with_both_ways(PathRows.joined(rows))
         quality.through_mirrored_w += through_w
         quality.total_w += through_w
         quality.total_w += float(every["power_w"].sum() - own["power_w"].sum())

@@ -20,13 +20,10 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, are_finite, crosses, distances, dots, norms, take_rows
 from ...signal.paths import (
-    Columns,
     PathFlag,
     PathRows,
     Spaces,
     TriangleMesh,
-    chosen_rows,
-    read_columns,
 )
 from ..motion import Bodies
 from ..state import Shape, read_triangles
@@ -259,7 +256,7 @@ class HitPoints:
         Rays start at `origin_m`, (3,) or (n, 3). Returns the normals that it met.
         """
         normals = Normals(rows.size)
-        read = read_columns(rows, _READ)
+        read = rows.copy(*_READ)
         flags, order = read["flags"], read["order"]
         one_path = flags & PathFlag.MIXED == 0
         seen = (flags & PathFlag.ENCODED_LENGTH == 0) | (read["transparent_depth"] == 0) & one_path
@@ -272,20 +269,20 @@ class HitPoints:
     def _refine_order_1(
         self,
         rows: PathRows,
-        read: Columns,
+        read: PathRows,
         chosen: Indices,
         origins_m: Real,
         transmitter_m: Real,
         normals: Normals,
     ) -> None:
-        mine = chosen_rows(read, chosen)
+        mine = read.chosen(chosen)
         reach_m = _reach_m(mine["last_scatterer_m"], origins_m)
         needed = np.flatnonzero(_LENGTH_OVER_POINT * reach_m > self._tolerance_m)
         if not needed.size:
             return
         if needed.size < chosen.size:
             chosen, reach_m = chosen[needed], reach_m[needed]
-            mine, origins_m = chosen_rows(mine, needed), rows_of(origins_m, needed)
+            mine, origins_m = mine[needed], rows_of(origins_m, needed)
         points_m, direction = mine["last_scatterer_m"], mine["direction"]
         way_m, normal = self._surfaces.hit(
             mine["last_body"], origins_m, direction, points_m, reach_m
@@ -293,7 +290,7 @@ class HitPoints:
         normals.add(chosen, normal, normal)
         for start in range(0, chosen.size, _ROWS_AT_ONCE):
             some = slice(start, start + _ROWS_AT_ONCE)
-            part = {name: column[some] for name, column in mine.items()}
+            part = mine[some]
             begin_m = origins_m if origins_m.ndim == 1 else origins_m[some]
             found = way_m[some], normal[some], reach_m[some]
             self._move_order_1(rows, chosen[some], part, begin_m, transmitter_m, *found)
@@ -302,7 +299,7 @@ class HitPoints:
         self,
         rows: PathRows,
         chosen: Indices,
-        mine: Columns,
+        mine: PathRows,
         origins_m: Real,
         transmitter_m: Real,
         way_m: Real,
@@ -344,7 +341,7 @@ class HitPoints:
     def _refine_later(
         self,
         rows: PathRows,
-        read: Columns,
+        read: PathRows,
         chosen: Indices,
         origins_m: Real,
         transmitter_m: Real,
@@ -361,7 +358,7 @@ class HitPoints:
         if not needed.size:
             return
         chosen, origins_m = chosen[needed], rows_of(origins_m, needed)
-        mine = chosen_rows(read, chosen)
+        mine = read[chosen]
         direction, first_m = mine["direction"], mine["first_scatterer_m"]
         coloured_m = _LARGEST_COLOUR_ERROR * mine["length_m"]
         reach_m = coloured_m + _reach_m(first_m, origins_m)

@@ -465,8 +465,8 @@ class TileCheckpoints:
     def replicates(self, key: str, record: TileRecord) -> Iterator[PathRows]:
         """Yield the rows of a tile, one replicate after the other."""
         with open(self.rows_file(key), "rb") as stream:
-            for count in record.rows:
-                yield np.fromfile(stream, dtype=self._dtype, count=count)
+            while (rows := PathRows.read(stream, self._dtype)) is not None:
+                yield rows
 
     def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
         """Yield the rows of a tile in pieces, with the number that it has in this run.
@@ -476,15 +476,15 @@ class TileCheckpoints:
         if key in self._held:
             held = self._held[key].rows
             if len(held) > 1 and sum(rows.size for rows in held) <= _CHUNK:
-                held = [np.concatenate(held)]
+                held = [PathRows.joined(held)]
             for rows in held:
                 rows["tile"] = tile
                 yield from iter_rows(rows, _CHUNK)
             return
         with open(self.rows_file(key), "rb") as stream:
-            while (rows := np.fromfile(stream, dtype=self._dtype, count=_CHUNK)).size:
+            while (rows := PathRows.read(stream, self._dtype)) is not None:
                 rows["tile"] = tile
-                yield rows
+                yield from iter_rows(rows, _CHUNK)
 
     def remove(self) -> None:
         """Remove all tiles: the frame is whole, or not wanted any more."""
@@ -518,9 +518,7 @@ class TileWriter:
         if self._stream is None:
             self._stream = self._open_file()
         for rows in self.rows:
-            data = np.ascontiguousarray(rows).view(np.uint8)
-            self._digest.update(data)
-            self._stream.write(data.data)
+            rows.write(self._stream, self._digest)
         self.rows = []
 
     @property

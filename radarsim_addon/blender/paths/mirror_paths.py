@@ -31,8 +31,6 @@ from ...signal.paths import (
     PATH_DTYPE,
     PathFlag,
     PathRows,
-    read_columns,
-    widened,
 )
 from ..materials import surfaces_of
 from ..motion import Bodies
@@ -150,7 +148,7 @@ class WaysBack:
             back, blocked_w = self.curved.over(back, 0, self.receiver_m)
             through_w += blocked_w
             parts.append(measured(back, images, self.receiver_m, self.transmitter_m))
-        return np.concatenate(parts), through_w
+        return PathRows.joined(parts), through_w
 
     def alike(self, rows: PathRows, number: int) -> Mask:
         """Whether surfaces scatter nearly alike towards the receiver and an image of it, (n,)."""
@@ -458,15 +456,14 @@ class MirrorPaths:
             rows["transmitter_image"] = _AT_RECEIVER
             return rows, 0.0
         chain = self.images[image - 1]
-        read = read_columns(rows, ("last_scatterer_m", "flags", "last_body", "power_w"))
-        points_m = read["last_scatterer_m"]
-        ranged = np.flatnonzero(are_finite(points_m) & (read["flags"] & PathFlag.NO_RANGE == 0))
+        points_m = rows["last_scatterer_m"]
+        ranged = np.flatnonzero(are_finite(points_m) & (rows["flags"] & PathFlag.NO_RANGE == 0))
         ways = ways_over(chain, take_rows(points_m, ranged))
         met = ranged[ways.rows]
         blocked, through = find_blocked(
-            chain, ways, take_rows(points_m, met), read["last_body"][met], self.obstacles
+            chain, ways, take_rows(points_m, met), rows["last_body"][met], self.obstacles
         )
-        through_w = float(read["power_w"][met[through]].sum())
+        through_w = float(rows["power_w"][met[through]].sum())
         free = ~(blocked | through)
         rows = rows[met[free]]
         found = reflection(chain, ways.of(free), self._polarisation, self._wavelength_m)
@@ -482,7 +479,7 @@ class MirrorPaths:
         """Return rows with the columns of images, and with the point (pixel) of single
         scatterings.
         """
-        wide = widened(rows, self.dtype)
+        wide = rows.widened(self.dtype)
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= rows["flags"] & PathFlag.NO_RANGE == 0
         if 0 < image <= len(self.images):
@@ -514,7 +511,7 @@ class MirrorPaths:
             shaded = shaded[~np.isin(shaded["point"], direct["point"])]
             over, through_w = self._curved.over(direct, 1, self._transmitter_m)
             lit, blocked_w = self._curved.over(shaded, 1, self._receiver_m)
-            rows = np.concatenate([rows, over, lit])
+            rows = PathRows.joined([rows, over, lit])
             through_w += blocked_w
         if self._back is None:
             every = add_reverse_paths(

@@ -40,7 +40,7 @@ from ...physics.mirrors import (
     sent_fields,
 )
 from ...signal.motion import PathImages
-from ...signal.paths import PathRows, has_curved_images, planes_of, read_columns
+from ...signal.paths import PathRows, has_curved_images, planes_of
 from ...signal.scene import Surface
 from ..materials import mirror_choice, surfaces_of
 from .obstacles import BodyMesh, Obstacles
@@ -69,7 +69,7 @@ def add_reverse_paths(
     transmitter. Points without a direct path become 0. Paths of more than `reflections` are left
     out.
     """
-    read = read_columns(rows, ("point", "transmitter_image", "last_body"))
+    read = rows.copy("point", "transmitter_image", "last_body")
     point, body, to_image = read["point"], read["last_body"], read["transmitter_image"]
     direct = np.flatnonzero((point > 0) & (to_image == 0))
     over = np.flatnonzero((point > 0) & (to_image != 0))
@@ -112,7 +112,7 @@ def add_reverse_paths(
     alone[direct] = True
     alone[base] = False
     rows["point"][alone] = 0
-    return np.concatenate(both)
+    return PathRows.joined(both)
 
 
 def _come_back(rows: PathRows, over: PathRows) -> None:
@@ -126,7 +126,7 @@ def measured(rows: PathRows, images: PathImages, receiver_m: Real, transmitter_m
     """Put lengths and directions of paths with one scattering into rows over images."""
     numbers = np.stack([rows["receiver_image"], rows["transmitter_image"]], axis=-1)
     over = images.of_paths(numbers, planes_of(rows))
-    point_m = read_columns(rows, ("last_scatterer_m",))["last_scatterer_m"]
+    point_m = rows["last_scatterer_m"]
     length_m = distances(point_m, over.places(0, receiver_m))
     length_m += distances(point_m, over.places(1, transmitter_m))
     rows["length_m"] = length_m

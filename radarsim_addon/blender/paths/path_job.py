@@ -26,6 +26,7 @@ from ...contract import MotionRecord
 from ...errors import RadarSimError
 from ...findings import Finding, finding
 from ...signal.motion import read_motion
+from ...signal.paths import has_digests, open_table
 from ...typed_json import file_sha256, read_record, write_record
 from ..materials import (
     EXACT_FACETS,
@@ -224,7 +225,8 @@ class PathJob(MeasurementJob):
                 return False
             motion = read_motion(folder, frame, record.motion_sha256)
             whole = motion.span_s >= self._span_s * (1 - 1e-9)
-            return whole and file_sha256(folder / record.table_file) == record.table_sha256
+            table = open_table(folder / record.table_file, record.column_groups)
+            return whole and has_digests(table, record.column_sha256)
         except (RadarSimError, OSError):
             return False
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Real
 from ...signal.decoding import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
-from ...signal.paths import PATH_DTYPE, PathRows
+from ...signal.paths import PathRows
 from .requests import (
     PathClass,
     Region,
@@ -445,7 +445,7 @@ def rows_of_replicate(
     transmitter's colour, Blender units.
     """
     found = [np.flatnonzero(layer.amplitude > 0) for layer in traced.layers]
-    rows = np.zeros(sum(index.size for index in found), dtype=PATH_DTYPE)
+    rows = PathRows.zeros(sum(index.size for index in found))
     start = 0
     for layer, index in zip(traced.layers, found, strict=True):
         pixels = _pixels(layer, index, metres_per_unit, vertex_map, traced.coloured)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, are_finite, distances, dots, largest
-from ..paths import PATH_DTYPE, Flags, PathFlag, PathRows, write_columns
+from ..paths import Flags, PathFlag, PathRows
 from .cameras import PixelRays
 
 #: Rounding of one float32 operation, relative (one standard deviation).
@@ -135,7 +135,7 @@ def assemble_rows(
     with np.errstate(invalid="ignore"):
         flags[np.abs(pixels.mixing - 1) > MIXED_TOLERANCE] |= PathFlag.MIXED
 
-    rows = np.zeros(pixels.amplitude.size, dtype=PATH_DTYPE) if into is None else into
+    rows = PathRows.zeros(pixels.amplitude.size) if into is None else into
     measured = known | (flags & PathFlag.ENCODED_LENGTH == 0)
     columns = {
         "power_w": pixels.amplitude * solid_angle_sr * shared.effective_area_m2,
@@ -153,7 +153,8 @@ def assemble_rows(
         "replicate": shared.replicate,
         "flags": flags,
     }
-    write_columns(rows, columns)
+    for name, column in columns.items():
+        rows[name] = column
     return rows
 
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from ..decoding import FrameInput
 from ..echoes import Echoes
 from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
 from ..motion import mean_over_burst, which_move
-from ..paths import PathRows, has_images, iter_rows, motion_of_rows, usable
+from ..paths import iter_rows, motion_of_rows, usable
 from ..scattering import Link
 from .cfar import Cfar, CfarResult, cfar_threshold, widened_guard
 from .objects import path_power_w
@@ -321,14 +321,14 @@ class PathFinder:
         _, pair = np.unique(ends, axis=1, return_inverse=True)
         # A path and its reverse touch the same objects.
         strongest = np.flatnonzero(pair == np.bincount(pair, weight).argmax())
-        row = self._rows[rows[strongest[weight[strongest].argmax()]]]
+        row = self._rows[int(rows[strongest[weight[strongest].argmax()]])]
         last = self._record.objects[row["last_object"] - 1] if row["last_object"] else ""
         chosen = rows[np.argsort(-weight, kind="stable")[:most]]
-        lines = [self._line(self._rows[row]) for row in chosen]
+        lines = [self._line(self._rows[number]) for number in chosen.tolist()]
         powers_w = np.asarray(self._power_w[chosen], dtype=np.float64)
         return TargetPaths(self._name(row), last, lines, powers_w)
 
-    def _name(self, row: PathRows) -> str:
+    def _name(self, row: Mapping[str, Any]) -> str:
         names = self._record.objects
         ends = [int(row[end]) for end in ("first_object", "last_object")]
         touched = [names[number - 1] for number in dict.fromkeys(ends) if number]
@@ -339,7 +339,7 @@ class PathFinder:
                 via = [touched.pop(1 if first else 0)]
         touched.sort()
         unknown = int(row["order"]) - len(touched) - len(via)
-        if has_images(row):
+        if "mirrors" in row:
             unknown -= int(row["mirrors"])
             images = (int(row[end]) for end in ("receiver_image", "transmitter_image"))
             via += [name for n in images if n for name in self._record.images[n - 1].objects]
@@ -350,13 +350,13 @@ class PathFinder:
     def _moves_at(self, body: int) -> bool:
         return 0 < body <= self._moves.size and bool(self._moves[body - 1])
 
-    def _line(self, row: PathRows) -> Real:
+    def _line(self, row: Mapping[str, Any]) -> Real:
         """Corners of a path, from the receiver to the transmitter."""
         receiver = np.asarray(self._input.receiver.matrix_world)[:3, 3]
         transmitter = np.asarray(self._input.transmitter.matrix_world)[:3, 3]
         first, last = row["first_scatterer_m"], row["last_scatterer_m"]
         images: list[ImageRecord | None] = [None, None]
-        if has_images(row):
+        if "mirrors" in row:
             for end, name in enumerate(("receiver_image", "transmitter_image")):
                 images[end] = self._record.images[row[name] - 1] if row[name] else None
         there = mirror_corners(receiver, images[0], first)

@@ -27,7 +27,7 @@ from ...physics.fresnel import unpolarised_reflectance
 from ...physics.radar_equation import lambert_radiance, received_power_w
 from ...physics.rough import facet_brightness, slope_from_roughness
 from ..decoding import pixel_rays
-from ..paths import PATH_DTYPE, PathRows, replicate_offset_px
+from ..paths import PathRows, replicate_offset_px
 from ..radar import Radar, Weather
 
 SurfaceKind = Literal["silent", "lambert", "simple", "physical"]
@@ -380,7 +380,7 @@ def draft_rows(
         _replicate(scene, triangles, (columns, rows), number, replicates)
         for number in range(replicates)
     ]
-    return np.concatenate(parts)
+    return PathRows.joined(parts)
 
 
 def _replicate(
@@ -403,7 +403,7 @@ def _replicate(
         some = Angles(*(getattr(angles, f.name)[mine] for f in dataclasses.fields(Angles)))
         brightness[mine] = scene.surfaces[one].brightness(some, carrier_hz)
     echoing = np.flatnonzero(brightness > 0)
-    table = np.zeros(echoing.size, dtype=PATH_DTYPE)
+    table = PathRows.zeros(echoing.size)
     # as bright as a Lambert surface of this albedo at normal incidence
     radiance = lambert_radiance(brightness / 4, scene.transmitter.eirp_w, places.from_transmitter_m)
     power_w = received_power_w(radiance, solid_angle_sr, scene.radar.waveform.wavelength_m)

@@ -242,7 +242,7 @@ class _TableSums:
         count = self._record.replicates
         small = table.size <= _SMALL_TABLE and not has_images(table)
         if small and count * sum(plane.size for plane in self._volume) <= _MOST_CELLS:
-            rows = np.asarray(table)
+            rows = table
             number = np.flatnonzero(usable(rows) & (rows["replicate"] < count))
             rows = rows if number.size == rows.size else rows[number]
             planes = [np.repeat(plane[None], count, axis=0) for plane in self._volume]
@@ -251,7 +251,7 @@ class _TableSums:
             return
         if self._link is not None and table.size <= _SMALL_TABLE:
             # find and keep all gains at once: of few rows they are all overhead
-            rows = np.asarray(table)
+            rows = table
             number = np.flatnonzero(usable(rows))
             self._link.mean_factor_of_rows(rows[number], number)
         for views in views_by_replicate(table, count):

@@ -63,8 +63,7 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
     The rows are of one tile at one of `count` replicates, one at least, all of them `placed`.
     """
     pose = np.array(receiver.matrix_world, dtype=np.float64)
-    # A column of its own: in a table they lie far apart. And no BLAS, whose threads wait for one
-    # another longer than three columns take.
+    # No BLAS, whose threads wait for one another longer than three columns take.
     local = np.einsum("ni,ij->nj", np.array(rows["direction"]), pose[:3, :3])
     area = count * rows["solid_angle_sr"]
     if receiver.kind == "equirectangular":
@@ -556,6 +555,6 @@ def views_by_replicate(
 
 
 def _rows_with_length(table: PathRows, start: int, stop: int) -> tuple[Indices, PathRows]:
-    rows = np.asarray(table[start:stop])
+    rows = table[start:stop]
     kept = np.flatnonzero(usable(rows))
     return start + kept, rows if kept.size == rows.size else rows[kept]

@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of propagation paths on disk: one row per path, a plain numpy structured array.
+"""The table of propagation paths: one row per path, kept as columns.
 
-``numpy.load("paths.npy", mmap_mode="r")`` opens it; nothing is pickled. Tables are written in parts
-and joined without holding them in memory, so a run may be larger than the machine. Rows are long:
-columns are read part by part, or gathered on access, while a part is in the processor's cache.
+In memory, `PathRows` has a column for each quantity. On disk a table is a ``.npz`` archive without
+compression, one ``.npy`` member for each column, which follow one another: ``numpy.load`` opens it,
+and `open_table` maps its columns into memory. Nothing is pickled. Tables are written in parts that
+are never all in memory, so a run may be larger than the machine. Each column has its own digest.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 import os
+import struct
+import zipfile
+import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, overload
+from typing import IO, Any, BinaryIO, Protocol, overload
 
 import numpy as np
-from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, read_header
@@ -31,11 +36,6 @@ from ...contract import (
     TransmitterRecord,
 )
 from ...errors import FrameFileError
-from ...typed_json import file_sha256
-
-PathRows = NDArray[np.void]
-#: Columns by name, those of vectors with contiguous components.
-Columns = Mapping[str, NDArray[Any]]
 
 
 def _group(version: int, *columns: tuple[object, ...]) -> ColumnGroupRecord:
@@ -113,10 +113,6 @@ IMAGE_DTYPE = _dtype(
 CURVED_IMAGE_DTYPE = _dtype(
     column for group in (*COLUMN_GROUPS.values(), CURVED_IMAGE_COLUMNS) for column in group.columns
 )
-#: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
-MAX_ROWS = 5_000_000_000
-#: Bytes of a large table after which the disk begins to take them, while others are computed.
-_SYNC_EVERY = 1 << 27
 
 
 def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
@@ -129,68 +125,336 @@ def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
     return {**COLUMN_GROUPS, "geometry": geometry, IMAGE_GROUP: images}
 
 
+class Digest(Protocol):
+    """A hash that data are added to."""
+
+    def update(self, data: bytes | memoryview, /) -> None: ...
+
+
+class PathRows:
+    """Rows of paths, as columns by name, (n,), or (n, k) with contiguous components.
+
+    A slice is a view: what is written to its columns is in these rows, too. Other rows, by numbers
+    or a mask, are copies. Those of a table on disk are read when a column is first asked for. One
+    row, by its number, is a dictionary.
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[str, NDArray[Any]],
+        source: PathRows | None = None,
+        rows: Indices | None = None,
+    ) -> None:
+        self._columns = dict(columns)
+        #: The table on disk, and the numbers of its rows that these are.
+        self._source, self._rows = source, rows
+        self.size = len(next(iter(self._columns.values()))) if rows is None else rows.size
+
+    @classmethod
+    def zeros(cls, count: int, dtype: np.dtype[np.void] = PATH_DTYPE) -> PathRows:
+        """Return rows of zeros; `dtype` has the names and types of the columns."""
+        kinds = {name: dtype[name] for name in dtype.names or ()}
+        return cls({n: np.zeros((*k.shape, count), k.base).T for n, k in kinds.items()})
+
+    @classmethod
+    def joined(cls, parts: Sequence[PathRows]) -> PathRows:
+        """Return the rows of all parts, at least one, one behind the other."""
+        if len(parts) == 1:
+            return parts[0]
+        names = parts[0].names
+        if any(one.names != names for one in parts):
+            raise TypeError(f"Rows of different columns: {[one.names for one in parts]}")
+        return cls({n: np.concatenate([one[n].T for one in parts], -1).T for n in names})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._columns) if self._source is None else self._source.names
+
+    @cached_property
+    def dtype(self) -> np.dtype[np.void]:
+        """Names and types of the columns, as of a row."""
+        table = self if self._source is None else self._source
+        return np.dtype([(n, one.dtype, one.shape[1:]) for n, one in table._columns.items()])
+
+    @property
+    def nbytes(self) -> int:
+        return self.size * self.dtype.itemsize
+
+    @cached_property
+    def _is_on_disk(self) -> bool:
+        return not all(one.flags.writeable for one in self._columns.values())
+
+    def __len__(self) -> int:
+        return self.size
+
+    @overload
+    def __getitem__(self, key: str) -> NDArray[Any]: ...
+    @overload
+    def __getitem__(self, key: int) -> dict[str, Any]: ...
+    @overload
+    def __getitem__(self, key: Indices | Mask | slice) -> PathRows: ...
+    def __getitem__(self, key: str | int | Indices | Mask | slice) -> Any:
+        if isinstance(key, str):
+            if key not in self._columns and self._source is not None and self._rows is not None:
+                self._columns[key] = _taken(self._source[key], self._rows)
+            return self._columns[key]
+        if isinstance(key, slice):
+            columns = {name: column[key] for name, column in self._columns.items()}
+            if self._rows is None:
+                return PathRows(columns)
+            return PathRows(columns, self._source, self._rows[key])
+        if isinstance(key, int | np.integer):
+            return {name: self[name][key] for name in self.names}
+        rows: Indices = np.flatnonzero(key) if key.dtype == bool else key  # type: ignore[assignment]
+        if self._rows is not None:
+            columns = {name: column[rows] for name, column in self._columns.items()}
+            return PathRows(columns, self._source, self._rows[rows])
+        if self._is_on_disk:
+            return PathRows({}, self, rows)
+        return PathRows({n: one.T.take(rows, axis=-1).T for n, one in self._columns.items()})
+
+    def __setitem__(self, name: str, values: Any) -> None:
+        column = self[name]
+        if values is not column:  # it is, where `rows[name] += ...`
+            column[...] = values
+
+    def __iter__(self) -> Iterator[Any]:
+        raise TypeError("Iterate over columns, or over parts of the rows (`iter_rows`).")
+
+    def copy(self, *names: str) -> PathRows:
+        """Return the same rows, of these columns alone [all], in arrays of their own."""
+        names = names or self.names
+        return PathRows({name: np.array(self[name].T, order="C").T for name in names})
+
+    def chosen(self, rows: Indices, *names: str) -> PathRows:
+        """Return some rows, by numbers that rise, of these columns alone [all].
+
+        Of all rows, the columns are views.
+        """
+        columns = {name: self[name] for name in names or self.names}
+        if rows.size < self.size:
+            columns = {name: one.T.take(rows, axis=-1).T for name, one in columns.items()}
+        return PathRows(columns)
+
+    def replaced(self, **columns: NDArray[Any]) -> PathRows:
+        """Return the same rows with other columns in place of some."""
+        if self._source is not None:
+            return PathRows({**self._columns, **columns}, self._source, self._rows)
+        if self._is_on_disk:
+            return PathRows(columns, self, np.arange(self.size))
+        return PathRows({**self._columns, **columns})
+
+    def widened(self, dtype: np.dtype[np.void]) -> PathRows:
+        """Return the rows with the further columns of a type, which are 0."""
+        more = [name for name in dtype.names or () if name not in self.names]
+        return PathRows(
+            {
+                **{name: self[name] for name in self.names},
+                **PathRows.zeros(self.size, dtype[more])._columns,
+            }
+            if more
+            else {name: self[name] for name in self.names}
+        )
+
+    def write(self, stream: IO[bytes], digest: Digest) -> None:
+        """Write the rows to a file of parts, for `read`."""
+        count = np.array([self.size], dtype="<u8")
+        for column in (count, *(self[name].T for name in self.names)):
+            data = _bytes_of(column)
+            stream.write(data)
+            digest.update(data)
+
+    @classmethod
+    def read(cls, stream: BinaryIO, dtype: np.dtype[np.void]) -> PathRows | None:
+        """Return the next part of a file; None at its end."""
+        header = stream.read(8)
+        if not header:
+            return None
+        (count,) = struct.unpack("<Q", header)
+        columns = {}
+        for name in dtype.names or ():
+            kind = dtype[name]
+            values = np.fromfile(stream, kind.base, count * math.prod(kind.shape))
+            columns[name] = values.reshape(*kind.shape, count).T
+        return cls(columns)
+
+    def equals(self, other: PathRows) -> bool:
+        """Whether the columns have the same names and bytes."""
+        return self.dtype == other.dtype and self.tobytes() == other.tobytes()
+
+    def tobytes(self) -> bytes:
+        """Return the bytes of all columns, one behind the other."""
+        return b"".join(self[name].tobytes() for name in self.names)
+
+
+#: Rows on disk of which fewer than one in so many are wanted are read one by one.
+_SPARSE = 64
+
+
+def _taken(column: NDArray[Any], rows: Indices) -> NDArray[Any]:
+    """Return some rows of a column on disk: of rows near one another, as one piece."""
+    first, stop = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
+    if stop - first > _SPARSE * rows.size:
+        return np.asarray(column[rows])
+    piece = np.array(column[first:stop].T, order="C")
+    return np.asarray(piece.take(rows - first, axis=-1).T)
+
+
+def _bytes_of(column: NDArray[Any]) -> memoryview:
+    return np.ascontiguousarray(column).reshape(-1).view(np.uint8).data
+
+
+def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
+    """Yield a table in chunks of at most `rows` rows, which are views."""
+    for start in range(0, table.size, rows):
+        yield table[start : start + rows]
+
+
+def has_images(rows: PathRows) -> bool:
+    return "transmitter_image" in rows.names
+
+
+def has_curved_images(rows: PathRows) -> bool:
+    return "transmitter_plane" in rows.names
+
+
+def scatterer_rows(rows: PathRows) -> PathRows:
+    """Return rows whose order leaves out the mirrors of images."""
+    if not has_images(rows) or not rows["mirrors"].any():
+        return rows
+    return rows.replaced(order=rows["order"] - rows["mirrors"])
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+#: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
+MAX_ROWS = 5_000_000_000
+#: Bytes of a large table after which the disk begins to take them, while others are computed.
+_SYNC_EVERY = 1 << 27
+#: Data of columns begin at multiples of so many bytes.
+_ALIGNED = 64
+#: 1 January 1980, where dates of archives begin.
+_DATE = 0x21
+
+
 @dataclass(frozen=True)
 class TableFile:
-    """A table that was written."""
+    """A table that was written: number of rows, and digests by column."""
 
     rows: int
-    sha256: str
+    column_sha256: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _Member:
+    """A column in an archive that is being written."""
+
+    name: str
+    #: Bytes before the data: the archive's header, of `local` bytes with the name, then numpy's.
+    header: bytes
+    local: int
+    #: Where the header and the data begin, and the size of the data [bytes].
+    offset: int
+    start: int
+    size: int
+
+    def directory(self, crc: int) -> bytes:
+        """Return the member's entry in the directory (APPNOTE 6.3.9, 4.3.12, with ZIP64)."""
+        whole = len(self.header) - self.local + self.size
+        name = f"{self.name}.npy".encode()
+        big = 0xFFFFFFFF
+        fields = (45, 45, 0, 0, 0, _DATE, crc, big, big, len(name), 28, 0, 0, 0, 0, big)
+        return (
+            struct.pack("<4s6H3L5H2L", b"PK\x01\x02", *fields)
+            + name
+            + struct.pack("<2H3Q", 1, 24, whole, whole, self.offset)
+        )
+
+
+def _members(dtype: np.dtype[np.void], rows: int) -> list[_Member]:
+    """Return where the columns of a table of so many rows are."""
+    members, offset = [], 0
+    for column in dtype.names or ():
+        kind, name = dtype[column], f"{column}.npy".encode()
+        size = rows * kind.itemsize
+        local = 30 + len(name) + 20
+        text = repr(
+            {"descr": kind.base.str, "fortran_order": False, "shape": (rows, *kind.shape)}
+        ).encode("latin1")
+        padding = -(offset + local + 10 + len(text) + 1) % _ALIGNED
+        text += b" " * padding + b"\n"
+        numpy_header = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text
+        whole, big = len(numpy_header) + size, 0xFFFFFFFF
+        fields = (45, 0, 0, 0, _DATE, 0, big, big, len(name), 20)
+        header = (
+            struct.pack("<4s5H3L2H", b"PK\x03\x04", *fields)
+            + name
+            + struct.pack("<2H2Q", 1, 16, whole, whole)
+            + numpy_header
+        )
+        members.append(_Member(column, header, local, offset, offset + len(header), size))
+        offset += len(header) + size
+    return members
+
+
+def _write_directory(stream: IO[bytes], members: Sequence[_Member], crcs: Sequence[int]) -> None:
+    """Write checksums into the headers, and the archive's directory behind the columns."""
+    for member, crc in zip(members, crcs, strict=True):
+        stream.seek(member.offset + 14)
+        stream.write(struct.pack("<L", crc))
+    start = members[-1].start + members[-1].size
+    stream.seek(start)
+    entries = b"".join(m.directory(crc) for m, crc in zip(members, crcs, strict=True))
+    stream.write(entries)
+    end, count, most = start + len(entries), len(members), 0xFFFFFFFF
+    sizes = (count, count, len(entries), start)
+    stream.write(struct.pack("<4sQ2H2L4Q", b"PK\x06\x06", 44, 45, 45, 0, 0, *sizes))
+    stream.write(struct.pack("<4sLQL", b"PK\x06\x07", 0, end, 1))
+    stream.write(struct.pack("<4s4H2LH", b"PK\x05\x06", 0, 0, count, count, most, most, 0))
 
 
 def write_table(
-    path: Path,
-    parts: Iterable[PathRows],
-    dtype: np.dtype[np.void] = PATH_DTYPE,
-    rows: int | None = None,
+    path: Path, parts: Iterable[PathRows], rows: int, dtype: np.dtype[np.void] = PATH_DTYPE
 ) -> TableFile:
-    """Write rows as one ``.npy`` file under a temporary name, then rename.
+    """Write parts of so many rows in all as one file under a temporary name, then rename.
 
-    `parts` are arrays of `dtype`, of which only one is in memory at a time. With `rows`, the number
-    of all, the file need not be read again for its digest.
+    `dtype` has the columns of all parts, of which only one is in memory at a time.
     """
-    found, digest = 0, hashlib.sha256()
+    members, found, unsynced = _members(dtype, rows), 0, 0
+    digests = [hashlib.sha256() for _ in members]
+    crcs = [zlib.crc32(member.header[member.local :]) for member in members]
     with (
         replaced(path) as temporary,
         open(temporary, "wb") as stream,
         ThreadPoolExecutor(1, "radarsim table") as background,
     ):
-        header = _header(MAX_ROWS if rows is None else rows, dtype)  # room for any number
-        stream.write(header)
-        digest.update(header)
-        syncs, unsynced = list[Future[None]](), 0
+        for member in members:
+            stream.seek(member.offset)
+            stream.write(member.header)
+        syncs = list[Future[None]]()
         for part in parts:
-            if part.dtype != dtype:
+            if not isinstance(part, PathRows) or part.dtype != dtype:
                 raise TypeError(f"rows of {part.dtype}; expected PATH_DTYPE, or that with images")
-            data = np.ascontiguousarray(part).view(np.uint8).data
-            stream.write(data)
-            digest.update(data)
+            if found + part.size > rows:
+                raise AssertionError(f"{found + part.size} rows; expected {rows}")
+            for number, member in enumerate(members):
+                stream.seek(member.start + found * dtype[member.name].itemsize)
+                data = _bytes_of(part[member.name])
+                stream.write(data)
+                digests[number].update(data)
+                crcs[number] = zlib.crc32(data, crcs[number])
             found += part.size
-            unsynced += data.nbytes
+            unsynced += part.nbytes
             if unsynced >= _SYNC_EVERY and (not syncs or syncs[-1].done()):
                 syncs.append(background.submit(os.fsync, stream.fileno()))
                 unsynced = 0
         for sync in syncs:
             sync.result()
-        if rows is None:
-            stream.seek(0)
-            stream.write(_header(found, dtype))
-        elif rows != found:
+        if rows != found:
             raise AssertionError(f"{found} rows; expected {rows}")
-    return TableFile(found, file_sha256(path) if rows is None else digest.hexdigest())
-
-
-def _header(rows: int, dtype: np.dtype[np.void]) -> bytes:
-    """Return the header of a table, of one length whatever the number of rows."""
-    header = npy_format.header_data_from_array_1_0(np.empty(0, dtype=dtype))
-    header["shape"] = (rows,)
-    text = repr(header)
-    padding = len(str(MAX_ROWS)) - len(str(rows))
-    body = (text + " " * padding).encode("latin1")
-    # Format 1.0 of numpy's NPY specification: magic, version, length, dict, padding to 64 bytes.
-    fixed = 10
-    total = -(-(fixed + len(body) + 1) // 64) * 64
-    body += b" " * (total - fixed - len(body) - 1) + b"\n"
-    return b"\x93NUMPY\x01\x00" + len(body).to_bytes(2, "little") + body
+        _write_directory(stream, members, crcs)
+    names = (member.name for member in members)
+    return TableFile(found, {n: d.hexdigest() for n, d in zip(names, digests, strict=True)})
 
 
 def open_table(
@@ -203,56 +467,70 @@ def open_table(
     `listed` are its groups by its sidecar (empty or None: from the columns alone); without one
     of the `needed` groups the table is refused.
     """
-    shape, dtype, start = _read_header(path)
-    columns = _known_columns(path, dtype, listed, needed)
-    expected = start + shape[0] * dtype.itemsize
-    size = path.stat().st_size
-    if size != expected:
-        raise FrameFileError(
-            f"{path} has {size} bytes; its {shape[0]} rows take {expected}: it is truncated. "
-            "Remove it and render the run again."
-        )
-    if shape[0] == 0:
-        return np.empty(0, dtype=columns)
-    return np.memmap(path, dtype=columns, mode="r", offset=start, shape=shape)
-
-
-def _read_header(path: Path) -> tuple[tuple[int], np.dtype[np.void], int]:
-    """Return shape, columns, and first byte of the rows."""
     try:
-        with open(path, "rb") as stream:
-            shape, fortran, dtype, _ = read_header(stream)
-            start = stream.tell()
+        columns = _map_columns(path)
     except FileNotFoundError as error:
         raise FrameFileError(
             f"{path} is missing. Render the run again: radarsim render measures what is missing."
         ) from error
-    except (OSError, ValueError) as error:
+    # zipfile and struct raise errors of many kinds on damaged files
+    except Exception as error:
         raise FrameFileError(
             f"{path} cannot be read as a table of paths ({error}). Remove it and render the run "
             "again: radarsim render measures what is missing."
         ) from error
-    names = dtype.names or ()
-    if not names or fortran or len(shape) != 1 or not 0 <= shape[0] <= MAX_ROWS:
-        raise FrameFileError(
-            f"{path} holds an array of shape {shape} and {len(names)} columns; expected a table of "
-            f"paths with at most {MAX_ROWS} rows. Remove it and render the run again."
-        )
-    return shape, dtype, start
+    return PathRows({name: columns[name] for name in _known_columns(path, columns, listed, needed)})
+
+
+def _map_columns(path: Path) -> dict[str, NDArray[Any]]:
+    """Return the columns of an archive, mapped into memory and read-only."""
+    columns: dict[str, NDArray[Any]] = {}
+    with open(path, "rb") as stream, zipfile.ZipFile(stream) as archive:
+        size = os.fstat(stream.fileno()).st_size
+        whole = np.memmap(path, np.uint8, mode="r") if size else np.empty(0, np.uint8)
+        for item in archive.infolist():
+            if item.compress_type != zipfile.ZIP_STORED or item.flag_bits & 1:
+                raise ValueError(f"{item.filename[:60]} is compressed or encrypted")
+            stream.seek(item.header_offset)
+            header = stream.read(30)
+            if len(header) < 30 or header[:4] != b"PK\x03\x04":
+                raise ValueError(f"{item.filename[:60]} has no header")
+            stream.seek(sum(struct.unpack("<2H", header[26:])), os.SEEK_CUR)
+            begin = stream.tell()
+            shape, fortran, dtype, count = read_header(stream)
+            start = stream.tell()
+            if fortran or not shape or len(shape) > 2 or shape[0] > MAX_ROWS:
+                raise ValueError(f"{item.filename[:60]} has the shape {str(shape)[:80]}")
+            if start + count > size or item.file_size != start - begin + count:
+                raise ValueError(f"{item.filename[:60]} is truncated")
+            column = whole[start : start + count].view(dtype).reshape(shape)
+            columns[item.filename.removesuffix(".npy")] = column.view(np.ndarray)
+    counts = {len(column) for column in columns.values()}
+    if len(counts) != 1:
+        raise ValueError(f"it holds {len(columns)} columns of {sorted(counts)[:5]} rows")
+    return columns
+
+
+def has_digests(table: PathRows, column_sha256: Mapping[str, str]) -> bool:
+    """Whether the columns of a table are those of which these are the digests."""
+    return all(
+        hashlib.sha256(_bytes_of(table[name])).hexdigest() == column_sha256.get(name)
+        for name in table.names
+    )
 
 
 def _known_columns(
     path: Path,
-    dtype: np.dtype[np.void],
+    columns: Mapping[str, NDArray[Any]],
     listed: Mapping[str, ColumnGroupRecord] | None,
     needed: Collection[str],
-) -> np.dtype[np.void]:
-    """Return where the columns of the known groups are in a row of the file."""
+) -> list[str]:
+    """Return the columns of the known groups."""
     found: list[str] = []
     # Without the columns of images, the ends of their paths would be misread.
     images = not listed or listed.get("geometry", COLUMN_GROUPS["geometry"]).version != 1
-    for name, group in column_groups(dtype.names or () if images else ()).items():
-        fault = _fault(group, dtype, listed.get(name) if listed else group)
+    for name, group in column_groups(columns if images else ()).items():
+        fault = _fault(group, columns, listed.get(name) if listed else group)
         if not fault:
             found += [column.name for column in group.columns]
         elif name in needed or name == IMAGE_GROUP:
@@ -260,11 +538,13 @@ def _known_columns(
                 f"{path} has no usable column group {name!r}: {fault}. Update radarsim, or render "
                 "the run again."
             )
-    return dtype[found] if found != list(dtype.names or ()) else dtype
+    return found
 
 
 def _fault(
-    group: ColumnGroupRecord, dtype: np.dtype[np.void], listed: ColumnGroupRecord | None
+    group: ColumnGroupRecord,
+    columns: Mapping[str, NDArray[Any]],
+    listed: ColumnGroupRecord | None,
 ) -> str:
     """Return why a group cannot be read; empty where it can."""
     if listed is None:
@@ -272,122 +552,18 @@ def _fault(
     if listed.version != group.version:
         return f"it is of version {listed.version}, this radarsim reads version {group.version}"
     for column in group.columns:
-        expected = np.dtype((column.dtype, tuple(column.shape)))
-        if column.name not in (dtype.names or ()):
+        if column.name not in columns:
             return f"the column {column.name!r} is missing"
-        if dtype[column.name] != expected:
-            return f"the column {column.name!r} is {dtype[column.name]}, expected {expected}"
+        there = columns[column.name]
+        if (there.dtype, there.shape[1:]) != (np.dtype(column.dtype), tuple(column.shape)):
+            return (
+                f"the column {column.name!r} is {there.dtype} of shape {there.shape[1:]}, expected "
+                f"{column.dtype} of {tuple(column.shape)}"
+            )
     return ""
 
 
-def iter_rows(table: PathRows, rows: int = 1 << 18) -> Iterator[PathRows]:
-    """Yield a table in chunks of at most `rows` rows: views, not to be written to."""
-    for start in range(0, table.size, rows):
-        yield np.asarray(table[start : start + rows])
-
-
-#: Rows that are read or written at a time.
-_ROWS_AT_ONCE = 1 << 12
-
-
-class PathColumns:
-    """Some rows of a table, by number, in any order and more than once; each column is gathered on
-    first access.
-
-    A row is so long that gathering all of it, and reading a column of it, take ten times as long.
-    `changed` are columns of other values than the table's.
-    """
-
-    def __init__(
-        self, table: PathRows, rows: Indices, changed: Mapping[str, NDArray[Any]] | None = None
-    ) -> None:
-        # a column that is taken from is copied whole first
-        first, stop = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
-        self._table, self._rows = np.asarray(table)[first:stop], rows - first
-        self._columns = dict(changed or {})
-        self.dtype, self.size = table.dtype, rows.size
-
-    @overload
-    def __getitem__(self, key: str) -> NDArray[Any]: ...
-    @overload
-    def __getitem__(self, key: Indices | Mask | slice) -> PathColumns: ...
-    def __getitem__(self, key: str | Indices | Mask | slice) -> NDArray[Any] | PathColumns:
-        if not isinstance(key, str):
-            changed = {name: column[key] for name, column in self._columns.items()}
-            return PathColumns(self._table, self._rows[key], changed)
-        if key not in self._columns:
-            # Vectors with contiguous components. `take` would gather from the table a slow copy.
-            column = np.array(self._table[key].T, order="C")
-            self._columns[key] = column.take(self._rows, axis=-1).T
-        return self._columns[key]
-
-    def __setitem__(self, name: str, column: NDArray[Any]) -> None:
-        self._columns[name] = column
-
-    def copy(self) -> PathColumns:
-        """Return the same rows; columns of the copy may be replaced."""
-        return PathColumns(self._table, self._rows, self._columns)
-
-
-def read_columns(rows: PathRows, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """Return copies of some columns, (n,) or (n, 3), of vectors with contiguous components."""
-    kinds = [rows.dtype[name] for name in names]
-    found = [np.empty((*kind.shape, rows.size), kind.base) for kind in kinds]
-    for start in range(0, rows.size, _ROWS_AT_ONCE):
-        part = rows[start : start + _ROWS_AT_ONCE]
-        for name, column in zip(names, found, strict=True):
-            column[..., start : start + part.size] = part[name].T
-    return {name: column.T for name, column in zip(names, found, strict=True)}
-
-
-def write_columns(rows: PathRows, columns: Mapping[str, Any]) -> None:
-    """Set some columns of rows to values (n,) or (n, 3), or to one value for all rows."""
-    for start in range(0, rows.size, _ROWS_AT_ONCE):
-        some = slice(start, start + _ROWS_AT_ONCE)
-        part = rows[some]
-        for name, values in columns.items():
-            part[name] = values[some] if np.ndim(values) else values
-
-
-def chosen_rows(columns: Columns, rows: Indices) -> Columns:
-    """Return some rows of columns, by numbers that rise; of all rows, the columns themselves."""
-    if all(rows.size == len(column) for column in columns.values()):
-        return columns
-    return {name: column.T.take(rows, axis=-1).T for name, column in columns.items()}
-
-
-def widened(rows: PathRows, dtype: np.dtype[np.void]) -> PathRows:
-    """Return rows of a type with more columns, which are 0, behind those that they have."""
-    if dtype.descr[: len(rows.dtype.descr)] != rows.dtype.descr:
-        raise ValueError("A wider row must begin with the same columns.")
-    # each row as one piece: column by column takes ten times as long
-    piece = np.dtype(
-        {"names": ["own"], "formats": [rows.dtype], "offsets": [0], "itemsize": dtype.itemsize}
-    )
-    wide = np.zeros(rows.shape, dtype=dtype)
-    wide.view(piece)["own"] = rows
-    return wide
-
-
-#: Rows that are read and not written to.
-AnyRows = PathRows | PathColumns
-
-
-def has_images(rows: AnyRows) -> bool:
-    return "transmitter_image" in (rows.dtype.names or ())
-
-
-def has_curved_images(rows: AnyRows) -> bool:
-    return "transmitter_plane" in (rows.dtype.names or ())
-
-
-def scatterer_rows(rows: AnyRows) -> AnyRows:
-    """Return rows whose order leaves out the mirrors of images; a copy where there are any."""
-    if not has_images(rows) or not rows["mirrors"].any():
-        return rows
-    rows = rows.copy()
-    rows["order"] = rows["order"] - rows["mirrors"]
-    return rows
+# -- records ---------------------------------------------------------------------------------------
 
 
 def unrendered_record(
@@ -436,5 +612,5 @@ def unrendered_record(
         relative_error=0.0,
         stop_reason="",
         table_file="",
-        table_sha256="",
+        column_sha256={},
     )

@@ -20,10 +20,10 @@ from ...errors import ConfigError, PathDataError, SchemaError
 from ...options import MAX_LENGTH_M
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
-from ...typed_json import check_run, file_sha256, read_record
+from ...typed_json import check_run, read_record
 from ..motion import FrameMotion, KinematicMotion, PathImages, read_motion
 from .paths import PathFlag, PathGeometry
-from .table import AnyRows, PathRows, has_curved_images, has_images, iter_rows, open_table
+from .table import PathRows, has_curved_images, has_digests, has_images, iter_rows, open_table
 
 #: Bounds of quantities of a row, by column: least, most, and whether NaN (unknown) is allowed.
 _BOUNDS = {
@@ -65,12 +65,10 @@ def open_frame_table(
             f"{path} has {table.size} rows, its sidecar says {record.path_count}. "
             "Remove both and render the run again."
         )
-    digest = file_sha256(path)
-    if digest != record.table_sha256:
+    if not has_digests(table, record.column_sha256):
         raise SchemaError(
-            f"{path} does not match its sidecar {PATHS_FILE}: SHA-256 "
-            f"{digest[:12]}..., expected {record.table_sha256[:12]}... The file was changed: "
-            "remove both and render the run again."
+            f"{path} does not match the SHA-256 of its columns in the sidecar {PATHS_FILE}. The "
+            "file was changed: remove both and render the run again."
         )
     _check_numbers(path, table, record)
     return record, table
@@ -84,7 +82,7 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
     most = {"replicate": record.replicates - 1}
     most |= dict.fromkeys(("first_object", "last_object"), len(record.objects))
     for name, last in most.items():
-        if name in (table.dtype.names or ()) and table.size:
+        if name in table.names and table.size:
             low, high = int(table[name].min()), int(table[name].max())
             if low < 0 or high > last:
                 raise SchemaError(
@@ -94,7 +92,7 @@ def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
     first = 0
     for rows in iter_rows(table, 1 << 13):  # they stay in the processor's cache
         for name, (*bounds, blank) in _BOUNDS.items():
-            if name in (rows.dtype.names or ()):
+            if name in rows.names:
                 _check_column(path, rows, name, first, bounds, blank)
         first += rows.size
 
@@ -146,7 +144,7 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
     return np.asarray(rows["power_w"] / (area_m2 * rows["solid_angle_sr"]), dtype=np.float64)
 
 
-def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None:
+def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | None:
     """Return the images over which rows go, from those in the table's sidecar; None: no images."""
     curved = has_curved_images(rows)
     if not (curved or (images and has_images(rows))):
@@ -162,7 +160,7 @@ def images_of(rows: AnyRows, images: Sequence[ImageRecord]) -> PathImages | None
     return PathImages.of(images, numbers, planes_of(rows))
 
 
-def planes_of(rows: AnyRows) -> Real | None:
+def planes_of(rows: PathRows) -> Real | None:
     """Return normals and offsets of the planes of images in curved mirrors, of receiver and
     transmitter, (n, 2, 4) [m]; None without the columns.
     """
@@ -171,7 +169,7 @@ def planes_of(rows: AnyRows) -> Real | None:
     return np.stack([rows["receiver_plane"], rows["transmitter_plane"]], axis=1)
 
 
-def geometry_of(rows: AnyRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
+def geometry_of(rows: PathRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
     """Return the vertices and directions of rows; `images` are those that the rows name."""
     return PathGeometry(
         order=rows["order"].astype(np.int32),

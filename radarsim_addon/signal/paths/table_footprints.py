@@ -34,7 +34,7 @@ from .footprints import (
     view_limits,
     widths_m,
 )
-from .table import PathColumns, PathRows
+from .table import PathRows
 from .table_files import usable
 
 #: Most points, times the rows of a view: each costs as much as a path.
@@ -73,7 +73,7 @@ class TableFootprints:
         self._orthographic = record.receiver.kind == "orthographic"
         self._views: dict[int, _Split] = {}
         self._starts, self._stops = view_limits(table)
-        self._kept: dict[int, tuple[Indices, tuple[Indices, PathColumns]]] = {}
+        self._kept: dict[int, tuple[Indices, tuple[Indices, PathRows]]] = {}
 
     def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
         """Take the steps of whole views, one after another, that somebody else needed too; the rows
@@ -99,14 +99,14 @@ class TableFootprints:
         record = self._record
         for view, (start, stop) in enumerate(zip(self._starts, self._stops, strict=True)):
             if view not in self._views:
-                rows = np.asarray(self._table[start:stop])
+                rows = self._table[start:stop]
                 kept = np.flatnonzero(usable(rows) & _placed(rows))
                 rows = rows if kept.size == rows.size else rows[kept]
                 self._add(view, start + kept, steps_of(rows, record.receiver, record.replicates))
         parts = [self._views.pop(view) for view in range(self._starts.size)]
         return _Split(*map(np.concatenate, zip(_NONE, *parts, strict=True)))
 
-    def points(self, numbers: Indices) -> tuple[Indices, PathColumns]:
+    def points(self, numbers: Indices) -> tuple[Indices, PathRows]:
         """Return the points of some rows, themselves as rows of a table with their parts of power
         and solid angle, and the index in `numbers` that each belongs to, (points,) each.
         """
@@ -120,21 +120,21 @@ class TableFootprints:
             self._kept[first] = numbers, found
         return found
 
-    def _points(self, numbers: Indices) -> tuple[Indices, PathColumns]:
+    def _points(self, numbers: Indices) -> tuple[Indices, PathRows]:
         found = self._split
         place = np.searchsorted(found.rows, numbers)
         split = np.append(found.rows, -1)[place] == numbers
         chosen = place[split]
         if not chosen.size:
-            return np.arange(numbers.size), PathColumns(self._table, numbers)
+            return np.arange(numbers.size), self._table[numbers]
         along, between = (a[chosen].astype(np.intp) for a in (found.along, found.between))
         counts = np.ones(numbers.size, dtype=np.intp)
         counts[split] = along[:, 0] * along[:, 1]
         index = np.repeat(np.arange(numbers.size), counts)
-        points = PathColumns(self._table, numbers[index])
+        points = self._table[numbers[index]]
         mine = np.flatnonzero(split[index])
         in_pixels = PixelPoints.of(along)
-        table, own = np.asarray(self._table), numbers[split]
+        table, own = self._table, numbers[split]
         power_w = table["power_w"]
         share = shares(power_steps(power_w, between, power_w[own]), in_pixels)
 

@@ -25,7 +25,7 @@ from ...physics.clutter import bragg_velocity_mps, clutter_correlation
 from ...physics.rough import kirchhoff_limits
 from ..decoding import FrameInput, FrameTable
 from ..motion import JoinedMotion, KinematicMotion, LinearMotion
-from ..paths import PathColumns, PathFlag, PathRows, Paths, TableFootprints, geometry_of
+from ..paths import PathFlag, PathRows, Paths, TableFootprints, geometry_of
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle, grazing_cosines
 
 #: Largest distance of the points of one path, in range resolutions of one-way range and in Doppler
@@ -179,7 +179,7 @@ class FrameSpeckle:
             ]
         )
 
-    def _spread(self, paths: Paths, index: Indices, points: PathColumns) -> Paths:
+    def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
         """The paths of points, each with the gain of the path that it belongs to."""
         motion = paths.motion
         if isinstance(motion, KinematicMotion):

@@ -20,7 +20,7 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.radar_equation import effective_area_m2
 from ...physics.weather import rain_fall_speeds, rain_reflectivity_per_m
 from ..decoding import FrameInput, pixel_rays
-from ..paths import PATH_DTYPE, PathRows, Paths, geometry_of, make_paths, radiance_of
+from ..paths import PathRows, Paths, geometry_of, make_paths, radiance_of
 from ..radar import Weather
 from .amplitudes import hash_step, uniform
 
@@ -36,7 +36,7 @@ def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
     """
     receiver, radar = frame_input.receiver, frame_input.radar
     if not weather.rain_echo or weather.rain_mm_per_h == 0 or receiver.kind == "orthographic":
-        return np.zeros(0, dtype=PATH_DTYPE)
+        return PathRows.zeros(0)
     waveform, step_m = radar.waveform, radar.waveform.range_resolution_m
     start_m = max(frame_input.range_limits_m[0], step_m)
     count = max(int((frame_input.range_limits_m[1] - start_m) / step_m), 0)
@@ -51,7 +51,7 @@ def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
     near_m, far_m = edges_m[cell], np.minimum(edges_m[cell + 1], reach_m[ray])
     draws = _draws(ray.size, seed)
     range_m = near_m + (far_m - near_m) * draws[0]
-    rows = np.zeros(ray.size, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(ray.size)
     way = direction[ray]
     place_m = rays.origin_m + range_m[:, None] * way
     from_emitter = place_m - np.asarray(frame_input.transmitter.matrix_world)[:3, 3]
@@ -107,7 +107,7 @@ def _open_to_m(frame_input: FrameInput, direction: Real, solid_sr: Real) -> Real
 
     table = frame_input.table
     every = max(1, -(-table.rows.size // _LOOKED_AT))
-    rows = np.array(table.rows[::every])
+    rows = table.rows[::every]
     rows = rows[(rows["transparent_depth"] == 0) & (rows["order"] >= 1)]
     place_m = np.asarray(frame_input.receiver.matrix_world)[:3, 3]
     hit_m = np.linalg.norm(rows["first_scatterer_m"] - place_m, axis=1)

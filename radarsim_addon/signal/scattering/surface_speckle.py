@@ -56,8 +56,6 @@ from ...findings import Finding, finding
 from ...physics.clutter import clutter_velocities, texture
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..paths import (
-    AnyRows,
-    PathColumns,
     PathRows,
     TableFootprints,
     has_images,
@@ -77,7 +75,7 @@ class VertexView:
         self.orthographic = record.receiver.kind == "orthographic"
         self._images = record.images
 
-    def _antennas_m(self, rows: AnyRows) -> tuple[Real, Real]:
+    def _antennas_m(self, rows: PathRows) -> tuple[Real, Real]:
         """Places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
         images = images_of(rows, self._images)
         if images is None:
@@ -85,7 +83,7 @@ class VertexView:
         return images.places(0, self.receiver_m), images.places(1, self.emitter_m)
 
     def length_m(
-        self, first_scatterer_m: Real, last_scatterer_m: Real, rows: AnyRows, images: bool = True
+        self, first_scatterer_m: Real, last_scatterer_m: Real, rows: PathRows, images: bool = True
     ) -> Real:
         """Length over two points, or over one at order 1 [m]; without `images` straight to the
         antennas.
@@ -102,7 +100,7 @@ class VertexView:
         length_m += distances(first_scatterer_m, receiver_m)
         return length_m
 
-    def turns(self, rows: AnyRows) -> tuple[Real, Real]:
+    def turns(self, rows: PathRows) -> tuple[Real, Real]:
         """|u_in - u_out| at the first and at the last vertex."""
         receiver_m, emitter_m = self._antennas_m(rows)
         into_first = rows["direction"]
@@ -223,7 +221,7 @@ class SurfaceCells:
         # Mixed before the cells come in: seed 1 must not be seed 0 with its cells swapped.
         self._starts = hash_step(self._starts)
 
-    def of(self, rows: AnyRows, first: bool) -> Cells:
+    def of(self, rows: PathRows, first: bool) -> Cells:
         """Cells of the first or last vertex of rows whose vertices are all known."""
         body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
         length_m = self._lengths_m[rows["first_object" if first else "last_object"]]
@@ -299,7 +297,7 @@ class SurfaceCells:
             np.sqrt(-2 * np.log(1 - uniform(first_draw))) * np.cos(2 * np.pi * uniform(second_draw))
         )
 
-    def keys(self, rows: AnyRows) -> Hash:
+    def keys(self, rows: PathRows) -> Hash:
         """One number for all paths over the same cells, in the same way."""
         apart, last = self.apart(rows), self.of(rows, False).state
         first = last.copy()
@@ -309,7 +307,7 @@ class SurfaceCells:
         way |= rows["transparent_depth"].astype(np.uint64)
         return hash_step(hash_step(first ^ way) ^ last)
 
-    def apart(self, rows: AnyRows) -> Indices:
+    def apart(self, rows: PathRows) -> Indices:
         """Rows whose first vertex is another than the last: none of those of one reflection."""
         same = rows["first_object"] == rows["last_object"]
         same &= rows[self._columns[0]] == rows[self._columns[1]]
@@ -322,7 +320,7 @@ class SurfaceCells:
 _DRAWS = np.uint64(0xD1B54A32D192ED03)
 
 
-def grazing_cosines(rows: AnyRows) -> Real:
+def grazing_cosines(rows: PathRows) -> Real:
     """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,). Surfaces of
     clutter's models are level: the grazing angle is the ray's elevation.
     """
@@ -345,7 +343,7 @@ class SurfaceFluctuations:
     def __bool__(self) -> bool:
         return bool(self._surfaces)
 
-    def of_vertex(self, rows: AnyRows, cells: Cells, first: bool) -> tuple[Real, Real]:
+    def of_vertex(self, rows: PathRows, cells: Cells, first: bool) -> tuple[Real, Real]:
         """Factors on the power, and velocities along the line of sight [m/s], of the cells of a
         vertex of rows, (n,) each; 1 and 0 at surfaces that do not fluctuate.
         """
@@ -510,13 +508,13 @@ class SurfaceSpeckle:
         self._texture, self._sway_mps = np.ones(0), np.zeros((2, 0))
         self._objects = record.objects
         #: Rows that come again for their echoes, and their cells.
-        self._placed: list[tuple[AnyRows, Indices]] = []
+        self._placed: list[tuple[PathRows, Indices]] = []
         self._keys, self._powers, self._leaders, places_m = self._add_up()
         self._scatterers_m, self._units, self._over_m = self._draw(places_m)
         # what is alike for all paths of a cell where no height is known
         self._even: Complex | None = None
         if not np.isfinite(self._heights).any():
-            order = scatterer_rows(PathColumns(self._table, self._leaders))["order"]
+            order = scatterer_rows(self._table[self._leaders])["order"]
             self._even = np.exp(1j * _even_phases(self._units, order))
 
     def _automatic_cell_m(self) -> float:
@@ -539,7 +537,7 @@ class SurfaceSpeckle:
         middle = int(np.searchsorted(reached, reached[-1] / 2))
         return float(2.0 ** (middle - _EXPONENTS // 2))
 
-    def known(self, rows: AnyRows) -> NDArray[np.bool_]:
+    def known(self, rows: PathRows) -> NDArray[np.bool_]:
         """Paths whose vertices are all known, (n,): those of one and two reflections."""
         order = scatterer_rows(rows)["order"]
         found = (order >= 1) & (order <= 2)
@@ -551,7 +549,7 @@ class SurfaceSpeckle:
         """Scatterers of first and last vertex, equal at order 1, (2, 3, keys) [m], their unit
         heights (2, keys) and the length over them (keys,) [m], of last vertices (keys, 3) [m].
         """
-        rows = scatterer_rows(PathColumns(self._table, self._leaders))
+        rows = scatterer_rows(self._table[self._leaders])
         single = rows["order"] == 1
         for name in ("first_scatterer_m", "last_scatterer_m"):
             if single.all():
@@ -590,7 +588,6 @@ class SurfaceSpeckle:
         coherent_w = self._coherent_w = np.zeros(self._heights.size)
         sums, places_m = np.zeros((3, 0)), np.zeros((0, 3))
         leaders, start = np.zeros(0, dtype=np.intp), 0
-        rows: AnyRows
         for rows in iter_rows(self._table):
             number = np.arange(start, start + rows.size)
             start += rows.size
@@ -647,7 +644,7 @@ class SurfaceSpeckle:
             tuple(self._objects[n - 1] for n in np.flatnonzero(coherent > _COHERENT)),
         )
 
-    def _keys_of(self, rows: AnyRows) -> Hash:
+    def _keys_of(self, rows: PathRows) -> Hash:
         """Keys of the cells and of the images over which paths go."""
         keys = self._apart(self._cells.keys(rows), rows)
         if has_images(rows):
@@ -656,7 +653,7 @@ class SurfaceSpeckle:
             keys[over > 0] = hash_step(keys[over > 0] ^ over[over > 0])
         return keys
 
-    def _apart(self, states: Hash, rows: AnyRows) -> Hash:
+    def _apart(self, states: Hash, rows: PathRows) -> Hash:
         """States of cells of rows, others for each part of a cell as deep as the resolution."""
         # the ways over two vertices in cells differ by twice the sum of their diagonals
         if 2 * math.sqrt(3) * self._cells.largest_m <= self._resolution_m:
@@ -675,7 +672,7 @@ class SurfaceSpeckle:
         """Factors with the phase of the length, (n,): exact if path and scatterer move alike."""
         return np.asarray(found.factor * np.exp(-1j * self._wavenumber * found.longer_m))
 
-    def scattering(self, rows: AnyRows) -> Scattering:
+    def scattering(self, rows: PathRows) -> Scattering:
         """How rows scatter whose vertices are all known."""
         rows = scatterer_rows(rows)
         place = next((at for own, at in self._placed if own is rows), None)
@@ -705,7 +702,7 @@ class SurfaceSpeckle:
         """Rows of the table that lead cells, (n,)."""
         return self._table[self._leaders[cells]]
 
-    def _uneven(self, rows: AnyRows, share: Real, units: Real) -> Complex:
+    def _uneven(self, rows: PathRows, share: Real, units: Real) -> Complex:
         """share (exp(j kappa h) - m) / sqrt(1 - m^2) of unit heights (2, n)."""
         kappa_h = self._kappa_heights(rows)
         exponent = np.sum(kappa_h**2, axis=0) / 2
@@ -715,7 +712,7 @@ class SurfaceSpeckle:
         mean = np.where(even.any(axis=0), 0.0, np.exp(-exponent))
         return np.asarray(share * (np.exp(1j * phase) - mean) / np.sqrt(1 - mean**2))
 
-    def _kappa_heights(self, rows: AnyRows) -> Real:
+    def _kappa_heights(self, rows: PathRows) -> Real:
         """kappa h_rms at the first and the last vertex, (2, n): 0 without a vertex, NaN unknown."""
         heights_m = self._heights[np.stack([rows["first_object"], rows["last_object"]])]
         turns = np.stack(self._view.turns(rows))

@@ -109,7 +109,7 @@ def test_paths_are_measured_where_asked_for(here: Command, blend: Path, tmp_path
         record = read_record(folder / "frames/frame_0001/paths.json", contract.PathsRecord)
         assert record.replicates == (4 if number == 0 else 2)
         assert record.path_count > 0
-        table = folder / "frames/frame_0001/paths.npy"
+        table = folder / "frames/frame_0001/paths.npz"
         written = table.stat().st_mtime_ns
         assert (folder / "products" / "frame_0001_expected.npz").is_file()
         again = here(blend, "--out", folder, "--resolution", "16x16", *words)
@@ -380,7 +380,7 @@ def test_ctrl_c_stops_after_the_render_and_the_run_goes_on(
         stderr=subprocess.PIPE,
         text=True,
     )
-    wanted = "*.exr" if sampling_mode == "rings" else "paths.npy"
+    wanted = "*.exr" if sampling_mode == "rings" else "paths.npz"
     deadline = time.monotonic() + 120
     while not list((tmp_path / "run").rglob(wanted)) and time.monotonic() < deadline:
         time.sleep(0.05)

@@ -17,6 +17,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon import contract
+from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.signal.radar import Burst
 from radarsim_addon.typed_json import read_record
 from tests.blender import crooked_scene as cs
@@ -40,7 +41,7 @@ class View(NamedTuple):
     """A render of a burst: its frame of the animation, rows and sidecar."""
 
     at: float
-    rows: np.ndarray
+    rows: PathRows
     record: contract.PathsRecord
     folder: Path
 

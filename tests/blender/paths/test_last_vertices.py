@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon.blender.paths import hit_points
-from radarsim_addon.signal.paths.table import PATH_DTYPE
+from radarsim_addon.signal.paths.table import PathRows
 
 pytestmark = pytest.mark.blender
 
@@ -49,7 +49,7 @@ def test_errors_of_lengths_are_those_stated(height_m: float, least_refined: floa
         np.linalg.norm(part, axis=1)
         for part in (first - receiver, last - first, transmitter - last)
     )
-    rows = np.zeros(ROWS, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(ROWS)
     rows["order"], rows["first_body"], rows["last_body"] = 2, 1, 2
     way = first - receiver
     rows["direction"] = way / np.linalg.norm(way, axis=1)[:, None]

@@ -27,14 +27,14 @@ from radarsim_addon.blender.paths.measured_tiles import (
 from radarsim_addon.blender.paths.tiles import Tile
 from radarsim_addon.blender.views import TracedReplicate, View, ViewWindow
 from radarsim_addon.contract import ReceiverRecord
-from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
+from radarsim_addon.signal.paths import PathRows
 
 RECEIVER = ReceiverRecord("perspective", np.eye(4).tolist(), -1.0, 1.0, -1.0, 1.0, 0.0)
 TILE = Tile(ViewWindow(-1.0, 1.0, -1.0, 1.0, 4, 4))
 
 
 def rows_of(count: int) -> PathRows:
-    rows = np.zeros(count, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(count)
     rows["length_m"], rows["power_w"], rows["last_object"] = 20.0, 1 / count, 1
     rows["order"], rows["solid_angle_sr"], rows["last_body"] = 1, 0.25, 1
     rows["direction"] = [0.0, 0.0, -1.0]

@@ -25,7 +25,7 @@ from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.findings import merge
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths import PATH_DTYPE, replicate_offset_px
+from radarsim_addon.signal.paths import PathRows, replicate_offset_px
 
 
 def test_shifts_fill_the_pixel() -> None:
@@ -45,7 +45,7 @@ def test_shifts_fill_the_pixel() -> None:
 
 
 def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np.ndarray:
-    rows = np.zeros(len(lengths), dtype=PATH_DTYPE)
+    rows = PathRows.zeros(len(lengths))
     rows["length_m"], rows["power_w"], rows["last_object"] = lengths, powers, objects
     return rows
 
@@ -157,12 +157,12 @@ def test_one_shift_tells_the_error_of_objects_alone() -> None:
             PathOptions(replicates=1, **asked)
     seen = ReceiverRecord("perspective", np.eye(4).tolist(), -0.01, 0.01, -0.01, 0.01, 0.0)
     rays = pixel_rays(seen, 20, 20)
-    rows = np.zeros((10, 10), dtype=PATH_DTYPE)
-    rows["direction"] = rays.direction[5:15, 5:15]
-    rows["solid_angle_sr"] = rays.solid_angle_sr[5:15, 5:15]
+    rows = PathRows.zeros(100)
+    rows["direction"] = rays.direction[5:15, 5:15].reshape(-1, 3)
+    rows["solid_angle_sr"] = rays.solid_angle_sr[5:15, 5:15].ravel()
     rows["order"], rows["last_object"], rows["power_w"], rows["length_m"] = 1, 1, 0.01, 7.0
     grid = CellGrid(bin_m=1.0, bins=10)
-    powers = grid.powers([grid.replicate_powers(rows.ravel(), 1, seen)])
+    powers = grid.powers([grid.replicate_powers(rows, 1, seen)])
     place = powers.cells.tolist().index(grid.first_object + 1)
     # two sides of ten pixels, each known to 1/6 of a squared pixel
     assert powers.mean[place] == pytest.approx(1.0)
@@ -176,14 +176,15 @@ def test_replicates_together_have_the_powers_of_each() -> None:
     rays = pixel_rays(seen, 20, 20)
     random, views = np.random.default_rng(3), []
     for replicate in range(3):
-        rows = np.zeros((20, 20), dtype=PATH_DTYPE)
-        rows["direction"], rows["solid_angle_sr"] = rays.direction, rays.solid_angle_sr / 3
+        rows, column = PathRows.zeros(400), np.arange(400) % 20
+        rows["direction"] = rays.direction.reshape(-1, 3)
+        rows["solid_angle_sr"] = rays.solid_angle_sr.ravel() / 3
         rows["order"], rows["replicate"] = 1, replicate
-        rows["last_object"] = 1 + (np.arange(20) > 7 + replicate)
-        rows["power_w"] = random.uniform(0.5, 1.0, rows.shape)
-        rows["length_m"] = 7.0 + 0.3 * np.arange(20)[:, None] + 0.1 * random.uniform(size=(20, 20))
-        rows["flags"][3, 4] = PathFlag.NO_RANGE
-        views.append(rows.ravel()[replicate:])
+        rows["last_object"] = 1 + (column > 7 + replicate)
+        rows["power_w"] = random.uniform(0.5, 1.0, 400)
+        rows["length_m"] = 7.0 + 0.3 * (np.arange(400) // 20) + 0.1 * random.uniform(size=400)
+        rows["flags"][3 * 20 + 4] = PathFlag.NO_RANGE
+        views.append(rows[replicate:])
     views.insert(1, views[0][:0])  # a replicate that sees nothing
     for ranges in (True, False):
         grid = CellGrid(bin_m=0.25, bins=30, ranges=ranges)

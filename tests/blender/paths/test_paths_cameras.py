@@ -18,6 +18,7 @@ from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.errors import SceneError
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.detection import object_echoes
+from radarsim_addon.signal.paths import PathRows, open_table
 from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
@@ -46,7 +47,7 @@ def plate_before(kind: str) -> Any:
     return scene
 
 
-def measure(scene: Any, folder: Path, **options: Any) -> np.ndarray:
+def measure(scene: Any, folder: Path, **options: Any) -> PathRows:
     measurement = rs.measurement(width_px=64, height_px=64, snapshots=1)
     chosen = PathOptions(replicates=2, tile_px=32, **options)
     with PathJob(scene, scene.view_layers[0], measurement, folder, chosen) as job:
@@ -55,7 +56,7 @@ def measure(scene: Any, folder: Path, **options: Any) -> np.ndarray:
             job.render(task)
             job.finish(task)
     assert job.unrestored == []
-    return np.load(folder / "frames" / "frame_0001" / "paths.npy")
+    return open_table(folder / "frames" / "frame_0001" / "paths.npz")
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO", "PANO"])

@@ -64,7 +64,7 @@ def test_lights_sky_and_fog_stay_out(tmp_path: Path) -> None:
         assert after.get(name) == before.get(name), name
     rows = run.table()
     assert rows.size == clean.size
-    for name in rows.dtype.names:
+    for name in rows.names:
         np.testing.assert_array_equal(rows[name], clean[name], err_msg=name)
     assert {1, 2} == set(rows["order"])
     assert any("Zz fog" in item.subjects for item in run.job.findings)

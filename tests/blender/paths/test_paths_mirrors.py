@@ -13,7 +13,7 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.signal import open_run
 from radarsim_addon.signal.decoding import frame_paths
-from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE, motion_of_rows
+from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows, motion_of_rows
 from radarsim_addon.signal.paths.table_files import frame_motion
 from radarsim_addon.signal.radar import Burst
 
@@ -301,7 +301,7 @@ def test_the_diffuse_rest_of_a_mirror_stays(tmp_path: Path) -> None:
     on = measure(tmp_path / "on", pixels=128).table()
     off = measure(tmp_path / "off", pixels=128, mirror_images=0).table()
 
-    def scattered(rows: np.ndarray) -> float:
+    def scattered(rows: PathRows) -> float:
         """Power of paths that scatter at the ground first and at the plate next."""
         plate = rows["last_scatterer_m"][:, 1] > RANGE_M - 1e-3
         ground = np.abs(rows["first_scatterer_m"][:, 2]) < 1e-4

@@ -185,14 +185,14 @@ def test_a_stopped_run_goes_on(tmp_path: Path) -> None:
     rs.new_scene()
     ph.plate_at(10, 4, ph.rough_metal())
     stopped = ph.run_paths(tmp_path, identity="file", frames=(1, 2, 3), limit=3)
-    tables = sorted(tmp_path.glob("frames/*/paths.npy"))
+    tables = sorted(tmp_path.glob("frames/*/paths.npz"))
     assert 0 < len(tables) < 3
     times = {path: path.stat().st_mtime_ns for path in tables}
     left_over = tmp_path / contract.frame_dir(3) / contract.TILES_DIR / "0.rows.part"
     left_over.parent.mkdir(parents=True, exist_ok=True)
     left_over.write_bytes(b"half")
     run = ph.run_paths(tmp_path, identity="file", frames=(1, 2, 3))
-    assert len(list(tmp_path.glob("frames/*/paths.npy"))) == 3
+    assert len(list(tmp_path.glob("frames/*/paths.npz"))) == 3
     assert {path: path.stat().st_mtime_ns for path in tables} == times
     assert not list(tmp_path.rglob("*.part*"))
     # Steps: one replicate of one tile, and the table, of three frames.

@@ -12,6 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
+from radarsim_addon.signal.paths import PathRows
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
 from tests.blender import radar_scenes as rs
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.blender
 # -- instances and libraries -----------------------------------------------------------------------
 
 
-def assert_plates_seen(rows: np.ndarray, places: list[tuple[float, float, float]]) -> None:
+def assert_plates_seen(rows: PathRows, places: list[tuple[float, float, float]]) -> None:
     """Each row lies on one of the plates, all of them are seen, ranges are those of the plates."""
     planes = np.array([place[1] for place in places])
     which = np.argmin(np.abs(rows["last_scatterer_m"][:, 1:2] - planes), axis=1)

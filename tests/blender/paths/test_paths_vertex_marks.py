@@ -69,7 +69,7 @@ def test_the_paths_are_those_of_the_transmitters_colours(
     later = expected["order"] > 1
     assert later.sum() > 300
     assert expected["transparent_depth"][later].max() >= (2 if kind == "panes" else 0)
-    names = rows.dtype.names or ()
+    names = rows.names
     placed = {"first_scatterer_m", "last_scatterer_m", "last_surface_point", "first_surface_point"}
     placed |= {"direction"}  # to the first vertex, where it was computed from the last one
     if kind != "panes":  # lengths from vertices

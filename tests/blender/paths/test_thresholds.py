@@ -33,7 +33,7 @@ from radarsim_addon.blender.views import ViewWindow
 from radarsim_addon.contract import ImageRecord
 from radarsim_addon.physics.mirrors import Reflected
 from radarsim_addon.physics.specular_points import SpecularPoints
-from radarsim_addon.signal.paths import CURVED_IMAGE_DTYPE, PATH_DTYPE, PathFlag
+from radarsim_addon.signal.paths import CURVED_IMAGE_DTYPE, PathFlag, PathRows
 
 pytestmark = pytest.mark.blender
 
@@ -53,7 +53,7 @@ def strong_enough(ratio: float) -> bool:
 
 
 def echoes(ratio: float) -> bool:
-    rows = np.zeros(2, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(2)
     rows["order"] = rows["length_m"] = rows["solid_angle_sr"] = 1
     rows["power_w"], rows["last_object"] = (1.0, ratio), (1, 2)
     sums = QualitySums()
@@ -247,7 +247,7 @@ def has_curved_path(power: float) -> bool:
         alike=lambda rows, points: np.ones(rows.size, bool),
         narrow=set(),
     )
-    rows = np.zeros(1, CURVED_IMAGE_DTYPE)
+    rows = PathRows.zeros(1, CURVED_IMAGE_DTYPE)
     return bool(
         curved_mirrors.CurvedPaths.over(paths, rows, 0, np.array([0.0, 0.0, -1.0]))[0].size  # type: ignore[arg-type]
     )
@@ -260,7 +260,7 @@ def refined(order: int, away_m: float, sigma_m: float) -> bool:
     hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
         hit=lambda bodies, *_: (np.full(bodies.size, np.nan), np.full((bodies.size, 3), np.nan))
     )
-    rows = np.zeros(1, PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["order"], rows["length_sigma_m"], rows["length_m"] = order, sigma_m, 2 * away_m
     rows["direction"] = [[0, 0, -1]]
     rows["last_scatterer_m"] = rows["first_scatterer_m"] = [[0, 0, -away_m]]
@@ -277,7 +277,7 @@ def is_delayed(order: int, sigmas: float) -> bool:
             np.tile([0.0, 0.0, 1.0], (bodies.size, 1)),
         )
     )
-    rows = np.zeros(1, PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["order"], rows["flags"] = order, PathFlag.ENCODED_LENGTH
     rows["first_body"] = rows["last_body"] = 1
     rows["direction"] = rows["first_scatterer_m"] = [[0, 0, -1]]
@@ -329,7 +329,7 @@ def has_more_planes(count: float) -> bool:
 
 def is_another_way(off: float, turned: float) -> bool:
     """A row whose length and direction are off those over the mirror 1 m below, as fractions."""
-    rows = np.zeros(1, CURVED_IMAGE_DTYPE)
+    rows = PathRows.zeros(1, CURVED_IMAGE_DTYPE)
     rows["order"], rows["last_body"] = 2, 1
     rows["last_scatterer_m"] = [[0, 1, -8]]
     way = np.array([0.0, -3.0, -8.0])  # the image of the scatterer is 3 m below
@@ -354,7 +354,7 @@ def is_another_way(off: float, turned: float) -> bool:
 def is_poor(width: float, end: str) -> bool:
     """A path between two lobes, of which the one at this end is as many times wider."""
     other = {"first": "last", "last": "first"}[end]
-    rows = np.zeros(1, PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["order"], rows["flags"] = 2, PathFlag.HAS_REVERSE
     rows[f"{end}_body"], rows[f"{other}_body"] = 2, 1
     rows["last_scatterer_m"] = rows["first_scatterer_m"] = [[0, 0, -1]]

@@ -13,7 +13,7 @@ pytest.importorskip("bpy")
 from radarsim_addon import contract
 from radarsim_addon.blender.paths import measured_tiles
 from radarsim_addon.blender.paths.measured_tiles import TileCheckpoints, TileRecord
-from radarsim_addon.signal.paths import PATH_DTYPE
+from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
 
 COUNTS = (3, 0, 4)
 
@@ -23,7 +23,7 @@ def rows_of(seed: int) -> list[np.ndarray]:
     rng = np.random.default_rng(seed)
     found = []
     for count in COUNTS:
-        rows = np.zeros(count, dtype=PATH_DTYPE)
+        rows = PathRows.zeros(count)
         rows["power_w"], rows["length_m"] = rng.random((2, count))
         found.append(rows)
     return found
@@ -46,7 +46,7 @@ def files(folder: Path) -> int:
 def powers(tiles: TileCheckpoints, key: str) -> list[float]:
     parts = [rows for rows in tiles.chunks(key, 7) if rows.size]
     assert {number for rows in parts for number in rows["tile"].tolist()} == {7}
-    return np.concatenate(parts)["power_w"].tolist()
+    return PathRows.joined(parts)["power_w"].tolist()
 
 
 @pytest.mark.parametrize("most", [1 << 20, 0])
@@ -59,7 +59,7 @@ def test_stopped_frames_leave_their_tiles(
     tiles = TileCheckpoints(tmp_path, "stamp")
     keys = [add(tiles, seed) for seed in (1, 2)]
     assert files(tmp_path) == (0 if most else 4)
-    expected = [np.concatenate(rows_of(seed))["power_w"].tolist() for seed in (1, 2)]
+    expected = [PathRows.joined(rows_of(seed))["power_w"].tolist() for seed in (1, 2)]
     tiles.write()
     assert files(tmp_path) == 4
     later = TileCheckpoints(tmp_path, "stamp")
@@ -81,7 +81,7 @@ def test_a_whole_frame_leaves_nothing(tmp_path: Path) -> None:
     """Its rows come from memory."""
     tiles = TileCheckpoints(tmp_path, "stamp")
     key = add(tiles, 1)
-    assert powers(tiles, key) == np.concatenate(rows_of(1))["power_w"].tolist()
+    assert powers(tiles, key) == PathRows.joined(rows_of(1))["power_w"].tolist()
     assert not files(tmp_path)
     tiles.remove()
     tiles.write()
@@ -123,8 +123,8 @@ def test_a_tile_that_is_measured_takes_the_room_of_older_ones(
     tiles = TileCheckpoints(tmp_path, "stamp")
     key = add(tiles, 1)
     with tiles.writer("new") as part:
-        part.add(np.zeros(3, dtype=PATH_DTYPE))
+        part.add(PathRows.zeros(3))
         assert files(tmp_path) == 0
-        part.add(np.zeros(1, dtype=PATH_DTYPE))
+        part.add(PathRows.zeros(1))
         assert tiles.find(key) is not None
         assert len(part.rows) == 2

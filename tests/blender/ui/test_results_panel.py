@@ -145,7 +145,7 @@ def test_the_run_of_another_file_or_scene_is_refused_with_its_name(
         assert sr.shown_view() is None and not any("m/s" in text for text in texts())
         with pytest.raises(RuntimeError, match=f"'scene.blend', scene 'Scene'; this is {text}"):
             bpy.ops.radarsim.render_frames()
-    assert (measured.parent / "run" / "frames" / "frame_0007" / "paths.npy").is_file()
+    assert (measured.parent / "run" / "frames" / "frame_0007" / "paths.npz").is_file()
 
 
 def test_results_belong_to_one_scene_of_the_file(state: Any) -> None:

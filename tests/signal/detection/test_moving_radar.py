@@ -20,7 +20,7 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.detection import DopplerFolds, find_moving_targets
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import PATH_DTYPE, motion_of_rows
+from radarsim_addon.signal.paths import PathRows, motion_of_rows
 
 RADAR = Radar(FmcwWaveform(77e9, 150e6, 128, 20e6), Burst(30e3, 128))
 SPAN_S = 128 / 30e3
@@ -61,7 +61,7 @@ def paths_of(platform: BodyMotion, targets: list[Target], clutter: int = 2000) -
     ground = np.stack([range_m * np.sin(azimuth), range_m * np.cos(azimuth), 0 * range_m], axis=1)
     places = np.concatenate([ground, np.array([t[0] for t in targets]).reshape(-1, 3)])
     bodies = [body((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), *(body(p, v) for p, v, _ in targets)]
-    rows = np.zeros(len(places), dtype=PATH_DTYPE)
+    rows = PathRows.zeros(len(places))
     rows["order"], rows["first_scatterer_m"], rows["last_scatterer_m"] = 1, places, places
     number = np.concatenate([np.ones(clutter, int), 2 + np.arange(len(targets))])
     rows["first_body"] = rows["last_body"] = number

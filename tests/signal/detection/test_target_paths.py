@@ -25,7 +25,7 @@ from radarsim_addon.signal.detection import Cfar, PathFinder, Peak
 from radarsim_addon.signal.detection.detections import mirror_corners
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE
+from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows
 from radarsim_addon.signal.pipeline.cli import main
 from radarsim_addon.signal.pipeline.console import frame_lines
 from radarsim_addon.signal.products.frame_products import write_detections
@@ -151,13 +151,13 @@ def test_a_target_is_named_after_all_that_its_paths_touch(
     """Two thirds of the power at 28.27 m have the path that is named, one third is of a fence."""
     objects = ["Car", "House", "Fence"]
     number = {"": 0} | {item: n for n, item in enumerate(objects, start=1)}
-    rows = np.zeros(3, dtype=IMAGE_DTYPE)
+    rows = PathRows.zeros(3, IMAGE_DTYPE)
     rows["power_w"], rows["length_m"], rows["solid_angle_sr"] = 1e-9, 2 * 28.27, 1e-6
     rows["order"] = order, order, 1
     for end, item in zip(("first", "last"), ends, strict=True):
         rows[f"{end}_object"] = rows[f"{end}_body"] = number[item], number[item], 3
         rows[f"{end}_scatterer_m"] = 0.0, 28.27, 0.0
-    plain = np.zeros(3, dtype=PATH_DTYPE)
+    plain = PathRows.zeros(3)
     for column in PATH_DTYPE.names:
         plain[column] = rows[column]
     if mirrors:
@@ -189,7 +189,7 @@ def test_an_accelerating_target_is_where_the_map_shows_it(tmp_path: Path) -> Non
     """At t the car is stationary; over the burst its mean range rate is 40 m/s."""
     here, burst_s = pr.pose((0, 0, 0)), (pr.BURST.pulses - 1) / pr.BURST.prf_hz
     receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
-    rows = np.zeros(1, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["power_w"], rows["length_m"], rows["solid_angle_sr"], rows["order"] = 1e-9, 600.0, 1e-6, 1
     for end in ("first", "last"):
         rows[f"{end}_object"] = rows[f"{end}_body"] = 1

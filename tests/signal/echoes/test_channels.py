@@ -26,7 +26,12 @@ from radarsim_addon.signal.echoes.synthesis import StretchSynthesizer
 from radarsim_addon.signal.maps import mti_cancel, range_doppler, range_process
 from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment, rotation
-from radarsim_addon.signal.paths import PATH_DTYPE, geometry_of, make_paths, motion_of_rows
+from radarsim_addon.signal.paths import (
+    PathRows,
+    geometry_of,
+    make_paths,
+    motion_of_rows,
+)
 from radarsim_addon.signal.products.frame_products import write_sigmf
 from radarsim_addon.signal.radar import (
     AnyWaveform,
@@ -105,7 +110,7 @@ CHANNELS = tuple(
 def paths_of(moving: bool) -> tuple:
     receiver, transmitter = (RECEIVER, TRANSMITTER) if moving else STILL
     scene = FrameMotion(SPAN_S, receiver, transmitter, False, BODIES)
-    rows = np.zeros(len(PATHS), dtype=PATH_DTYPE)
+    rows = PathRows.zeros(len(PATHS))
     for row, (points, numbers) in zip(rows, PATHS, strict=True):
         way = [receiver.pose[:3, 3], *map(np.array, points), transmitter.pose[:3, 3]]
         row["length_m"] = sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))

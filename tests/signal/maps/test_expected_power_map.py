@@ -20,7 +20,7 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import object_echoes
 from radarsim_addon.signal.maps import expected_power, expected_power_map
-from radarsim_addon.signal.paths import PATH_DTYPE
+from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.signal.radar import AnyWaveform
 from tests.signal import path_runs as pr
 
@@ -32,7 +32,7 @@ PMCW = PmcwWaveform(5.3e9, 20e-9, 8)
 
 def test_standard_error_of_two_shifts_is_half_their_difference(tmp_path: Path) -> None:
     """1 nW and 3 nW: (4 +- 1) / 2 nW, as n - 1 = 1; the map's, the profile's, the object's."""
-    rows = np.zeros(2, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(2)
     rows["replicate"], rows["power_w"] = [0, 1], [0.5e-9, 1.5e-9]
     rows["length_m"], rows["solid_angle_sr"] = 2 * 40 * LFM.sample_spacing_m, 1e-6
     rows["order"], rows["last_object"], rows["direction"] = 1, 1, (0.0, 1.0, 0.0)
@@ -75,7 +75,7 @@ def test_expected_power_folds_as_the_profile(
     ranges_m = range_limits_m[0] + step_m * np.rint(
         (np.array([400.0, 3200.0, 6100.0]) - range_limits_m[0]) / step_m
     )
-    rows = np.zeros(3, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(3)
     rows["length_m"], rows["power_w"] = 2 * ranges_m, [1e-9, 2e-9, 3e-9]
     rows["solid_angle_sr"], rows["order"], rows["last_object"] = 1e-6, 1, 1
     here = pr.pose((0, 0, 0))

@@ -25,7 +25,7 @@ from radarsim_addon.signal.motion import (
 )
 from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.motion.kinematics import leg_change
-from radarsim_addon.signal.paths import PATH_DTYPE, motion_of_rows
+from radarsim_addon.signal.paths import PathRows, motion_of_rows
 from radarsim_addon.typed_json import file_sha256, write_record
 
 SPAN_S = 0.02
@@ -75,7 +75,7 @@ EMITTER = body((-0.2, 0, 2), (1, 30, 0))
 
 def rows_of(*paths: tuple[list[tuple[float, float, float]], list[int]], excess: float = 0.0):  # type: ignore[no-untyped-def]
     """Rows whose vertices lie on bodies (numbers); `excess` is an optical delay."""
-    rows = np.zeros(len(paths), dtype=PATH_DTYPE)
+    rows = PathRows.zeros(len(paths))
     for row, (points, numbers) in zip(rows, paths, strict=True):
         way = [RECEIVER.pose[:3, 3], *map(np.array, points), EMITTER.pose[:3, 3]]
         row["length_m"] = excess + sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))
@@ -368,7 +368,7 @@ def test_speed_is_of_use() -> None:
     rotor = body((0, 10, 0), spin=(0, 0, 100))
     still = BodyMotion(np.eye(4))
     frame = FrameMotion(SPAN_S, still, still, False, [rotor])
-    rows = np.zeros(1, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["order"], rows["last_body"] = 1, 1
     rows["last_scatterer_m"], rows["length_m"] = (0.5, 10, 0), 2 * math.hypot(0.5, 10)
     want = 50 * 10 / math.hypot(0.5, 10)

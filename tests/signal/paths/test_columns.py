@@ -4,14 +4,15 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.lib import format as npy_format
 
 from radarsim_addon import contract
 from radarsim_addon.errors import FrameFileError
@@ -22,13 +23,13 @@ from radarsim_addon.signal.paths import (
     COLUMN_GROUPS,
     PATH_DTYPE,
     PATH_FLAGS,
-    PathColumns,
     PathGeometry,
+    PathRows,
     open_frame_table,
     open_table,
-    write_table,
 )
-from radarsim_addon.typed_json import file_sha256, read_record, write_record
+from radarsim_addon.signal.paths import table as table_module
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal.path_runs import camera, plate, pose, trace, write_run
 from tests.signal.paths.test_table import random_rows
 
@@ -42,31 +43,22 @@ def run(tmp_path: Path) -> Path:
     return write_run(tmp_path / "run", rows, ["Plate"], receiver, transmitter, range_limits_m=100.0)
 
 
-def replace_table(run: Path, rows: np.ndarray, **changes: Any) -> Path:
-    """Put other rows into a run, whose sidecar says so."""
+def replace_table(run: Path, columns: Mapping[str, np.ndarray], **changes: Any) -> Path:
+    """Put other columns into a run, whose sidecar says so."""
     frame = run / contract.frame_dir(1)
-    np.save(frame / contract.PATHS_TABLE, rows)
+    np.savez(frame / contract.PATHS_TABLE, **columns)  # type: ignore[arg-type]
     record = read_record(frame / contract.PATHS_FILE, contract.PathsRecord)
-    digest = file_sha256(frame / contract.PATHS_TABLE)
-    record = dataclasses.replace(record, table_sha256=digest, path_count=rows.size, **changes)
+    digests = {name: hashlib.sha256(one.tobytes()).hexdigest() for name, one in columns.items()}
+    count = len(columns["power_w"]) if "power_w" in columns else record.path_count
+    record = dataclasses.replace(record, column_sha256=digests, path_count=count, **changes)
     write_record(frame / contract.PATHS_FILE, record)
     return frame
 
 
-def with_columns(rows: np.ndarray, *columns: tuple[Any, ...]) -> np.ndarray:
-    """Rows with further columns in front, which hold ones."""
-    wide = np.ones(rows.size, dtype=[*columns, *rows.dtype.descr])
-    for name in rows.dtype.names or ():
-        wide[name] = rows[name]
-    return wide
-
-
-def without_group(rows: np.ndarray, group: str) -> np.ndarray:
-    left_out = {column.name for column in COLUMN_GROUPS[group].columns}
-    kept = np.zeros(rows.size, dtype=[d for d in rows.dtype.descr if d[0] not in left_out])
-    for name in kept.dtype.names or ():
-        kept[name] = rows[name]
-    return kept
+def columns_of(rows: PathRows, without: str = "") -> dict[str, np.ndarray]:
+    """Columns as numpy stores them, without those of a group."""
+    left_out = [one.name for one in COLUMN_GROUPS[without].columns] if without else []
+    return {n: np.ascontiguousarray(rows[n]) for n in rows.names if n not in left_out}
 
 
 def arrays(paths: Paths) -> dict[str, np.ndarray]:
@@ -84,7 +76,9 @@ def test_the_sidecar_describes_the_table(run: Path) -> None:
     groups = json.loads((frame / contract.PATHS_FILE).read_text())["column_groups"]
     described = [column for group in groups.values() for column in group["columns"]]
     dtype = np.dtype([(c["name"], c["dtype"], tuple(c["shape"])) for c in described])
-    assert np.load(frame / contract.PATHS_TABLE).dtype == dtype == PATH_DTYPE
+    table = np.load(frame / contract.PATHS_TABLE)
+    found = [(name, table[name].dtype.str, table[name].shape[1:]) for name in table.files]
+    assert np.dtype(found) == dtype == PATH_DTYPE
     assert set(groups) == {"geometry", "power", "motion", "labels"}
     assert all(column["meaning"] and column["unit"] for column in described)
     for column in described:  # names carry their unit
@@ -100,9 +94,9 @@ def test_flags_have_one_value_everywhere(run: Path) -> None:
     assert len(set(flags.values())) == len(flags)
     assert all(value.bit_count() == 1 for value in flags.values())
     before = open_frame_table(frame, 1)[1]
-    rows = np.array(before)
+    rows = before.copy()
     rows["flags"][:3] = PathFlag.MIXED | PathFlag.ENCODED_LENGTH
-    replace_table(run, rows)
+    replace_table(run, columns_of(rows))
     paths = frame_paths(open_run(run).frame(1))
     np.testing.assert_array_equal(paths.flags, rows["flags"])
     assert paths.counts.mixed == 3
@@ -111,12 +105,13 @@ def test_flags_have_one_value_everywhere(run: Path) -> None:
 def test_unknown_groups_and_columns_are_ignored(run: Path) -> None:
     frame = open_run(run).frame(1)
     before = frame_paths(frame)
-    rows = np.array(open_frame_table(frame.path, 1)[1])
-    wide = with_columns(rows, ("scatter_class", "<u1"), ("normal", "<f4", (3,)))
+    rows = open_frame_table(frame.path, 1)[1]
+    more = {"scatter_class": np.ones(rows.size, "u1"), "normal": np.ones((rows.size, 3), "f4")}
+    wide = more | columns_of(rows)
     extra = contract.ColumnGroupRecord(7, [contract.ColumnRecord("normal", "<f4", "1", "?", [3])])
     replace_table(run, wide, column_groups={"scattering": extra, **COLUMN_GROUPS})
     _, table = open_frame_table(frame.path, 1)
-    assert set(table.dtype.names or ()) == set(PATH_DTYPE.names or ())
+    assert table.names == PATH_DTYPE.names
     after = frame_paths(frame)
     for name, column in arrays(before).items():
         np.testing.assert_array_equal(arrays(after)[name], column)
@@ -125,54 +120,54 @@ def test_unknown_groups_and_columns_are_ignored(run: Path) -> None:
 @pytest.mark.parametrize("group", list(COLUMN_GROUPS))
 def test_a_missing_group_is_named(run: Path, group: str) -> None:
     frame = run / contract.frame_dir(1)
-    rows = np.array(open_frame_table(frame, 1)[1])
+    rows = open_frame_table(frame, 1)[1].copy()
     listed = {name: columns for name, columns in COLUMN_GROUPS.items() if name != group}
-    replace_table(run, without_group(rows, group), column_groups=listed)
+    replace_table(run, columns_of(rows, group), column_groups=listed)
     with pytest.raises(FrameFileError, match=f"'{group}': its sidecar does not list it"):
         open_frame_table(frame, 1)
     with pytest.raises(FrameFileError, match=f"'{group}': the column .* is missing"):
         open_table(frame / contract.PATHS_TABLE)
     table = open_table(frame / contract.PATHS_TABLE, listed, needed=listed)
-    assert table.dtype.names == without_group(rows, group).dtype.names
+    assert table.names == tuple(columns_of(rows, group))
 
 
 def test_groups_of_another_version_are_not_read(run: Path) -> None:
     later = dict(COLUMN_GROUPS, motion=dataclasses.replace(COLUMN_GROUPS["motion"], version=2))
     frame = run / contract.frame_dir(1)
-    rows = np.array(open_frame_table(frame, 1)[1])
-    replace_table(run, rows, column_groups=later)
+    rows = open_frame_table(frame, 1)[1].copy()
+    replace_table(run, columns_of(rows), column_groups=later)
     with pytest.raises(FrameFileError, match=r"'motion': it is of version 2, .* version 1"):
         open_frame_table(frame, 1)
     others = [name for name in COLUMN_GROUPS if name != "motion"]
     table = open_table(frame / contract.PATHS_TABLE, later, others)
-    assert "last_body" not in (table.dtype.names or ())
+    assert "last_body" not in table.names
     np.testing.assert_array_equal(table["length_m"], rows["length_m"])
 
 
 def test_columns_of_another_type_are_refused(tmp_path: Path) -> None:
-    rows = random_rows(3)
-    types = [(n, "<f4") if n == "length_m" else (n, *rest) for n, *rest in PATH_DTYPE.descr]
-    np.save(tmp_path / "paths.npy", rows.astype(types))
-    with pytest.raises(FrameFileError, match="'length_m' is float32, expected float64"):
-        open_table(tmp_path / "paths.npy")
+    columns = columns_of(random_rows(3))
+    columns["length_m"] = columns["length_m"].astype("f4")
+    np.savez(tmp_path / "paths.npz", **columns)  # type: ignore[arg-type]
+    with pytest.raises(FrameFileError, match=r"'length_m' is float32 .*, expected <f8"):
+        open_table(tmp_path / "paths.npz")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="files are not sparse unless asked for")
 def test_more_rows_than_32_bits_count(run: Path, tmp_path: Path) -> None:
     """A sparse file of 2^31 + 5 rows: the last ones are found, and numbered."""
-    path = tmp_path / "paths.npy"
+    path = tmp_path / "paths.npz"
     last = random_rows(2)
     last["flags"] = 0
     last["order"], last["last_body"], last["last_surface_point"] = 1, 0, 0
-    write_table(path, [last])
     rows, first = 2**31 + 5, 2**31 + 3
-    start = path.stat().st_size - last.nbytes
-    header = {"descr": PATH_DTYPE.descr, "fortran_order": False, "shape": (rows,)}
+    members = table_module._members(PATH_DTYPE, rows)
     with open(path, "wb") as stream:
-        npy_format.write_array_header_1_0(stream, header)
-        start = stream.tell()
-        stream.seek(start + first * PATH_DTYPE.itemsize)
-        stream.write(last.tobytes())
+        for member in members:
+            stream.seek(member.offset)
+            stream.write(member.header)
+            stream.seek(member.start + first * PATH_DTYPE[member.name].itemsize)
+            stream.write(np.ascontiguousarray(last[member.name]).tobytes())
+        table_module._write_directory(stream, members, [0] * len(members))
     table = open_table(path)
     assert table.size == rows
     np.testing.assert_array_equal(table[first:]["length_m"], last["length_m"])
@@ -280,20 +275,3 @@ def test_join_fills_what_one_part_does_not_have() -> None:
     np.testing.assert_array_equal(moved, plain.length_m + 2 * plain.range_rate_mps)
     again = Paths.join([plain, plain])
     assert (again.gain, again.phasors, again.motion) == (None, None, None)
-
-
-def test_columns_are_those_of_the_rows() -> None:
-    """Whatever is asked for first: columns, rows of them, and columns of other values."""
-    rows = random_rows(40)
-    numbers = np.array([3, 3, 39, 0, 17])
-    columns = PathColumns(rows, numbers, {"power_w": np.arange(5.0)})
-    assert columns.size == 5 and columns.dtype == rows.dtype
-    assert np.array_equal(columns["direction"], rows["direction"][numbers])
-    later = columns[np.array([4, 1])]
-    for name in rows.dtype.names:
-        own = rows[name][numbers] if name != "power_w" else np.arange(5.0)
-        assert np.array_equal(columns[name], own, equal_nan=True)
-        assert np.array_equal(later[name], own[[4, 1]], equal_nan=True)
-    copy = columns.copy()
-    copy["order"] = copy["order"] + 1
-    assert np.array_equal(columns["order"] + 1, copy["order"])

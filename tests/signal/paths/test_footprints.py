@@ -23,7 +23,6 @@ from radarsim_addon.signal import (
 from radarsim_addon.signal.decoding import open_frame
 from radarsim_addon.signal.maps import ExpectedPower, expected_power, expected_power_map
 from radarsim_addon.signal.paths import (
-    PATH_DTYPE,
     PathRows,
     Steps,
     TableFootprints,
@@ -69,7 +68,7 @@ def rows_of(camera: contract.ReceiverRecord, size_px: int, replicates: int) -> P
         rows["solid_angle_sr"] /= replicates
         rows["replicate"] = shift
         parts.append(rows)
-    return np.concatenate(parts)
+    return PathRows.joined(parts)
 
 
 def expected(folder: Path, rows: PathRows, camera: contract.ReceiverRecord) -> ExpectedPower:
@@ -269,7 +268,7 @@ def test_where_nothing_is_spread() -> None:
 def test_points_are_bounded() -> None:
     """Kilometres in cells of a millimetre: coarser points, a bounded number of them."""
     count = 1000
-    rows = np.zeros(count, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(count)
     rows["length_m"], rows["power_w"] = 1000.0, 1.0
     steps = Steps(*np.zeros((3, count, 2, 2)))
     steps.length_m[:] = 5000.0
@@ -316,7 +315,7 @@ def test_walls_at_grazing_incidence_bend() -> None:
     def power(at: Real) -> Real:
         return np.asarray(np.sin(at) ** 4)
 
-    rows = np.zeros(angle.size, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(angle.size)
     rows["length_m"], rows["power_w"] = 2 * far_m / np.sin(angle), power(angle)
     steps = np.zeros((angle.size, 2, 2))
     length, share = steps.copy(), steps.copy()

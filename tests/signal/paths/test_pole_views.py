@@ -12,7 +12,7 @@ import pytest
 
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import pixel_rays
-from radarsim_addon.signal.paths import PATH_DTYPE, edge_variances, steps_of
+from radarsim_addon.signal.paths import PathRows, edge_variances, steps_of
 from radarsim_addon.signal.paths import footprints as ps
 
 SIZE = 64
@@ -38,7 +38,7 @@ def rows_of(receiver: ReceiverRecord, wanted: np.ndarray) -> np.ndarray:
     """Rows of the wanted pixels, whose length grows by 0.3 across and by 0.2 up."""
     rays = pixel_rays(receiver, SIZE, SIZE)
     row, col = np.nonzero(wanted)
-    rows = np.zeros(row.size, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(row.size)
     rows["direction"] = rays.direction[row, col]
     rows["solid_angle_sr"] = rays.solid_angle_sr[row, col]
     rows["order"], rows["last_object"], rows["power_w"] = 1, 1, 1.0

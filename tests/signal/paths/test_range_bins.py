@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from radarsim_addon.signal.paths import (
-    PATH_DTYPE,
     PathRows,
     Steps,
     power_of_range_bins,
@@ -22,7 +21,7 @@ BIN_M, BINS = 0.75, 90
 def rows_and_steps(count: int, largest_m: float) -> tuple[PathRows, Steps]:
     """Rows up to beyond the last bin; some do not reach anywhere, some along one axis alone."""
     chance = np.random.default_rng(5)
-    rows = np.zeros(count, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(count)
     rows["length_m"], rows["power_w"] = chance.uniform(1, 150, count), chance.uniform(0, 2, count)
     steps_m = chance.uniform(-largest_m, largest_m, (count, 2, 2)) ** 3 / largest_m**2
     steps_m[::3] = 0
@@ -67,7 +66,7 @@ def test_views_have_sums_of_their_own() -> None:
 
 def test_a_row_across_a_border_is_cut_there() -> None:
     """A quarter of a pixel's range lies beyond the border of two bins, by hand."""
-    rows = np.zeros(1, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["length_m"], rows["power_w"] = 2 * 10 * BIN_M - 0.1, 3.0
     steps = np.zeros((1, 2, 2))
     steps[0, 1] = 0.4  # from 0.3 before the border to 0.1 after it
@@ -80,5 +79,5 @@ def test_a_row_across_a_border_is_cut_there() -> None:
 def test_no_rows_have_no_power() -> None:
     """Of a view without any path."""
     steps = np.zeros((0, 2, 2))
-    rows = np.zeros(0, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(0)
     assert not one_view(rows, Steps(steps, steps, steps)).any()

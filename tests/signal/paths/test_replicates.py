@@ -11,7 +11,7 @@ import pytest
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.signal.decoding import pixel_rays
 from radarsim_addon.signal.paths import (
-    PATH_DTYPE,
+    PathRows,
     edge_variances,
     lone_variances,
     replicate_offset_px,
@@ -43,7 +43,7 @@ def estimate(shape: object, kind: str, count: int) -> tuple[float, float, float]
         u = seen.left / PX + 0.5 + np.arange(SIZE)
         v = seen.top / PX - 0.5 - np.arange(SIZE)
         row, col = np.nonzero(shape(u[None, :], v[:, None]))  # type: ignore[operator]
-        rows = np.zeros(row.size, dtype=PATH_DTYPE)
+        rows = PathRows.zeros(row.size)
         rows["direction"] = rays.direction[row, col]
         rows["solid_angle_sr"] = rays.solid_angle_sr[row, col] / count
         rows["order"] = 1
@@ -134,11 +134,10 @@ def test_labels_are_told_apart() -> None:
     """Two halves of a square: each has its own edge where they meet; together they have none."""
     seen = camera("perspective")
     rays = pixel_rays(seen, SIZE, SIZE)
-    rows = np.zeros((10, 10), dtype=PATH_DTYPE)
-    rows["direction"] = rays.direction[9:19, 9:19]
-    rows["solid_angle_sr"] = rays.solid_angle_sr[9:19, 9:19]
+    rows, value = PathRows.zeros(100), np.full(100, 2.0)
+    rows["direction"] = rays.direction[9:19, 9:19].reshape(-1, 3)
+    rows["solid_angle_sr"] = rays.solid_angle_sr[9:19, 9:19].ravel()
     rows["order"] = 1
-    rows, value = rows.ravel(), np.full(100, 2.0)
     label = np.repeat(np.arange(10) // 5 + 1, 10)  # upper and lower half
     found = edge_variances(rows, label, value, seen, 1)
     one = 1 / 6 / 2  # an edge of one pixel
@@ -156,7 +155,7 @@ def view_of(labels: np.ndarray, camera_kind: str = "perspective") -> tuple[np.nd
     """Rows of one shift and the labels of them: one pixel each where there is a label."""
     rays = pixel_rays(camera(camera_kind), SIZE, SIZE)
     row, col = np.nonzero(labels)
-    rows = np.zeros(row.size, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(row.size)
     rows["direction"] = rays.direction[row, col]
     rows["solid_angle_sr"] = rays.solid_angle_sr[row, col]
     rows["order"] = 1

@@ -14,37 +14,37 @@ from radarsim_addon.signal import Burst, Radar, open_run
 from radarsim_addon.signal.decoding import open_frame, pixel_rays
 from radarsim_addon.signal.detection import object_echoes, objects
 from radarsim_addon.signal.maps import expected_power
-from radarsim_addon.signal.paths import PATH_DTYPE
+from radarsim_addon.signal.paths import PathRows
 from tests.signal.path_runs import WAVEFORM, camera, pose, write_run
 
 SIDE_PX, OBJECTS, SPREAD = 16, 64, 0.4
 
 
-def replicate_rows(seed: int) -> np.ndarray:
+def replicate_rows(seed: int) -> PathRows:
     """Objects side by side, a tile and a range each, of powers that differ by replicate alone."""
     rng = np.random.default_rng(seed)
     receiver = camera(pose((0, 0, 0)))
     across = SIDE_PX * math.isqrt(OBJECTS)
     rays = pixel_rays(receiver, across, across)
-    rows = np.zeros((OBJECTS, 2, SIDE_PX**2), dtype=PATH_DTYPE)
+    rows = PathRows.zeros(OBJECTS * 2 * SIDE_PX**2)
     rows["order"] = 1
     for number in range(OBJECTS):
         top, left = (SIDE_PX * place for place in divmod(number, math.isqrt(OBJECTS)))
         here = slice(top, top + SIDE_PX), slice(left, left + SIDE_PX)
         direction = rays.direction[here].reshape(-1, 3)
         range_m = 100.0 + 20.0 * number
-        mine = rows[number]
-        mine["direction"], mine["length_m"] = direction, 2 * range_m
-        mine["first_scatterer_m"] = mine["last_scatterer_m"] = range_m * direction
-        mine["solid_angle_sr"] = rays.solid_angle_sr[here].ravel() / 2
+        mine = rows[number * 2 * SIDE_PX**2 : (number + 1) * 2 * SIDE_PX**2]
+        mine["direction"], mine["length_m"] = np.tile(direction, (2, 1)), 2 * range_m
+        mine["first_scatterer_m"] = mine["last_scatterer_m"] = range_m * mine["direction"]
+        mine["solid_angle_sr"] = np.tile(rays.solid_angle_sr[here].ravel(), 2) / 2
         mine["last_object"] = mine["first_object"] = number + 1
-        mine["tile"], mine["replicate"] = number, [[0], [1]]
+        mine["tile"], mine["replicate"] = number, np.repeat([0, 1], SIDE_PX**2)
         powers = 1e-9 * (1 + SPREAD * rng.standard_normal(2))
-        mine["power_w"] = powers[:, None] / 2 / SIDE_PX**2
-    return rows.ravel()
+        mine["power_w"] = np.repeat(powers, SIDE_PX**2) / 2 / SIDE_PX**2
+    return rows
 
 
-def run_of(folder: Path, rows: np.ndarray) -> Path:
+def run_of(folder: Path, rows: PathRows) -> Path:
     receiver = camera(pose((0, 0, 0)))
     transmitter = contract.TransmitterRecord(pose((0, 0, 0)), 1.0)
     names = [f"Object {number}" for number in range(1, OBJECTS + 1)]

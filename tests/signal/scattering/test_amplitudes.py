@@ -19,7 +19,12 @@ from radarsim_addon.signal.detection import FrameBudget
 from radarsim_addon.signal.echoes import pulse_times_s, synthesize
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion, body_record
 from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import PATH_DTYPE, geometry_of, make_paths, motion_of_rows
+from radarsim_addon.signal.paths import (
+    PathRows,
+    geometry_of,
+    make_paths,
+    motion_of_rows,
+)
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import (
     SINGLE_CHANNEL,
@@ -82,7 +87,7 @@ def swept(name: str, count: int = 1, slower: float = 1.0) -> tuple:
     system = make_system(record, WAVEFORM.wavelength_m)
     body = turning()
     scene = FrameMotion(SPAN_S, body, body, False, [BodyMotion(np.eye(4))])
-    rows = np.zeros(count, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(count)
     range_m = RANGE_M + 0.7 * np.arange(count)
     rows["length_m"], rows["order"] = 2 * range_m, 1
     rows["first_scatterer_m"][:, 1] = rows["last_scatterer_m"][:, 1] = range_m
@@ -238,7 +243,7 @@ def turning_run(folder: Path, name: str) -> Path:
     body = turning()
     receiver = pr.camera(body.pose.tolist(), 30.0)
     emitter = contract.TransmitterRecord(body.pose.tolist(), EIRP_W)
-    rows = np.zeros(1, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(1)
     rows["power_w"], rows["length_m"], rows["order"] = 1e-9, 2 * RANGE_M, 1
     rows["first_scatterer_m"][:, 1] = rows["last_scatterer_m"][:, 1] = RANGE_M
     rows["direction"][:, 1] = 1.0

@@ -20,7 +20,7 @@ from radarsim_addon.signal.detection import (
 )
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion, LinearMotion
 from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import PATH_DTYPE, Paths, make_paths, path_power_w
+from radarsim_addon.signal.paths import PathRows, Paths, make_paths, path_power_w
 from radarsim_addon.signal.radar import Channel, Element, make_system
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.signal.scattering import Link
@@ -272,7 +272,7 @@ def test_two_reflections_reach_the_transmitter_from_the_last_vertex(tmp_path: Pa
     receiver_m, transmitter_m = np.zeros(3), np.array([-200.0, 0.0, 0.0])
     back_m, there_m = math.hypot(100, 400), math.hypot(140, 800)
     rcs_m2, eirp_w = 7.0, 1e6
-    row = np.zeros(1, dtype=PATH_DTYPE)
+    row = PathRows.zeros(1)
     row["power_w"] = bistatic_power_w(eirp_w, rcs_m2, there_m, back_m, WAVELENGTH_M)
     row["length_m"] = back_m + math.dist(first, last) + there_m
     row["order"], row["solid_angle_sr"] = 2, 1e-6

@@ -17,7 +17,7 @@ from radarsim_addon.arrays import Real
 from radarsim_addon.signal import make_paths, open_run
 from radarsim_addon.signal.decoding import FrameInput, frame_paths, open_frame
 from radarsim_addon.signal.maps import expected_power
-from radarsim_addon.signal.paths import replicate_offset_px
+from radarsim_addon.signal.paths import PathRows, replicate_offset_px
 from radarsim_addon.signal.scattering import FrameSpeckle
 from tests.signal import path_runs as pr
 from tests.signal.scattering.test_footprint_echoes import (
@@ -58,7 +58,7 @@ def ground(model: str, folder: Path) -> FrameInput:
         rows["replicate"] = number
         parts.append(rows)
     pr.write_run(
-        folder, np.concatenate(parts), ["Ground"], CAMERA, EMITTER, range_limits_m=1400.0,
+        folder, PathRows.joined(parts), ["Ground"], CAMERA, EMITTER, range_limits_m=1400.0,
         replicates=REPLICATES,
     )  # fmt: skip
     return open_frame(open_run(folder).frame(1), radar=RADAR, range_limits_m=(20.0, 150.0))

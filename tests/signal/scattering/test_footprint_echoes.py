@@ -24,7 +24,7 @@ from radarsim_addon.signal.decoding import FrameInput, frame_paths, open_frame
 from radarsim_addon.signal.maps import expected_power, range_process
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion, JoinedMotion, PathMotion
 from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import Paths, motion_of_rows, replicate_offset_px
+from radarsim_addon.signal.paths import PathRows, Paths, motion_of_rows, replicate_offset_px
 from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle, table_footprints
 from tests.signal import path_runs as pr
@@ -55,7 +55,7 @@ def ground(tmp_path_factory: pytest.TempPathFactory) -> FrameInput:
         parts.append(rows)
     folder = tmp_path_factory.mktemp("ground") / "run"
     pr.write_run(
-        folder, np.concatenate(parts), ["Ground"], CAMERA, EMITTER, range_limits_m=1400.0,
+        folder, PathRows.joined(parts), ["Ground"], CAMERA, EMITTER, range_limits_m=1400.0,
         replicates=REPLICATES,
     )  # fmt: skip
     return open_frame(open_run(folder).frame(1), radar=RADAR, range_limits_m=WINDOW_M)
@@ -202,4 +202,4 @@ def test_steps_of_the_expected_power_are_those_of_the_echoes(ground: FrameInput)
         assert index.size > 2 * numbers.size
         for again in (handed.points(numbers), handed.points(numbers), own.points(numbers)):
             assert (again[0] == index).all()
-            assert all((again[1][name] == rows[name]).all() for name in table.rows.dtype.names)
+            assert all((again[1][name] == rows[name]).all() for name in table.rows.names)

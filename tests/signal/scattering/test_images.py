@@ -26,7 +26,7 @@ from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import (
     CURVED_IMAGE_DTYPE,
     IMAGE_DTYPE,
-    PATH_DTYPE,
+    PathRows,
     column_groups,
     images_of,
     motion_of_rows,
@@ -67,7 +67,7 @@ def test_images_of_points() -> None:
 
 def rows_over(images: list[tuple[int, int]], points: np.ndarray) -> np.ndarray:
     """Rows of one scattering each, with images of receiver and transmitter."""
-    rows = np.zeros(len(images), dtype=IMAGE_DTYPE)
+    rows = PathRows.zeros(len(images), IMAGE_DTYPE)
     rows["first_scatterer_m"] = rows["last_scatterer_m"] = points
     rows["receiver_image"], rows["transmitter_image"] = np.array(images).T
     rows["mirrors"] = (np.array(images) > 0).sum(axis=1)
@@ -178,7 +178,7 @@ def test_unknown_images_are_named() -> None:
     rows = rows_over([(0, 2)], np.zeros(3))
     with pytest.raises(ConfigError, match="image 2, its sidecar has 1"):
         images_of(rows, [FLOOR])
-    assert images_of(np.zeros(1, dtype=PATH_DTYPE), [FLOOR]) is None
+    assert images_of(PathRows.zeros(1), [FLOOR]) is None
 
 
 def over_ball(radar: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray]:
@@ -197,7 +197,7 @@ def test_rates_over_a_ball() -> None:
     """Radar and target move: rates of the lengths are those over the exact ball."""
     radar, radar_speed = np.array([9.0, 1.0, 0.5]), np.array([1.0, -4.0, 2.0])
     target, speed = np.array([3.0, 8.0, -1.0]), np.array([-5.0, 2.0, 0.5])
-    rows = np.zeros(3, dtype=CURVED_IMAGE_DTYPE)
+    rows = PathRows.zeros(3, CURVED_IMAGE_DTYPE)
     rows["first_scatterer_m"] = rows["last_scatterer_m"] = target
     rows["transmitter_image"], rows["receiver_image"] = [-1, 0, -1], [0, -1, -1]
     rows["order"] = rows["last_body"] = rows["first_body"] = 1
@@ -231,11 +231,11 @@ def test_curved_images_without_planes_are_named(tmp_path: Path) -> None:
     rows = rows_over([(0, -1)], np.zeros(3))
     with pytest.raises(ConfigError, match="belong together"):
         images_of(rows, [FLOOR])
-    wide = np.zeros(3, dtype=CURVED_IMAGE_DTYPE)
+    wide = PathRows.zeros(3, CURVED_IMAGE_DTYPE)
     wide["transmitter_plane"] = np.arange(12).reshape(3, 4)
-    write_table(tmp_path / "paths.npy", [wide], CURVED_IMAGE_DTYPE)
+    write_table(tmp_path / "paths.npz", [wide], 3, CURVED_IMAGE_DTYPE)
     groups = column_groups(CURVED_IMAGE_DTYPE.names or ())
-    back = open_table(tmp_path / "paths.npy", groups)
+    back = open_table(tmp_path / "paths.npz", groups)
     np.testing.assert_array_equal(back["transmitter_plane"], wide["transmitter_plane"])
 
 
@@ -243,7 +243,7 @@ def test_paths_of_one_point_interfere() -> None:
     """Four paths of a point, direct and over a mirror: |a + b|^4 by hand, others alone."""
     carrier_hz = 10e9
     wave = 2 * math.pi * carrier_hz / C0_MPS
-    rows = np.zeros(6, dtype=IMAGE_DTYPE)
+    rows = PathRows.zeros(6, IMAGE_DTYPE)
     rows["point"] = [7, 0, 7, 7, 7, 9]
     way, ratio, turn = 0.0123, 0.8, 2.5
     rows["length_m"] = [100, 100.003, 100 + way, 100 + way, 100 + 2 * way, 100]
@@ -270,7 +270,7 @@ def test_paths_of_one_point_interfere() -> None:
 
 def test_overlap_of_responses() -> None:
     """Two paths in phase, a fraction of a range cell apart: the sinc of a flat band."""
-    rows = np.zeros(2, dtype=IMAGE_DTYPE)
+    rows = PathRows.zeros(2, IMAGE_DTYPE)
     rows["point"] = 1
     carrier_hz, resolution_m = 10e9, 0.75
     steps = round(0.4 * 2 * resolution_m / (C0_MPS / carrier_hz))
@@ -302,7 +302,7 @@ def test_mirror_phase_is_that_of_echoes(sign: int) -> None:
         for one in (paths.select(np.array([0])), paths)
     )
     assert both / alone == pytest.approx(1 + sign, abs=0.01)  # 25 MHz of 5.3 GHz
-    rows = np.zeros(2, dtype=IMAGE_DTYPE)
+    rows = PathRows.zeros(2, IMAGE_DTYPE)
     rows["point"], rows["power_w"] = 1, 1e-6
     rows["length_m"], rows["mirror_phase_rad"] = paths.length_m, paths.mirror_phase_rad
     factors = interference_factors(rows, rows["power_w"], radar.waveform.carrier_hz, 3.0)

@@ -21,12 +21,12 @@ from radarsim_addon.signal.detection import (
     object_echoes,
 )
 from radarsim_addon.signal.detection.power_budget import compression_loss_db
-from radarsim_addon.signal.paths import IMAGE_DTYPE, write_table
+from radarsim_addon.signal.paths import IMAGE_DTYPE, PathRows, write_table
 from radarsim_addon.signal.paths.table import column_groups, open_table
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, main, process_run
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar
 from radarsim_addon.signal.runs import open_run
-from radarsim_addon.typed_json import file_sha256, read_record, write_record
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal import path_runs as pr
 from tests.signal import synthetic
 
@@ -115,12 +115,12 @@ def test_a_canceller_lowers_the_predicted_snr(tmp_path: Path) -> None:
     quick = ProcessOptions(products=False, plots=False, mti=2)
     assert set(budget_of(folder, quick).excluded_reason.values()) == {"cancelled by the MTI"}
     table = folder / contract.frame_dir(1) / contract.PATHS_TABLE
-    rows = np.array(open_table(table))
+    rows = open_table(table).copy()
     rows["range_rate_mps"][rows["last_object"] == 2] = 2.0
-    write_table(table, [rows])
+    written = write_table(table, [rows], rows.size)
     sidecar = folder / contract.frame_dir(1) / contract.PATHS_FILE
     record = read_record(sidecar, contract.PathsRecord)
-    write_record(sidecar, dataclasses.replace(record, table_sha256=file_sha256(table)))
+    write_record(sidecar, dataclasses.replace(record, column_sha256=written.column_sha256))
     plain = budget_of(folder, dataclasses.replace(quick, mti=0)).snr["Far"]
     for pulses in (2, 3):
         report = budget_of(folder, dataclasses.replace(quick, mti=pulses))
@@ -139,20 +139,22 @@ def test_received_power_knows_of_interference(tmp_path: Path) -> None:
     sidecar = folder / contract.frame_dir(1) / contract.PATHS_FILE
     quick = ProcessOptions(products=False, plots=False, speckle_seed=None)
     alone_w = budget_of(folder, quick).received_w
-    direct = np.array(open_table(table))
-    rows = np.zeros(2 * direct.size, dtype=IMAGE_DTYPE)
-    for name in direct.dtype.names or ():
+    direct = open_table(table).copy()
+    rows = PathRows.zeros(2 * direct.size, IMAGE_DTYPE)
+    for name in direct.names:
         rows[name] = np.repeat(direct[name], 2, axis=0)
     rows["point"] = 1 + np.arange(rows.size) // 2
     rows["power_w"][1::2] *= 0.64
     groups = column_groups(IMAGE_DTYPE.names or ())
     for turn, gain in ((math.pi, 0.2**2), (0.0, 1.8**2), (math.pi / 2, 1.64)):
         rows["mirror_phase_rad"][1::2] = turn
-        write_table(table, [rows], IMAGE_DTYPE)
+        written = write_table(table, [rows], rows.size, IMAGE_DTYPE)
         record = read_record(sidecar, contract.PathsRecord)
-        sha256 = file_sha256(table)
         changed = dataclasses.replace(
-            record, table_sha256=sha256, column_groups=groups, path_count=rows.size
+            record,
+            column_sha256=written.column_sha256,
+            column_groups=groups,
+            path_count=rows.size,
         )
         write_record(sidecar, changed)
         assert budget_of(folder, quick).received_w / alone_w == pytest.approx(gain, rel=1e-6)
@@ -194,15 +196,15 @@ def test_paths_over_two_objects_are_shared(tmp_path: Path) -> None:
     record_folder = folder / contract.frame_dir(1)
     from radarsim_addon.signal.paths import write_table
     from radarsim_addon.signal.paths.table import open_table
-    from radarsim_addon.typed_json import file_sha256, read_record, write_record
+    from radarsim_addon.typed_json import read_record, write_record
 
-    rows = np.array(open_table(record_folder / contract.PATHS_TABLE))
+    rows = open_table(record_folder / contract.PATHS_TABLE).copy()
     rows["order"][0], rows["first_object"][0] = 2, 2
     assert rows["last_object"][0] == 1 or rows["last_object"][0] == 2
     rows["last_object"][0] = 1
-    write_table(record_folder / contract.PATHS_TABLE, [rows])
+    written = write_table(record_folder / contract.PATHS_TABLE, [rows], rows.size)
     record = read_record(record_folder / contract.PATHS_FILE, contract.PathsRecord)
-    changed = {**record.__dict__, "table_sha256": file_sha256(record_folder / contract.PATHS_TABLE)}
+    changed = {**record.__dict__, "column_sha256": written.column_sha256}
     write_record(record_folder / contract.PATHS_FILE, contract.PathsRecord(**changed))
     frame = open_run(folder).frame(1)
     for echo in object_echoes(frame, pr.WAVEFORM.carrier_hz):

@@ -21,7 +21,6 @@ from radarsim_addon.signal.motion import BodyMotion, PathImages
 from radarsim_addon.signal.motion.body_motion import AntennaMotion
 from radarsim_addon.signal.paths import (
     IMAGE_DTYPE,
-    PATH_DTYPE,
     PathFlag,
     PathGeometry,
     PathRows,
@@ -55,7 +54,7 @@ def walls() -> tuple[Real, Real]:
 
 def rows_of(first_m: Real, last_m: Real, flags: int = PathFlag.HAS_REVERSE) -> PathRows:
     """Rows of all paths from scatterers to others."""
-    rows = np.zeros(len(first_m) * len(last_m), dtype=IMAGE_DTYPE)
+    rows = PathRows.zeros(len(first_m) * len(last_m), IMAGE_DTYPE)
     rows["order"], rows["flags"] = 2, flags
     rows["first_scatterer_m"] = np.repeat(first_m, len(last_m), axis=0)
     rows["last_scatterer_m"] = np.tile(last_m, (len(first_m), 1))
@@ -183,7 +182,7 @@ def rows_of_two_walls(apart_m: float) -> tuple[PathRows, Any, Any]:
     site = np.array([apart_m, 0.1 * apart_m, -0.2 * apart_m])
     every = []
     for number, (first, last) in enumerate(((left, right), (right, left)), start=1):
-        rows = np.zeros(first.shape[0] ** 2, dtype=PATH_DTYPE)
+        rows = PathRows.zeros(first.shape[0] ** 2)
         old = rows_of(first, last)
         for name in ("order", "flags", "first_scatterer_m", "last_scatterer_m"):
             rows[name] = old[name]

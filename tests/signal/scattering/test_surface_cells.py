@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.paths import PATH_DTYPE, PathRows
+from radarsim_addon.signal.paths import PathRows
 from radarsim_addon.signal.scattering.surface_speckle import Body, SurfaceCells
 
 COLUMNS = ("first_object", "last_object")
@@ -25,7 +25,7 @@ def pose() -> np.ndarray:
 def hits(count: int = 4000) -> tuple[PathRows, np.ndarray]:
     """Rows whose vertices lie on the blade, and their places in its own axes."""
     local = np.random.default_rng(1).uniform(BOX[0], BOX[1], (count, 3))
-    rows = np.zeros(count, dtype=PATH_DTYPE)
+    rows = PathRows.zeros(count)
     rows["order"] = rows["first_object"] = rows["last_object"] = 1
     rows["last_scatterer_m"] = rows["first_scatterer_m"] = local @ pose()[:3, :3].T + pose()[:3, 3]
     return rows, local

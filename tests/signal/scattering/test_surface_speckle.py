@@ -65,7 +65,7 @@ def intensities(
     record: contract.PathsRecord, table: PathRows, seeds: int,
     roughness: Mapping[int, Roughness] | None = None, cell_m: float | None = None,
 ) -> np.ndarray:  # fmt: skip
-    rows = np.array(table)
+    rows = table.copy()
     found = [
         abs(field(rows, speckle(record, table, seed, roughness, cell_m=cell_m))) ** 2
         for seed in range(seeds)
@@ -150,7 +150,7 @@ def test_rough_surfaces_have_no_coherent_part(tmp_path: Path) -> None:
 def test_what_is_seen_through_a_pane_has_scatterers_of_its_own(tmp_path: Path) -> None:
     """The same points seen directly and, 20 m longer, through a pane: two echoes of full power."""
     record, table, _ = scene(tmp_path / "run")
-    direct = np.array(table)
+    direct = table.copy()
     pane = direct.copy()
     pane["transparent_depth"] += 2
     pane["length_m"] += 20.0
@@ -166,7 +166,7 @@ def test_mean_does_not_depend_on_the_pixels(tmp_path: Path) -> None:
     kept = []
     for size_px in (64, 128):
         record, table, _ = scene(tmp_path / f"run{size_px}", size_px=size_px)
-        rows = np.array(table)
+        rows = table.copy()
         scale = 1 / math.sqrt(rows["power_w"].sum())  # pixels cut the plate's edges differently
         kept.append([scale * field(rows, speckle(record, table, s, cell_m=2.0)) for s in range(80)])
     a, b = np.array(kept)
@@ -185,7 +185,7 @@ def test_speckle_decorrelates_with_the_radars_shift(tmp_path: Path) -> None:
         record, table, _ = scene(
             tmp_path / f"run{number}", at=(b, 0, 0), side_m=side_m, range_m=range_m, size_px=60
         )
-        rows = np.array(table)
+        rows = table.copy()
         made = [field(rows, speckle(record, table, s, cell_m=1.0)) for s in range(150)]
         fields[b] = np.array(made)
     first = fields[0.0]
@@ -198,7 +198,7 @@ def test_speckle_decorrelates_with_the_radars_shift(tmp_path: Path) -> None:
 def test_speckle_moves_with_its_object(tmp_path: Path) -> None:
     """Plate and radar displaced and turned together: the same speckle, to rounding."""
     record, table, _ = scene(tmp_path / "run")
-    rows = np.array(table)
+    rows = table.copy()
     turn = np.array(pr.pose((70.0, -30.0, 5.0), 33.0, -12.0)) @ np.linalg.inv(pr.pose((0, 0, 0)))
     moved = rows.copy()
     for name in ("first_scatterer_m", "last_scatterer_m"):
@@ -222,7 +222,7 @@ def test_speckle_moves_with_its_object(tmp_path: Path) -> None:
 
 def test_neighbours_within_a_correlation_length_share_their_height(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "run")
-    rows = np.array(table)
+    rows = table.copy()
     cells = {
         length_m: speckle(record, table, 1, {1: Roughness(1.0, length_m)}).report().cells
         for length_m in (0.0, 5.0, 40.0)
@@ -235,7 +235,7 @@ def test_neighbours_within_a_correlation_length_share_their_height(tmp_path: Pat
 
 def test_parts_do_not_matter(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "run")
-    rows = np.array(table)
+    rows = table.copy()
     made = speckle(record, table, 1)
     whole, _ = factors_of(made, rows)
     parts = np.concatenate(
@@ -273,7 +273,7 @@ def two_bounces(record: contract.PathsRecord, rows: PathRows) -> PathRows:
 
 def test_two_reflections_have_two_scatterers(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "run")
-    rows = two_bounces(record, np.array(table))
+    rows = two_bounces(record, table.copy())
     found = np.array([abs(field(rows, speckle(record, rows, seed))) ** 2 for seed in range(300)])
     error = found.std(ddof=1) / math.sqrt(found.size)
     assert abs(found.mean() - rows["power_w"].sum()) < 3 * error
@@ -283,7 +283,7 @@ def test_two_reflections_have_two_scatterers(tmp_path: Path) -> None:
 def test_coherent_part_of_two_reflections_is_the_product_of_both(tmp_path: Path) -> None:
     """exp(-(k h)^2 |u_in - u_out|^2) of each surface, from the path's own three legs."""
     record, table, _ = scene(tmp_path / "run")
-    rows = two_bounces(record, np.array(table))
+    rows = two_bounces(record, table.copy())
     height_m = 0.4 / WAVENUMBER
     report = speckle(record, rows, 0, {1: Roughness(height_m)}).report()
     ends = [np.array(end.matrix_world)[:3, 3] for end in (record.receiver, record.transmitter)]
@@ -300,7 +300,7 @@ def test_coherent_part_of_two_reflections_is_the_product_of_both(tmp_path: Path)
 
 def test_three_reflections_have_none(tmp_path: Path) -> None:
     record, table, _ = scene(tmp_path / "run")
-    rows = np.array(table)
+    rows = table.copy()
     rows["order"][::2] = 3
     rows["last_scatterer_m"][1] = np.nan
     _, known = factors_of(speckle(record, rows, 0), rows)

@@ -37,7 +37,7 @@ def turning_plate(folder: Path, rms_height_m: float | None) -> tuple[Radar, Rada
     turn = np.array([[0, 0, 0.015]])
     piece = Segment(0.0, 0.1, pose[None, :3, 3], np.zeros(3), turn, np.eye(3))
     plate, still = BodyMotion(pose, (piece,)), BodyMotion(np.eye(4))
-    rows = np.array(table)
+    rows = table.copy()
     rows["last_body"] = rows["first_body"] = 1
     motion = motion_of_rows(rows, FrameMotion(0.1, still, still, False, [plate]))
     paths = dataclasses.replace(frame_paths(frame), motion=motion)
