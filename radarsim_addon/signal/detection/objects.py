@@ -114,7 +114,7 @@ def received_echoes(
     received_w = 0.0
     sums = _Sums(_owners(record.objects, groups), len(names), record.replicates, record.receiver)
     for start, stop in _tile_edges(table.rows):
-        rows = np.asarray(table.rows[start:stop])
+        rows = table.rows[start:stop]
         kept = usable(rows)
         number = start + np.flatnonzero(kept)
         rows = rows if kept.all() else rows[kept]

@@ -58,7 +58,7 @@ def replace_table(run: Path, columns: Mapping[str, np.ndarray], **changes: Any) 
 def columns_of(rows: PathRows, without: str = "") -> dict[str, np.ndarray]:
     """Columns as numpy stores them, without those of a group."""
     left_out = [one.name for one in COLUMN_GROUPS[without].columns] if without else []
-    return {n: np.ascontiguousarray(rows[n]) for n in rows.names if n not in left_out}
+    return {n: np.array(rows[n], order="C") for n in rows.names if n not in left_out}
 
 
 def arrays(paths: Paths) -> dict[str, np.ndarray]:
