@@ -61,7 +61,8 @@ def markdown(
             "A row compares one case with one source. It shows the error that is nearest to its "
             "bound, with the standard error where renders or seeds give one. An empty cell "
             "repeats the one above. Results of one case with another source have other units. "
-            "[validation.json](validation.json) has every result, with expected and measured values and times."
+            "[validation.json](validation.json) has every result, with expected and measured "
+            "values and times."
         ),
         "",
     ]
