@@ -58,9 +58,9 @@ def markdown(
     lines += [f"- BROKEN: {fault}" for fault in faults] + ([""] if faults else [])
     lines += [
         (
-            "A row compares one case with one source. It shows the error that is nearest to its "
-            "bound, with the standard error where renders or seeds give one. An empty cell "
-            "repeats the one above. Results of one case with another source have other units. "
+            "A row compares one case with one source (empty: that of the row above). It shows the "
+            "error that is nearest to its bound, with the standard error where renders or seeds "
+            "give one. "
             "[validation.json](validation.json) has every result, with expected and measured "
             "values and times."
         ),
@@ -80,26 +80,29 @@ def markdown(
 def _table(outcomes: Sequence[Outcome]) -> list[str]:
     """One row for the results of a case that have one source: that nearest to its bound.
 
-    Broken results have rows of their own, with the name of the number.
+    Rows of one source follow one another. Broken results have rows of their own, with the name of
+    the number.
     """
     lines = ["| case | source | worst error | bound |", "| --- | --- | --- | --- |"]
-    above = ""
+    rows: dict[str, list[tuple[str, Check]]] = {}
     for outcome in outcomes:
-        case = outcome.case
         if outcome.error:
-            lines.append(f"| {case} | | **{_cell(outcome.error)}** | |")
+            lines.append(f"| {outcome.case} | | **{_cell(outcome.error)}** | |")
         alike: dict[str, list[Check]] = {}
         for check in outcome.checks:
             alike.setdefault(check.source if check.passed else check.name, []).append(check)
         for checks in alike.values():
             worst = worst_of(outcome.case, checks)
-            source = "" if worst.source == above else worst.source
+            rows.setdefault(worst.source, []).append((outcome.case, worst))
+    for source, found in rows.items():
+        shown = source
+        for case, worst in found:
             error = _error(worst)
             if not worst.passed:
                 case, error = worst.name, f"**{error} BROKEN**"
-            cells = (case, source, error, f"{worst.bound:.3g}")
+            cells = (case, shown, error, f"{worst.bound:.3g}")
             lines.append("| " + " | ".join(_cell(cell) for cell in cells) + " |")
-            case, above = "", worst.source
+            shown = ""
     return lines
 
 

@@ -169,7 +169,7 @@ def test_a_row_shows_the_result_of_a_source_that_is_nearest_to_its_bound() -> No
     exact = absolute_check("exact", 0.0, 0.0, 0.0, "closed form")
     other = absolute_check("other", 0.0, 0.2, 1.0, "table")
     for checks, shown in (
-        ([exact, near, other], ["| c | closed form | +0.9 | 1 |", "|  | table | +0.2 | 1 |"]),
+        ([exact, near, other], ["| c | closed form | +0.9 | 1 |", "| c | table | +0.2 | 1 |"]),
         (
             [near, dataclasses.replace(near, name="beyond", error=2.0)],
             ["| c | closed form | +0.9 |", "| c: beyond |  | **+2 BROKEN**"],
