@@ -452,7 +452,7 @@ def settings_table(
 ) -> str:
     """Return a Markdown table of the settings of a dataclass; `with_flags`: those with options."""
     flags = frozenset(with_flags)
-    rows = ["| setting | default | allowed | meaning |", "|---|---|---|---|"]
+    rows = ["| setting | default; allowed | meaning |", "|---|---|---|"]
     for name, item in declared(kind).items():
         if name in leave_out:
             continue
@@ -462,7 +462,8 @@ def settings_table(
         unit = f" ({item.shown_unit} in the window)" if item.of.shown_in and not option else ""
         default = "required" if item.default is MISSING else f"`{_default_text(item) or 'none'}`"
         text = re.sub(r"^(?:Set|Choose) the (.)", lambda m: m[1].upper(), item.of.help)
-        rows.append(f"| `{name}`{option} | {default} | {allowed} | {text}.{unit} |")
+        values = f"{default}; {allowed}" if allowed else default
+        rows.append(f"| `{name}`{option} | {values} | {text}.{unit} |")
     return "\n".join(rows) + "\n"
 
 

@@ -15,8 +15,8 @@ PATHS = {
         "{fraction:percent} of the received power (standard error {fraction_stderr:percent}, at "
         "most {fraction_upper:percent} with 95 % confidence) has more reflections than radarsim "
         "followed.",
-        "The path table lacks this power. The bound assumes that rare paths that no ray met are "
-        "at most as strong as the strongest one found.",
+        "The path table lacks this power. The bound assumes that missed rare paths are at most "
+        "as strong as the strongest one found.",
         "Raise Max reflections.",
     ),
     "reverse-outside-view": Kind(
@@ -38,9 +38,8 @@ PATHS = {
         "caution",
         "{subjects} {they:has|have} several materials, one of them with a clutter model or a "
         "scattered lobe.",
-        "With bistatic radars and in second reflections, sigma0 of the clutter depends only on "
-        "the angle towards the receiver, and a Lambert lobe replaces the scattered lobe. "
-        "Backscatter of clutter models is right.",
+        "With bistatic radars and in second reflections, sigma0 depends only on the angle "
+        "towards the receiver, and a Lambert lobe replaces the scattered lobe.",
         "Give the surface with the clutter model or the lobe an object of its own.",
     ),
     "clutter-of-higher-orders": Kind(
@@ -136,8 +135,8 @@ PATHS = {
         "wavelength ({eighth_m:height}). Physical optics gives {expected_dbsm:.1f} dBsm at "
         "normal incidence; the result has {measured_dbsm:.1f} dBsm at {aspect_deg:.2g} degrees "
         "from it.",
-        "radarsim takes the level from the RMS slope, as for large heights. The echo of a smooth "
-        "face lies within {beam_deg:.2g} degrees and depends on its area and the wavelength.",
+        "radarsim takes the level from the RMS slope. The echo of a smooth face lies within "
+        "{beam_deg:.2g} degrees and depends on its area and the wavelength.",
         "Use the level of physical optics near normal incidence, or raise the RMS height.",
     ),
     "face-height-unknown": Kind(
@@ -146,8 +145,8 @@ PATHS = {
         "height from {height_m:height} on) or rough (from {eighth_m:height} on). If smooth, "
         "physical optics gives {expected_dbsm:.1f} dBsm at normal incidence; the result has "
         "{measured_dbsm:.1f} dBsm at {aspect_deg:.2g} degrees from it.",
-        "radarsim takes the level from the RMS slope, as for large heights. The echo of a smooth "
-        "face lies within {beam_deg:.2g} degrees and depends on its area and the wavelength.",
+        "radarsim takes the level from the RMS slope. The echo of a smooth face lies within "
+        "{beam_deg:.2g} degrees and depends on its area and the wavelength.",
         "Set the RMS Height of the material.",
     ),
     "object-error-above-target": Kind(
@@ -203,9 +202,9 @@ MIRRORS = {
         "caution",
         "{subjects} {they:is|are} smooth and curved, and radarsim computes no reflection to the "
         "transmitter at {fraction:percent} of the area of {they:its|their} mirrors.",
-        "Paths from a scatterer via this area to the transmitter are missing. Possible reasons: "
-        "the material is not a Radar Material or has linked inputs, the mesh is too coarse for "
-        "the wavelength, or the radius of curvature is below 1.6 wavelengths.",
+        "Paths from a scatterer via this area to the transmitter are missing. The material is "
+        "not a Radar Material or has linked inputs, the mesh is too coarse for the wavelength, "
+        "or the radius of curvature is below 1.6 wavelengths.",
         "Assign a Radar Material without linked inputs and subdivide the mesh. Or give "
         "{they:this surface|these surfaces} a roughness above 0, or set Shade Flat for flat "
         "faces.",
@@ -238,8 +237,7 @@ MIRRORS = {
         "caution",
         "A wave can reflect at a curved mirror ({subjects}) and then at a second mirror, or at "
         "another part of the same one.",
-        "Paths from the transmitter via two such mirrors in a row to a scatterer are missing. "
-        "Those from a scatterer via two mirrors in a row to the receiver are included.",
+        "Paths from the transmitter via two such mirrors in a row to a scatterer are missing.",
         "If such paths matter, replace the curved mirror by a few planar faces (Shade Flat). For "
         "mirrors that do not matter, set Mirror Images to Never.",
     ),
@@ -305,10 +303,9 @@ MIRRORS = {
         "{subjects} {they:is|are} tilted about the line of sight: {they:it turns|they turn} up to "
         "{fraction:percent} of the power that {they:it reflects|they reflect} into the other "
         "polarisation.",
-        "radarsim follows the polarisation of the run only. A target that keeps every "
-        "polarisation, such as a sphere, also returns the other part, which the mirror turns "
-        "again. Relative to the direct path alone, this makes the level of such a target up to "
-        "{higher_db:.1f} dB higher, or up to {lower_db:.1f} dB lower.",
+        "A target that keeps every polarisation, such as a sphere, also returns this part, which "
+        "the mirror turns again. Relative to the direct path alone, this makes the level of such "
+        "a target up to {higher_db:.1f} dB higher, or up to {lower_db:.1f} dB lower.",
         "Add this difference to the uncertainty of lobes and nulls near {they:this mirror|these "
         "mirrors}. If the real antenna is polarised along or across the mirror, turn the whole "
         "scene about the line of sight until the mirror is level or upright.",
@@ -325,7 +322,7 @@ MIRRORS = {
         "{subjects} {they:scatters|scatter} another power towards a mirror than towards the "
         "radar: {they:its lobe is|their lobes are} narrower than the angle between the two "
         "directions.",
-        "Powers are right, but paths via the mirror do not interfere with the direct paths.",
+        "Paths via the mirror do not interfere with the direct paths. Powers are right.",
         "Ignore this if the target is strong in one of the two directions only. Else lower "
         "Specularity to 0 or raise the roughness.",
     ),
@@ -372,9 +369,9 @@ MOTION = {
     "surface-not-followed": Kind(
         "caution",
         "The vertices of {subjects} are not the same points of the surface during the burst.",
-        "radarsim moves the points of {they:this object by its|these objects by their} matrix "
-        "only. They get up to {apart_m:.2g} m away from the evaluated surface, so range rates "
-        "may be wrong by up to about {speed_mps:.2g} m/s.",
+        "radarsim moves these points with the matrix of {they:this object|these objects} only. "
+        "They get up to {apart_m:.2g} m away from the evaluated surface: range rates may be "
+        "wrong by up to about {speed_mps:.2g} m/s.",
         "Apply modifiers that make vertices (Decimate, Remesh, Boolean, Build), or move them "
         "above those that deform. Convert metaballs to a mesh. Replace an animated Bevel Start "
         "or End by keyframes of the object.",
@@ -382,8 +379,8 @@ MOTION = {
     "surface-changes": Kind(
         "info",
         "The vertices of {subjects} are not the same points of the surface during the burst.",
-        "radarsim moves the points of {they:this object by its|these objects by their} matrix "
-        "only. They stay within {apart_m:.2g} m of the evaluated surface.",
+        "radarsim moves these points with the matrix of {they:this object|these objects} only. "
+        "They stay within {apart_m:.2g} m of the evaluated surface.",
         "If the surface moves along itself, apply modifiers that make vertices (Decimate, "
         "Remesh, Boolean), or move them above those that deform.",
     ),
@@ -421,8 +418,8 @@ MOTION = {
     "driver-disabled": Kind(
         "caution",
         "Blender does not evaluate {count:#driver} of {subjects}.",
-        "Objects with these drivers do not move. The Python expressions are wrong, or disabled "
-        "because the file was opened without its scripts.",
+        "Objects with these drivers do not move. The Python expressions are wrong, or the file "
+        "was opened without its scripts.",
         "If you trust the file, open it with Auto Run Python Scripts (blender -b "
         "--enable-autoexec FILE -P scripts/render_radar.py), or bake the animation.",
     ),
@@ -455,8 +452,7 @@ MOTION = {
         "The cache file that moves {subjects} has frames between those of the scene.",
         "radarsim takes a smooth cubic through whole frames of the scene: range rates are wrong "
         "by up to about {speed_mps:.2g} m/s.",
-        "Set the scene to the frame rate of the cache. Mesh Cache modifiers (Time Mode Frame) "
-        "may have any Frame Scale.",
+        "Set the scene to the frame rate of the cache.",
     ),
     "motion-in-steps": Kind(
         "caution",
@@ -521,19 +517,19 @@ PROCESSING = {
     "no-echo": Kind(
         "error",
         "The frame contains no echo, so all maps are empty.",
-        "No object is in view, or none returns power: a Point light does not show in mirrors, "
-        "and a transmitter inside a closed mesh illuminates nothing.",
-        "Move objects into view and the transmitter out of closed meshes, and give smooth "
-        "surfaces a roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, "
-        "Holdout and Shadow Catcher off. Check that no object is scaled to 0.",
+        "No object is in view, or none returns power: a Point light does not show in mirrors and "
+        "does not leave closed meshes.",
+        "Check that the transmitter is outside closed meshes and smooth surfaces have a "
+        "roughness above 0. Check Object > Visibility: Ray Visibility > Camera on, Holdout and "
+        "Shadow Catcher off. Check that no object is scaled to 0.",
     ),
     "ground-truth-missing": Kind(
         "caution",
         "The folder of the frame has no ground_truth.json.",
         "Without its RMS heights, clutter models and fluctuations, every surface has the speckle "
-        "of a rough one, and sea, land and fluctuating objects are stationary.",
-        "Put the file back, or render the run again. If no object has one of these properties, "
-        "the echoes are the same.",
+        "of a rough one, and nothing fluctuates.",
+        "Put the file back, or render the run again. Without such properties, the echoes are the "
+        "same.",
     ),
     "weather-attenuates": Kind(
         "info",
@@ -545,8 +541,7 @@ PROCESSING = {
         "info",
         "Rain of {rain_mm_per_h:g} mm/h returns {reflectivity_db:.1f} dB m^2/m^3 within the field "
         "of view.",
-        "Rain returns nothing beyond the field of view, behind surfaces and via reflections. "
-        "Directions without an echo (sky, mirrors) count as open.",
+        "Rain returns nothing beyond the field of view, behind surfaces and via reflections.",
         "For targets alone, do not set Rain echo.",
     ),
     "rain-echo-left-out": Kind(
@@ -576,8 +571,8 @@ PROCESSING = {
         "The frame has {count:#path} faster than the maximum unambiguous velocity of "
         "{max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4); the fastest has "
         "{fastest_mps:.4g} m/s.",
-        "Doppler is ambiguous, as in a radar: echoes appear at a wrong range rate, maybe of the "
-        "opposite sign. Lists of targets give the true one as unfolded_velocity_mps.",
+        "Doppler is ambiguous: echoes appear at a wrong range rate, maybe of the opposite sign. "
+        "Lists of targets give the true one as unfolded_velocity_mps.",
         "Raise the PRF to at least {prf_hz:frequency}.",
     ),
     "all-echoes-outside-ranges": Kind(
@@ -604,8 +599,8 @@ PROCESSING = {
         "info",
         "The table of the frame has {count:#path} without a length, with {fraction:percent} of the "
         "received power.",
-        "No echo contains these paths. Absorption inside objects made them too weak for the "
-        "range encoding, or their material has no range encoding.",
+        "No echo contains these paths. Absorption made them too weak for the range encoding, or "
+        "their material has none.",
         "Assign a Radar Material to all objects, or set Range encoding to World volume. If all "
         "have one, use less absorption or shorter paths inside the objects.",
     ),
@@ -619,8 +614,7 @@ PROCESSING = {
         "caution",
         "The frame has {rejected:#path} whose range changes between the snapshots faster than Max "
         "range rate allows, and {single:#path} with an echo in the first snapshot only.",
-        "radarsim treats these paths as stationary. Typical causes are edges of moving objects, "
-        "and runs with one snapshot.",
+        "radarsim treats these paths as stationary, for example edges of moving objects.",
         "Raise the resolution, or take two snapshots.",
     ),
     "mixed-pixels": Kind(
@@ -663,9 +657,8 @@ PROCESSING = {
     "range-gaps-between-rays": Kind(
         "caution",
         "From {range_m:.3g} m on, a pixel covers more than a range cell.",
-        "Beyond this range, radarsim interpolates between the rays on a surface: objects and "
-        "shadows smaller than a pixel are missing. Without a speckle seed, echoes are of single "
-        "rays, with gaps.",
+        "Beyond, radarsim interpolates between the rays on a surface: objects and shadows "
+        "smaller than a pixel are missing. Without a speckle seed, echoes have gaps.",
         "Raise the resolution or the replicates, or refine for ranges.",
     ),
     "echoes-cancel": Kind(
@@ -707,8 +700,8 @@ COVERAGE = {
         "info",
         "{hidden:percent} of the diagram is below the horizon, and {grazing:percent} is too "
         "close to it for rays.",
-        "Below the horizon the diagram is empty. Close to it values are too high, at the horizon "
-        "by tens of decibels, because diffraction is not computed.",
+        "Below the horizon the diagram is empty. Close to it values are too high, by tens of "
+        "decibels at the horizon.",
         "Use shorter ranges or greater heights, or a program that computes diffraction.",
     ),
     "coverage-lobes-unresolved": Kind(

@@ -72,16 +72,14 @@ SETTINGS = {
         "caution",
         "At grazing incidence, one pixel covers {step_m:length} of range on {subjects} at a "
         "range of {range_m:length}: {range_cells:.3g} times the range resolution.",
-        "radarsim cannot follow the surface between such rays. Powers are wrong by 0.3 dB where "
-        "a pixel covers 0.3 times the range, and by several decibels where it covers more than "
-        "the range. With rings, the range profile has gaps.",
+        "Powers are wrong by 0.3 dB where a pixel covers 0.3 times the range, and by several "
+        "decibels where it covers more than the range. With rings, the range profile has gaps.",
         "Raise the resolution, narrow the field of view, or lower Range Stop.",
     ),
     "run-takes-long": Kind(
         "caution",
         "The run takes about {hours:.2g} hours on this computer.",
-        "The estimate uses the time per ray of earlier runs, or a typical value. With a Max "
-        "standard error, the run takes longer.",
+        "With a Max standard error, it takes longer.",
         "Use fewer frames, a lower resolution, fewer reflections, the quality Draft, Range "
         "limits, or several workers (docs/workers.md).",
     ),
@@ -106,8 +104,7 @@ SETTINGS = {
         "{subjects} {they:reaches a range rate|reach range rates} of {fastest_mps:.4g} m/s, "
         "beyond the maximum unambiguous velocity of {max_unambiguous_velocity_mps:.4g} m/s "
         "(wavelength x PRF / 4).",
-        "Doppler is ambiguous, as in a radar: echoes appear at a wrong range rate, maybe of the "
-        "opposite sign.",
+        "Doppler is ambiguous: echoes appear at a wrong range rate, maybe of the opposite sign.",
         "Set the PRF to at least {prf_hz:frequency}. A pulse or sweep must fit into 1 / PRF, and "
         "the unambiguous range of pulses falls with it.",
     ),
@@ -195,8 +192,8 @@ SCENE = {
         "caution",
         "Blender may render {subjects} with the shape of a whole frame at times after it.",
         "Range rates from two snapshots are then 0 or too small, and further renders of a burst "
-        "show an old position. Causes are cloth and soft bodies that are not baked, cache files "
-        "without Vertex Interpolation, and drivers and scripts that read frame_current.",
+        "show an old position. Causes are simulations that are not baked, cache files without "
+        "Vertex Interpolation, and drivers and scripts that read frame_current.",
         "Bake simulations (Physics > Cache > Bake), switch on Vertex Interpolation, use the "
         "variable frame in drivers and scene.frame_current_final in scripts. Or measure by paths "
         "with one render per burst.",
@@ -232,9 +229,8 @@ SCENE = {
         "caution",
         "{subjects} {they:returns|return} no direct echo: Ray Visibility > Camera is off, or "
         "Holdout, Shadow Catcher or Indirect Only is on, for the object or its collection.",
-        "The receiver looks through {they:this object|these objects}, or finds a hole. {they:The "
-        "object still casts a radar shadow and takes|The objects still cast radar shadows and "
-        "take} part in paths with several reflections.",
+        "The receiver looks through {they:this object|these objects}, or finds a hole. Radar "
+        "shadows and paths with several reflections remain.",
         "To measure {they:it|them}, switch Camera on and the other three off (Object > "
         "Visibility; collections: Outliner). To remove {they:it|them}, disable {they:it|them} in "
         "renders.",
@@ -329,9 +325,8 @@ SCENE = {
     "antenna-in-medium": Kind(
         "caution",
         "An antenna of the radar is inside {subjects}, in a medium of index {index:.3g}.",
-        "Rays leave the object without refraction, but real waves spread more when they leave "
-        "through a plane face. Echoes from outside are up to {power_db:.2g} dB too strong and "
-        "appear in other directions. Absorption, delay and the loss at the faces are right.",
+        "Rays leave the object without refraction, but real waves spread more. Echoes from "
+        "outside are up to {power_db:.2g} dB too strong and appear in other directions.",
         "Place the radar in air: a radome is a closed shell with a hollow around the antennas. "
         "Or set EIRP and patterns to those measured outside, and disable the object in renders.",
     ),
@@ -389,7 +384,7 @@ SCENE = {
         "and extrapolated values differ by {reflection_db:.2g} dB in reflection and by a factor "
         "{absorption_ratio:.3g} in absorption: error class {error_class}.",
         "Use a medium for this carrier, or measured values (medium Table). To stop such runs, "
-        "set Radar > Advanced > Beyond Band to Refuse.",
+        "set Beyond Band to Refuse.",
     ),
     "clutter-not-connected": Kind(
         "caution",
@@ -409,8 +404,7 @@ SCENE = {
         "caution",
         "The clutter of {subjects} may be missing from a grazing angle of {grazing_deg:.3g} "
         "degrees on, where sigma0 is {sigma0_db:.3g} dB.",
-        "Cycles drops surfaces that return less than 1e-5 of the light. The echo from medium and "
-        "roughness is not affected.",
+        "Cycles drops surfaces that return less than 1e-5 of the light.",
         "Ignore this if the radar sees the surface at smaller angles, or if other echoes are "
         "stronger. Else use a model with a larger sigma0.",
     ),
@@ -418,10 +412,9 @@ SCENE = {
         "caution",
         "In {subjects}, {fraction:percent} of the power that enters from the antennas arrives, "
         "after absorption, at a face beyond the critical angle (index {index:.3g}).",
-        "These waves are totally reflected inside the object, but radarsim follows straight rays "
-        "that leave it: echoes through these faces are too strong.",
-        "If such echoes matter, use plane-parallel parts, or disconnect Volume to make the "
-        "object opaque.",
+        "radarsim follows straight rays that leave the object: echoes through these faces are "
+        "too strong.",
+        "If such echoes matter, use plane-parallel parts, or disconnect Volume.",
     ),
     "wall-corners": Kind(
         "caution",
@@ -464,11 +457,11 @@ SCENE = {
     "not-a-layer": Kind(
         "info",
         "{subjects} {they:is|are} neither a layer nor made of walls: less than "
-        "{least_fraction:percent} of the surface is one pair of parallel faces, or walls cross "
-        "it, and less than {least_walls:percent} is walls (six times as wide as thick).",
+        "{least_fraction:percent} of the surface is one pair of parallel faces, and less than "
+        "{least_walls:percent} is walls (six times as wide as thick).",
         "Absorption and delay inside are those of normal incidence at any angle, or those of the "
         "largest walls alone.",
-        "For a thick wall, give the object the property {property}: three numbers, the normal of "
+        "For a thick wall, set the object's property {property}: three numbers, the normal of "
         "the wall in the axes of the object.",
     ),
 }
