@@ -108,7 +108,7 @@ def _table(outcomes: Sequence[Outcome]) -> list[str]:
 
 def _error(check: Check) -> str:
     spread = check.standard_error
-    spread_text = "" if spread is None or math.isnan(spread) else f" ± {spread:.1g}"
+    spread_text = "" if spread is None or math.isnan(spread) else f"±{spread:.1g}"
     unit = "" if check.error_unit == "1" else f" {check.error_unit}"
     return f"{check.error:+.2g}{spread_text}{unit}"
 
