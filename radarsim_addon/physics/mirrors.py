@@ -220,7 +220,10 @@ def _along(fields: Complex, ways: Real) -> Complex:
 
 
 def _level(ways: Real) -> Real:
-    """Return level unit vectors across ways, (n, 3); along x for ways straight up or down."""
+    """Return horizontal unit vectors normal to directions of waves, (n, 3).
+
+    For vertical directions, the vector is the x axis.
+    """
     level = crosses(ways, np.broadcast_to(np.array([0.0, 0.0, 1.0]), ways.shape))
     level[norms(level) < _PARALLEL] = (1.0, 0.0, 0.0)
     return np.asarray(level / norms(level)[:, None])

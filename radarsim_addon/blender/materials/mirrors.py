@@ -26,7 +26,8 @@ from .physical_materials import inputs_at, surface_of
 SHARP = 0.0037
 #: Index from which on a surface reflects all power at all angles but the most grazing.
 _METAL = 1000.0
-#: Albedo, or part of metal, below which the lobe of a Principled BSDF is most of a sphere's echo.
+#: If a Principled BSDF has a lower albedo or metallic part, most of the echo of a sphere comes from
+#: its specular lobe.
 _DARK = 0.2
 #: Glossy BSDFs of one lobe that depends on both directions alike.
 _RECIPROCAL = {"ShaderNodeBsdfAnisotropic", "ShaderNodeBsdfGlossy", "ShaderNodeBsdfMetallic"}
