@@ -83,11 +83,11 @@ def _table(outcomes: Sequence[Outcome]) -> list[str]:
     Rows of one source follow one another. Broken results have rows of their own, with the name of
     the number.
     """
-    lines = ["| case | source | worst error | bound |", "| --- | --- | --- | --- |"]
+    lines = ["| case | source | worst error / bound |", "| --- | --- | --- |"]
     rows: dict[str, list[tuple[str, Check]]] = {}
     for outcome in outcomes:
         if outcome.error:
-            lines.append(f"| {outcome.case} | | **{_cell(outcome.error)}** | |")
+            lines.append(f"| {outcome.case} | | **{_cell(outcome.error)}** |")
         alike: dict[str, list[Check]] = {}
         for check in outcome.checks:
             alike.setdefault(check.source if check.passed else check.name, []).append(check)
@@ -100,17 +100,18 @@ def _table(outcomes: Sequence[Outcome]) -> list[str]:
             error = _error(worst)
             if not worst.passed:
                 case, error = worst.name, f"**{error} BROKEN**"
-            cells = (case, shown, error, f"{worst.bound:.3g}")
+            cells = (case, shown, error)
             lines.append("| " + " | ".join(_cell(cell) for cell in cells) + " |")
             shown = ""
     return lines
 
 
 def _error(check: Check) -> str:
+    """Error with its standard error, bound and unit."""
     spread = check.standard_error
     spread_text = "" if spread is None or math.isnan(spread) else f"±{spread:.1g}"
     unit = "" if check.error_unit == "1" else f" {check.error_unit}"
-    return f"{check.error:+.2g}{spread_text}{unit}"
+    return f"{check.error:+.2g}{spread_text} / {check.bound:.3g}{unit}"
 
 
 def _cell(text: str) -> str:

@@ -160,7 +160,7 @@ def test_table_cells_hold_bars() -> None:
     group = group_of(absolute_check("|r|", 0.0, 0.0, 1.0, "a|b"))
     outcome = Outcome("g", "c", group.cases[0].run(Bench(Path())), 0, 0, 1)
     row = markdown(MACHINE, [group], [outcome], []).splitlines()[-1]
-    assert row.replace("\\|", "").count("|") == 5
+    assert row.replace("\\|", "").count("|") == 4
 
 
 def test_a_row_shows_the_result_of_a_source_that_is_nearest_to_its_bound() -> None:
@@ -169,10 +169,10 @@ def test_a_row_shows_the_result_of_a_source_that_is_nearest_to_its_bound() -> No
     exact = absolute_check("exact", 0.0, 0.0, 0.0, "closed form")
     other = absolute_check("other", 0.0, 0.2, 1.0, "table")
     for checks, shown in (
-        ([exact, near, other], ["| c | closed form | +0.9 | 1 |", "| c | table | +0.2 | 1 |"]),
+        ([exact, near, other], ["| c | closed form | +0.9 / 1 |", "| c | table | +0.2 / 1 |"]),
         (
             [near, dataclasses.replace(near, name="beyond", error=2.0)],
-            ["| c | closed form | +0.9 |", "| c: beyond |  | **+2 BROKEN**"],
+            ["| c | closed form | +0.9 / 1 |", "| c: beyond |  | **+2 / 1 BROKEN**"],
         ),
     ):
         outcome = Outcome("g", "c", checks, 0, 0, 1)
