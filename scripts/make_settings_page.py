@@ -48,9 +48,7 @@ def page() -> str:
     add("Run (`radarsim render`)", RunSettings, [*render, "output_folder", "overwrite"])
     waveforms = list(WAVEFORM_KINDS.values())
     for number, (name, kind) in enumerate(WAVEFORM_KINDS.items()):
-        with_options = name != "arbitrary"
-        flags, known = (render, waveforms[:number]) if with_options else ((), ())
-        add(f"Waveform `{name}`", kind, flags, known)
+        add(f"Waveform `{name}`", kind, render, waveforms[:number])
     add("Burst", Burst, render)
     add("Measurement (`radarsim render`)", Measurement, render)
     add("Paths (`radarsim render`)", PathOptions, render, [Measurement])

@@ -10,9 +10,8 @@ from .catalogue import TOPICS
 _INTRODUCTION = """# Findings
 
 A finding tells you what went wrong, or what to know before you trust a result. The console, the
-panel and the JSON files (key `findings`) show the same findings, each with the names of objects or
-materials, frames, and numbers in SI units. Each entry below states what happened, why it matters,
-and what to do (→). A name in `code style` within a text stands for a number or a name.
+panel and the JSON files (key `findings`) show the same findings. Each entry states what happened,
+why it matters, and what to do (→). A name in `code style` stands for a number or a name.
 
 - **info**: nothing is wrong. The finding explains how the result was made.
 - **caution**: the result may not mean what you expect.
