@@ -51,7 +51,7 @@ def markdown(
         (
             f"**{len(checks)} results from {numbers} compared numbers, {len(faults)} broken "
             f"bound{'' if len(faults) == 1 else 's'}.** Powers and ranges go through the whole "
-            "chain: scene, renders by Cycles, files, path table or signal."
+            "chain, from scene to signal."
         ),
         "",
     ]
