@@ -456,7 +456,7 @@ def settings_table(
     for name, item in declared(kind).items():
         if name in leave_out:
             continue
-        option = f" `{item.flag}`" if name in flags else ""
+        option = f"<br>`{item.flag}`" if name in flags else ""
         allowed = ", ".join(f"`{value}`" for value in item.values)
         allowed = allowed or re.sub("^from (.* to )", r"\1", item.bounds.strip())
         unit = f" ({item.shown_unit} in the window)" if item.of.shown_in and not option else ""
