@@ -277,8 +277,8 @@ MIRRORS = {
         "caution",
         "{subjects} {they:is a mirror that deforms|are mirrors that deform}, or that "
         "{they:shares|share} a plane with other objects and {they:moves|move} during the burst.",
-        "Lengths of paths to the transmitter via {they:this mirror|these mirrors} are those of "
-        "the render's time.",
+        "During the burst, radarsim does not change the lengths of paths to the transmitter via "
+        "{they:this mirror|these mirrors}.",
         "Shorten the burst, or give {they:this surface|these surfaces} a roughness above 0.",
     ),
     "mirror-echo-not-formed": Kind(
@@ -533,7 +533,7 @@ PROCESSING = {
     ),
     "weather-attenuates": Kind(
         "info",
-        "The air takes {attenuation_db_per_km:.3g} dB of each kilometre of path, one way.",
+        "The air attenuates by {attenuation_db_per_km:.3g} dB per kilometre of path, one way.",
         "Cross sections are those in clear air.",
         "For clear air, leave the weather options out.",
     ),

@@ -183,7 +183,7 @@ class Surface:
 
     @property
     def correlation_length(self) -> float:
-        """Correlation length [m], if unknown from h and the slope; 0 if these are unknown too."""
+        """Correlation length [m]; if not given, from RMS height and slope; 0 if unknown."""
         if self.correlation_length_m > 0:
             return self.correlation_length_m
         if self.rms_height_m > 0 and self.rms_slope > 0:
