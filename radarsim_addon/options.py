@@ -21,6 +21,7 @@ import difflib
 import functools
 import inspect
 import math
+import re
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -446,20 +447,23 @@ def _default_text(item: Declared) -> str:
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
-def settings_table(kind: type[Any], with_flags: Iterable[str] = ()) -> str:
+def settings_table(
+    kind: type[Any], with_flags: Iterable[str] = (), leave_out: Iterable[str] = ()
+) -> str:
     """Return a Markdown table of the settings of a dataclass; `with_flags`: those with options."""
     flags = frozenset(with_flags)
-    rows = ["| setting | option | default | allowed | meaning |", "|---|---|---|---|---|"]
+    rows = ["| setting | default; allowed | meaning |", "|---|---|---|"]
     for name, item in declared(kind).items():
-        option = f"`{item.flag}`" if name in flags else ""
-        allowed = ", ".join(f"`{value}`" for value in item.values) or item.bounds.strip()
-        unit = f" ({item.shown_unit} in the window)" if item.of.shown_in else ""
-        default = (
-            "must be given" if item.default is MISSING else f"`{_default_text(item) or 'none'}`"
-        )
-        rows.append(
-            f"| `{name}` | {option} | {default} | {allowed} | {item.of.help}.{unit} |"
-        )  # fmt: skip
+        if name in leave_out:
+            continue
+        option = f"<br>`{item.flag}`" if name in flags else ""
+        allowed = ", ".join(f"`{value}`" for value in item.values)
+        allowed = allowed or re.sub("^from (.* to )", r"\1", item.bounds.strip())
+        unit = f" ({item.shown_unit} in the window)" if item.of.shown_in and not option else ""
+        default = "required" if item.default is MISSING else f"`{_default_text(item) or 'none'}`"
+        text = re.sub(r"^(?:Set|Choose) the (.)", lambda m: m[1].upper(), item.of.help)
+        values = f"{default}; {allowed}" if allowed else default
+        rows.append(f"| `{name}`{option} | {values} | {text}.{unit} |")
     return "\n".join(rows) + "\n"
 
 

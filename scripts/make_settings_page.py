@@ -17,13 +17,15 @@ from radarsim_addon.signal.radar import PATTERNS, WAVEFORM_KINDS, Burst, Weather
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "settings.md"
 _HEAD = """# Settings
 
-Each setting has one name. Files (JSON) and Python use the name in the tables, in SI units. The
-window shows the same setting in the unit that people use, and options of the command line end with
-that unit: `carrier_hz` is `--carrier-ghz`. Options leave out plain metres, seconds, kelvins and
-watts. `scripts/make_settings_page.py` writes this page from the declarations in the code.
+Each setting has one name. Files (JSON) and Python use this name, in SI units. The window shows
+the setting in a common unit, and the option of the command line ends with that unit:
+`carrier_hz` is `--carrier-ghz`. Options leave out plain metres, seconds, kelvins and watts. A
+`required` setting has no default in files; the presets of the window give it one.
 
 In Python, `radarsim_addon.blender.rig_settings.settings(rig)` returns the settings of a radar; its
 antennas are `settings(rig).transmitter` and `settings(rig).receiver`.
+
+Written by `scripts/make_settings_page.py`; do not edit.
 """
 
 
@@ -32,18 +34,28 @@ def page() -> str:
     render = render_settings()
     parts = [_HEAD]
 
-    def add(title: str, kind: type[Any], flags: Iterable[str] = ()) -> None:
-        parts.append(f"## {title}\n\n{settings_table(kind, flags)}")
+    def add(
+        title: str, kind: type[Any], flags: Iterable[str] = (), known: Iterable[type[Any]] = ()
+    ) -> None:
+        """Add a table; settings equal to those of the classes `known` are only named."""
+        before = {name: item for other in known for name, item in declared(other).items()}
+        alike = [name for name, item in declared(kind).items() if before.get(name) == item]
+        parts.append(f"## {title}\n\n{settings_table(kind, flags, alike)}")
+        if alike:
+            names = ", ".join(f"`{name}`" for name in alike)
+            parts.append(f"In addition, as above: {names}.\n")
 
     add("Run (`radarsim render`)", RunSettings, [*render, "output_folder", "overwrite"])
-    for name, kind in WAVEFORM_KINDS.items():
-        add(f"Waveform `{name}`", kind, render if name != "arbitrary" else ())
+    waveforms = list(WAVEFORM_KINDS.values())
+    for number, (name, kind) in enumerate(WAVEFORM_KINDS.items()):
+        add(f"Waveform `{name}`", kind, render, waveforms[:number])
     add("Burst", Burst, render)
     add("Measurement (`radarsim render`)", Measurement, render)
-    add("Paths (`radarsim render`)", PathOptions, render)
+    add("Paths (`radarsim render`)", PathOptions, render, [Measurement])
     add("Link budget", LinkBudget)
-    for name, kind in PATTERNS.items():
-        add(f"Antenna `{name}`", kind)
+    antennas = list(PATTERNS.values())
+    for number, (name, kind) in enumerate(PATTERNS.items()):
+        add(f"Antenna `{name}`", kind, known=antennas[:number])
     add("Weather (`radarsim render`, `radarsim process`)", Weather, render)
     processing = {
         "Processing": ProcessOptions,

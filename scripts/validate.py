@@ -242,7 +242,7 @@ def _write(
     pictures = [
         (f"images/{file}", caption) for file, caption in draw(outcomes, curves, out / "images")
     ]
-    text = markdown(machine, found, outcomes, sections, pictures, versions)
+    text = markdown(machine, found, outcomes, pictures, versions)
     record = {
         "machine": machine,
         "passed": not any(outcome.faults for outcome in outcomes),

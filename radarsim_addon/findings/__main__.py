@@ -10,10 +10,8 @@ from .catalogue import TOPICS
 _INTRODUCTION = """# Findings
 
 A finding tells you what went wrong, or what to know before you trust a result. The console, the
-panel and the JSON files (`run.json`, `paths.json`, `motion.json`, `_summary.json`: key `findings`)
-show the same findings. Each has a code, a severity, the names of the objects or materials that it
-concerns, frames, and numbers in SI units. This page lists all codes. A name in `code style` within
-a text stands for a number or a name.
+panel and the JSON files (key `findings`) show the same findings. Each entry states what happened,
+why it matters, and what to do (→). A name in `code style` stands for a number or a name.
 
 - **info**: nothing is wrong. The finding explains how the result was made.
 - **caution**: the result may not mean what you expect.
@@ -30,13 +28,9 @@ def reference_page() -> str:
         parts.append(f"## {topic}\n")
         for code, kind in kinds.items():
             parts.append(f"### `{code}` ({kind.severity})\n")
-            parts.append(f"{_readable(kind.text)}\n")
-            if kind.cause:
-                parts.append(f"- **Why it matters:** {_readable(kind.cause)}")
-            if kind.remedy:
-                parts.append(f"- **What to do:** {_readable(kind.remedy)}")
-            parts.append("")
-    return "\n".join(parts).replace("\n\n\n", "\n\n").rstrip() + "\n"
+            parts.append(f"{_readable(kind.text)} {_readable(kind.cause)}\n")
+            parts.append(f"→ {_readable(kind.remedy)}\n")
+    return "\n".join(parts).rstrip() + "\n"
 
 
 def _readable(template: str) -> str:

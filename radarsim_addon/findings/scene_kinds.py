@@ -29,25 +29,24 @@ SETTINGS = {
         "A bandwidth of {bandwidth_hz:frequency} resolves {range_resolution_m:length} (c / 2B), "
         "but ranges end at {farthest_m:length}.",
         "All echoes lie in one range cell.",
-        "Raise the bandwidth: a wider sweep, larger or more frequency steps, or shorter chips. "
-        "Check its unit: hertz and seconds in radar files, MHz, kHz, us and ns in the panel. If "
-        "the ranges are wrong, set Scene > Units > Unit Scale.",
+        "Raise the bandwidth, and check its unit: hertz and seconds in radar files, MHz, kHz, us "
+        "and ns in the panel. If the ranges are wrong, set Scene > Units > Unit Scale.",
     ),
     "low-time-bandwidth-product": Kind(
         "caution",
-        "Bandwidth times pulse width is {bandwidth_hz:frequency} x {duration_s:.4g} s = "
+        "Bandwidth times pulse width is only {bandwidth_hz:frequency} x {duration_s:.4g} s = "
         "{product:.3g}.",
-        "So short a pulse occupies about 1 / T = {own_hz:frequency} for any sweep, and the matched "
-        "filter keeps only the bandwidth.",
-        "Set a bandwidth of at least {own_hz:frequency} or a longer pulse. Check the units: hertz "
-        "and seconds in radar files, MHz and us in the panel.",
+        "So short a pulse occupies about 1 / T = {own_hz:frequency}, and the matched filter "
+        "keeps only the bandwidth.",
+        "Set a bandwidth of at least {own_hz:frequency} or a longer pulse. Check the units: "
+        "hertz and seconds in radar files, MHz and us in the panel.",
     ),
     "wavelength-exceeds-scene": Kind(
         "caution",
         "A carrier of {carrier_hz:frequency} has a wavelength of {wavelength_m:length}, but ranges "
         "end at {farthest_m:length}.",
-        "Rays describe no wave that is longer than the scene.",
-        "Raise the carrier. Check its unit: hertz in radar files, GHz in the panel and in "
+        "Rays do not describe waves that are longer than the scene.",
+        "Raise the carrier, and check its unit: hertz in radar files, GHz in the panel and in "
         "--carrier-ghz. If the ranges are wrong, set Scene > Units > Unit Scale.",
     ),
     "burst-exceeds-animation": Kind(
@@ -55,13 +54,13 @@ SETTINGS = {
         "A burst of {pulses:#pulse} at a PRF of {prf_hz:frequency} lasts {burst_s:.4g} s, the "
         "animation {animation_s:.4g} s.",
         "The maximum unambiguous velocity is only {max_unambiguous_velocity_mps:.3g} m/s.",
-        "Raise the PRF or send fewer pulses. Check the unit of the PRF: hertz everywhere.",
+        "Raise the PRF or send fewer pulses. The unit of the PRF is hertz everywhere.",
     ),
     "scene-beyond-range-limits": Kind(
         "info",
         "The scene reaches {farthest_m:.6g} m, and the range limits end at {range_stop_m:g} m.",
-        "Profile and map leave out the echoes from beyond.",
-        "Raise Range Stop, or set both range limits to 0: as far as the scene reaches.",
+        "Profile and map do not contain the echoes from beyond.",
+        "Raise Range Stop, or set both range limits to 0.",
     ),
     "scene-beyond-rings": Kind(
         "caution",
@@ -71,59 +70,56 @@ SETTINGS = {
     ),
     "footprints-too-coarse": Kind(
         "caution",
-        "The radar sees {subjects} at grazing incidence: at a range of {range_m:length}, one pixel "
-        "covers a range interval of {step_m:length}, {range_cells:.3g} times the range resolution.",
-        "radarsim cannot follow the surface between rays that are so far apart. Powers from there "
-        "are wrong by 0.3 dB where the range interval of one pixel is 0.3 times the range, and by "
-        "several decibels where it is more than the range. With rings, such pixels leave gaps in "
-        "the range profile.",
-        "Raise the resolution, narrow the field of view, or set a Range stop before this range.",
+        "At grazing incidence, one pixel covers {step_m:length} of range on {subjects} at a "
+        "range of {range_m:length}: {range_cells:.3g} times the range resolution.",
+        "Powers are wrong by 0.3 dB where a pixel covers 0.3 times the range, and by several "
+        "decibels where it covers more than the range. With rings, the range profile has gaps.",
+        "Raise the resolution, narrow the field of view, or lower Range Stop.",
     ),
     "run-takes-long": Kind(
         "caution",
         "The run takes about {hours:.2g} hours on this computer.",
-        "The estimate uses the time per ray of earlier runs, or a typical value before the first "
-        "run. With a Max standard error, the run takes longer.",
-        "Use fewer frames, a lower resolution, fewer reflections or the quality Draft. Or set "
-        "Range limits, or use several workers (docs/workers.md).",
+        "With a Max standard error, it takes longer.",
+        "Use fewer frames, a lower resolution, fewer reflections, the quality Draft, Range "
+        "limits, or several workers (docs/workers.md).",
     ),
     "objects-below-a-pixel": Kind(
         "caution",
         "{subjects} {they:is|are} smaller than one pixel of the rings: {they:its|their} size is "
         "{size_px:.2g} pixels.",
-        "All rays may miss such an object. Then its echo is missing.",
+        "All rays may miss such an object, and then its echo is missing.",
         "Raise the resolution, narrow the field of view, or set Sampling mode to Paths, which "
-        "measures small objects with pixels of their own.",
+        "gives small objects finer pixels.",
     ),
     "scene-beyond-unambiguous-range": Kind(
         "caution",
         "The scene reaches {farthest_m:.6g} m, beyond the unambiguous range of "
         "{unambiguous_range_m:.6g} m.",
         "Echoes from beyond appear at wrong, smaller ranges.",
-        "Lower the PRF, take smaller frequency steps, or use a longer code: here the {limit} sets "
-        "the limit.",
+        "Lower the PRF, use smaller frequency steps, or a longer code: here the {limit} sets the "
+        "limit.",
     ),
     "scene-beyond-unambiguous-velocity": Kind(
         "caution",
-        "Range rates of {subjects} reach {fastest_mps:.4g} m/s, beyond the maximum unambiguous "
-        "velocity of {max_unambiguous_velocity_mps:.4g} m/s (wavelength x PRF / 4).",
-        "Doppler folds, as in a radar: echoes appear at a wrong range rate, maybe of the opposite "
-        "sign.",
+        "{subjects} {they:reaches a range rate|reach range rates} of {fastest_mps:.4g} m/s, "
+        "beyond the maximum unambiguous velocity of {max_unambiguous_velocity_mps:.4g} m/s "
+        "(wavelength x PRF / 4).",
+        "Doppler is ambiguous: echoes appear at a wrong range rate, maybe of the opposite sign.",
         "Set the PRF to at least {prf_hz:frequency}. A pulse or sweep must fit into 1 / PRF, and "
-        "a pulse's unambiguous range falls with it.",
+        "the unambiguous range of pulses falls with it.",
     ),
     "scene-beyond-sampled-band": Kind(
         "caution",
         "The scene reaches {farthest_m:.6g} m, beyond the {unambiguous_range_m:.6g} m that the "
         "sampling rate covers.",
         "The anti-alias filter of the ADC removes echoes from beyond.",
-        "Raise the sampling rate, or sweep less bandwidth in the same time.",
+        "Raise the sampling rate, or lower the sweep slope.",
     ),
     "ring-step-below-resolution": Kind(
         "info",
         "The ring step of {ring_step_m:.4g} m is below the range resolution of "
         "{range_resolution_m:.4g} m.",
-        "The run takes more renders and shows no more detail.",
+        "The run takes more renders without more detail.",
         "Widen the ring step.",
     ),
     "single-snapshot": Kind(
@@ -143,13 +139,13 @@ SETTINGS = {
         "caution",
         "A burst lasts {burst_s:.4g} s, but the next frame begins after {frame_interval_s:.4g} s.",
         "The bursts of neighbouring frames overlap.",
-        "Send fewer pulses, or measure every n-th frame.",
+        "Send fewer pulses, or measure only every n-th frame.",
     ),
     "carrier-differs-from-run": Kind(
         "caution",
         "The carrier is {carrier_hz:frequency}, but the run was rendered for "
         "{run_carrier_hz:frequency}.",
-        "The materials are those of the carrier that was rendered.",
+        "The materials are those of the carrier of the run.",
         "If the materials depend on frequency, render again.",
     ),
     "range-limits-beyond-unambiguous-range": Kind(
@@ -157,15 +153,14 @@ SETTINGS = {
         "The range limits reach {range_limit_m:g} m, beyond the unambiguous range of "
         "{unambiguous_range_m:.6g} m.",
         "Profile and map end at the unambiguous range.",
-        "Lower the far range limit, or choose a waveform with a larger unambiguous range.",
+        "Lower Range Stop, or choose a waveform with a larger unambiguous range.",
     ),
     "range-limits-beyond-sampled-band": Kind(
         "caution",
         "The range limits reach {range_limit_m:g} m, beyond the {unambiguous_range_m:.6g} m that "
         "the sampling rate covers.",
         "The anti-alias filter of the ADC removes echoes from beyond: profile and map end there.",
-        "Lower the far range limit, raise the sampling rate, or sweep less bandwidth in the same "
-        "time.",
+        "Lower Range Stop, raise the sampling rate, or lower the sweep slope.",
     ),
 }
 
@@ -173,9 +168,8 @@ RUNS = {
     "frames-left-to-others": Kind(
         "info",
         "This process left {count:#frame} of the run to {subjects}.",
-        "The run is complete when the other processes have finished, too.",
-        "Wait for them before you process the run. If one of them fails, start the same command "
-        "again.",
+        "The run is complete when these processes have finished.",
+        "Wait before you process the run. If one of them fails, start the same command again.",
     ),
 }
 
@@ -190,41 +184,40 @@ SCENE = {
     ),
     "optical-material": Kind(
         "caution",
-        "Materials made for light, or none: {subjects}.",
-        "The powers of their echoes follow colour and gloss in the visible, not the material at "
-        "the carrier.",
+        "The materials of {subjects} are made for light, or missing.",
+        "Their echoes follow visible colour and gloss, not the material at the carrier.",
         "Choose Radar > Scene > Assign by Name, review the list, then Apply.",
     ),
     "rendered-at-whole-frames": Kind(
         "caution",
-        "Blender may render {subjects} with the shape of a whole frame at times after it: cloth "
-        "and soft bodies that are not baked, cache files without Vertex Interpolation, and drivers "
-        "and scripts that read frame_current.",
-        "Range rates from two snapshots are too small for them or 0, and further renders of a "
-        "burst show them where they were.",
-        "Bake them (Physics > Cache > Bake), switch on Vertex Interpolation of the modifier, use "
-        "the variable frame in drivers and scene.frame_current_final in scripts, or measure by "
-        "paths with one render per burst.",
+        "Blender may render {subjects} with the shape of a whole frame at times after it.",
+        "Range rates from two snapshots are then 0 or too small, and further renders of a burst "
+        "show an old position. Causes are simulations that are not baked, cache files without "
+        "Vertex Interpolation, and drivers and scripts that read frame_current.",
+        "Bake simulations (Physics > Cache > Bake), switch on Vertex Interpolation, use the "
+        "variable frame in drivers and scene.frame_current_final in scripts. Or measure by paths "
+        "with one render per burst.",
     ),
     "linked-file-missing": Kind(
         "caution",
         "{they:A file that the scene uses is|Files that the scene uses are} missing: {subjects}.",
-        "Blender renders without them: a missing image is magenta, and objects of a missing "
-        "library or cache are empty or have no motion.",
+        "Blender renders without them: missing images are magenta, and objects of a missing "
+        "library or cache are empty or do not move.",
         "Choose File > External Data > Find Missing Files, or remove what uses {they:it|them}.",
     ),
     "changed-by-scripts": Kind(
         "info",
         "Scripts may have changed the scene since its file was opened: {subjects}.",
-        "radarsim cannot know whether an earlier run is of the same scene, so it measures all "
+        "radarsim cannot tell whether an earlier run is of the same scene. It measures all "
         "frames, and this run cannot be resumed.",
-        "To resume runs, save the changed scene and give the file to radarsim render.",
+        "To resume runs, save the changed scene and use radarsim render.",
     ),
     "camera-markers": Kind(
         "info",
         "Markers bind other cameras to frames of the timeline: {subjects}.",
         "The receiver is {receiver!r} at all frames of this run.",
-        "To receive with another camera, measure again with it on the transmitter's parent.",
+        "To receive with another camera, make it a child of the transmitter's parent and measure "
+        "again.",
     ),
     "object-without-surface": Kind(
         "caution",
@@ -236,24 +229,23 @@ SCENE = {
         "caution",
         "{subjects} {they:returns|return} no direct echo: Ray Visibility > Camera is off, or "
         "Holdout, Shadow Catcher or Indirect Only is on, for the object or its collection.",
-        "The receiver looks through {they:this object, or finds a hole in its place. It still "
-        "casts|these objects, or finds a hole in their place. They still cast} radar shadows and "
-        "{they:takes|take} part in paths with several reflections.",
+        "The receiver looks through {they:this object|these objects}, or finds a hole. Radar "
+        "shadows and paths with several reflections remain.",
         "To measure {they:it|them}, switch Camera on and the other three off (Object > "
-        "Visibility, and the restrictions of collections in the Outliner). To remove "
-        "{they:it|them}, disable {they:it|them} in renders.",
+        "Visibility; collections: Outliner). To remove {they:it|them}, disable {they:it|them} in "
+        "renders.",
     ),
     "rays-pass-through": Kind(
         "caution",
         "Ray Visibility > Shadow, Diffuse or Glossy is off for {subjects}.",
-        "Without Shadow, waves of the transmitter pass through the object. Without Diffuse or "
-        "Glossy, waves that other surfaces have reflected do.",
+        "Without Shadow, waves of the transmitter pass through the object; without Diffuse or "
+        "Glossy, waves from other surfaces do.",
         "Switch all three on in Object > Visibility.",
     ),
     "displaced-by-shader": Kind(
         "info",
         "A shader displaces the surface of {subjects}.",
-        "Only the render has this displacement: ground_truth.json has no nearest range for "
+        "The displacement exists in the render only: ground_truth.json has no nearest range for "
         "{they:this object|these objects}.",
         "For a nearest range, use a Displace modifier or Geometry Nodes.",
     ),
@@ -268,7 +260,7 @@ SCENE = {
         "caution",
         "{subjects} {they:is|are} shaded smooth across sharp edges: up to {fraction:percent} of a "
         "surface has normals that are off by more than {angle_deg:g} degrees.",
-        "Reflection, Fresnel's equations and the walls that waves go through follow these normals.",
+        "Reflection and transmission follow these normals.",
         "Choose Object > Shade Auto Smooth, or Shade Flat.",
     ),
     "mesh-open": Kind(
@@ -276,8 +268,8 @@ SCENE = {
         "{they:This object has|These objects have} an interior, but {they:its|their} mesh is "
         "open: {subjects}.",
         "A face is missing or vertices are double, so depths inside are wrong.",
-        "Close the mesh (Mesh > Merge > By Distance, then Fill). An object through which nothing "
-        "has to be seen needs no Volume: without it the object is opaque.",
+        "Close the mesh (Mesh > Merge > By Distance, then Fill). If nothing has to be seen "
+        "through the object, disconnect Volume: it is then opaque.",
     ),
     "mesh-flipped": Kind(
         "error",
@@ -297,51 +289,46 @@ SCENE = {
         "caution",
         "Parts of {subjects} reach into one another: {fraction:percent} of the surface lies "
         "inside another part of the mesh.",
-        "Cycles counts the interior once where they overlap, and each face inside takes its part "
-        "of the power: what passes there comes out too weak and too near.",
+        "Cycles counts the interior once there, but each face inside takes its part of the "
+        "power: waves through it are too weak and appear too near.",
         "Unite the parts (Boolean modifier, Union with Self Intersection), or make each part an "
         "object.",
     ),
     "interior-not-refracted": Kind(
         "info",
         "Simple Radar Materials do not refract waves inside {subjects}.",
-        "What is behind a wall at a slant appears too far by up to {too_long_30_m:.2g} m of path "
-        "at 30 degrees of incidence, {too_long_60_m:.2g} m at 60 (there and back).",
-        "Give it a physical Radar Material: choose a medium in the material's panel.",
+        "Targets behind a wall at a slant appear too far, by up to {too_long_30_m:.2g} m of path "
+        "at 30 degrees of incidence and {too_long_60_m:.2g} m at 60 (two ways).",
+        "Choose a medium in the panel of the material.",
     ),
     "pane-counts-twice": Kind(
         "caution",
-        "{subjects} {they:has|have} a thin sheet on both sides of {they:its|their} panes.",
-        "Each face of a thin sheet is a whole pane, so waves lose power twice and are delayed "
-        "twice.",
-        "Delete one of the two sides, or set Thin Sheet to 0 and connect Volume: a box then has "
-        "its thickness.",
+        "{subjects} {they:has|have} a thin sheet on both sides of a pane.",
+        "Each face of a thin sheet is a whole pane, so loss and delay count twice.",
+        "Delete one of the two sides, or set Thin Sheet to 0 and connect Volume.",
     ),
     "rim-echoes-weak": Kind(
         "info",
-        "Waves inside {subjects} come back from its rough rim, and this wall absorbs and delays at "
-        "its faces.",
+        "Waves inside {subjects} come back from its rough rim, but this wall absorbs and delays "
+        "at its faces.",
         "Echoes of the rim from inside are up to {power_db:.2g} dB too weak, and as late as those "
         "of the far face.",
-        "Nearer to the radar the wall has its exact interior. Or give the rim a smooth material.",
+        "Move the radar nearer, where the wall has its exact interior, or give the rim a smooth "
+        "material.",
     ),
     "inside-a-wall": Kind(
         "caution",
-        "Something lies within the material of a wall: {subjects}.",
-        "These walls absorb and delay at their faces, each for half of the wall, and not by the "
-        "depth inside.",
-        "Move it out, or make this wall an object of its own, a plain box near the radar.",
+        "An object is within the material of a wall: {subjects}.",
+        "These walls absorb and delay half at each face, not by the depth inside.",
+        "Move the object out, or make this wall an object of its own, a plain box near the radar.",
     ),
     "antenna-in-medium": Kind(
         "caution",
         "An antenna of the radar is inside {subjects}, in a medium of index {index:.3g}.",
-        "radarsim computes absorption and delay to the faces of the object, and the loss at these "
-        "faces, but rays leave without refraction. Real waves that leave through a plane face "
-        "spread more. Echoes from outside are up to {power_db:.2g} dB too strong, and appear in "
-        "other directions.",
+        "Rays leave the object without refraction, but real waves spread more. Echoes from "
+        "outside are up to {power_db:.2g} dB too strong and appear in other directions.",
         "Place the radar in air: a radome is a closed shell with a hollow around the antennas. "
-        "Or set the EIRP and the antenna patterns to those measured outside the object, and "
-        "disable the object in renders.",
+        "Or set EIRP and patterns to those measured outside, and disable the object in renders.",
     ),
     "coincident-faces": Kind(
         "error",
@@ -360,17 +347,16 @@ SCENE = {
     "many-interiors": Kind(
         "caution",
         "{count:,} of {total:,} objects and instances have an interior ({subjects}).",
-        "Before the first pixel Cycles tests each object against each interior, for about "
+        "Before the first pixel, Cycles tests each object against each interior, for about "
         "{seconds:.0f} s.",
-        "Where nothing behind them matters, disconnect Volume of their material: they are opaque "
-        "then. Or join instances into fewer meshes.",
+        "Disconnect Volume of materials behind which nothing matters, or join instances into "
+        "fewer meshes.",
     ),
     "absorption-below-float32": Kind(
         "caution",
         "Two-way absorption through {subjects} is more than the {limit_db:.0f} dB that float32 "
         "can hold in this Blender.",
-        "A wave that crosses {they:this object|these objects} returns no echo. Waves past "
-        "{they:it|them} and through openings do.",
+        "A wave that crosses {they:this object|these objects} returns no echo.",
         "If you need those echoes, use thinner objects or a material with less absorption.",
     ),
     "interior-rounded": Kind(
@@ -379,33 +365,32 @@ SCENE = {
         "antennas or from the world's origin.",
         "Echoes through them have random errors of {power_db:.2g} dB and {length_wavelengths:.2g} "
         "wavelengths (two ways, standard deviation).",
-        "Plane-parallel walls of one physical material, with nothing inside them, have no such "
-        "error. Or move the scene near the world origin, and the radar nearer.",
+        "Move the scene near the world origin, and the radar nearer. Plane-parallel walls of one "
+        "physical material with nothing inside have no such error.",
     ),
     "opaque-without-volume": Kind(
         "info",
         "Volume is not connected in {subjects}.",
-        "Waves that enter objects of {they:this material|these materials} are absorbed: nothing "
+        "{they:This material absorbs|These materials absorb} all waves that enter: nothing "
         "behind returns an echo.",
-        "To let waves through, connect Volume of the Radar Material to the Material Output, or "
-        "give a thin pane its thickness (Thin Sheet).",
+        "To let waves through, connect Volume to the Material Output, or set Thin Sheet for a "
+        "thin pane.",
     ),
     "medium-beyond-band": Kind(
         "caution",
         "The carrier, {carrier_hz:frequency}, is outside the band of the medium {medium} of "
         "{subjects}: {band}.",
-        "The setting Beyond Band is {beyond_band}; the nearest edge of the band is "
-        "{edge_hz:frequency}. Held and extrapolated values differ by {reflection_db:.2g} dB in "
-        "reflection and by a factor {absorption_ratio:.3g} in absorption: error class "
-        "{error_class}.",
-        "Use a medium for this carrier, or measured values (medium Table). To stop such runs, set "
-        "Radar > Advanced > Beyond Band to Refuse.",
+        "Beyond Band is {beyond_band}; the nearest edge of the band is {edge_hz:frequency}. Held "
+        "and extrapolated values differ by {reflection_db:.2g} dB in reflection and by a factor "
+        "{absorption_ratio:.3g} in absorption: error class {error_class}.",
+        "Use a medium for this carrier, or measured values (medium Table). To stop such runs, "
+        "set Beyond Band to Refuse.",
     ),
     "clutter-not-connected": Kind(
         "caution",
         "The clutter {they:model|models} of {subjects} {they:has|have} no effect.",
-        "Only the physical Radar Material at the output of a material, without the thickness of a "
-        "thin sheet, has a lobe for sigma0. A link at its input Clutter Row replaces the model.",
+        "A clutter model needs the physical Radar Material at the output of the material, "
+        "without Thin Sheet. A link at Clutter Row replaces the model.",
         "Choose Use Physical Inputs in the Material tab, or set Clutter to None.",
     ),
     "clutter-beyond-band": Kind(
@@ -417,70 +402,66 @@ SCENE = {
     ),
     "clutter-too-weak": Kind(
         "caution",
-        "From a grazing angle of {grazing_deg:.3g} degrees on, the clutter of {subjects} may be "
-        "missing: sigma0 is {sigma0_db:.3g} dB there.",
-        "Cycles drops surfaces that return less than 1e-5 of the light, so no echo of such a "
-        "clutter model is rendered. What medium and roughness return is not affected.",
-        "Nothing, where the radar sees the surface below this angle, or where other echoes are "
-        "stronger. Else use a model with more sigma0.",
+        "The clutter of {subjects} may be missing from a grazing angle of {grazing_deg:.3g} "
+        "degrees on, where sigma0 is {sigma0_db:.3g} dB.",
+        "Cycles drops surfaces that return less than 1e-5 of the light.",
+        "Ignore this if the radar sees the surface at smaller angles, or if other echoes are "
+        "stronger. Else use a model with a larger sigma0.",
     ),
     "total-reflection": Kind(
         "caution",
         "In {subjects}, {fraction:percent} of the power that enters from the antennas arrives, "
         "after absorption, at a face beyond the critical angle (index {index:.3g}).",
-        "These waves are totally reflected inside the object. radarsim follows straight rays, "
-        "which leave the object: echoes through these faces are too strong.",
-        "If such echoes matter, build the object of plane-parallel parts, or disconnect Volume to "
-        "make it opaque.",
+        "radarsim follows straight rays that leave the object: echoes through these faces are "
+        "too strong.",
+        "If such echoes matter, use plane-parallel parts, or disconnect Volume.",
     ),
     "wall-corners": Kind(
         "caution",
         "{fraction:percent} of the power that enters {subjects} from the antennas leaves by "
         "corners where walls meet (index {index:.3g}).",
-        "radarsim applies half of a wall's absorption and delay at each of its faces. Such rays "
-        "get half of the wall that they enter and half of the wall that they leave, whatever the "
-        "length of their path within the corner.",
+        "Such rays get half of the absorption and delay of the wall that they enter and half of "
+        "the wall that they leave, for any path length within the corner.",
         "If such echoes matter, make each wall an object of its own, a plain box near the radar.",
     ),
     "walls-averaged-separately": Kind(
         "info",
-        "For {paths}, the transmission of each of {subjects} is averaged over both polarisations "
-        "by itself; the averages are then multiplied.",
+        "For {paths}, radarsim averages the transmission of each of {subjects} over both "
+        "polarisations before it multiplies them.",
         "Behind two such walls the two-way power is up to {loss_60_db:.2g} dB too low at 60 "
-        "degrees of incidence, {loss_30_db:.2g} dB at 30. The error grows with every further "
-        "wall.",
-        "Set Polarisation to that of your radar in place of Average. With Average, only the "
-        "sampling mode Paths with one reflection and Radar Materials alone has no such error.",
+        "degrees of incidence, {loss_30_db:.2g} dB at 30; further walls add to the error.",
+        "Set Polarisation to that of your radar. Average has no such error in the sampling mode "
+        "Paths with one reflection and Radar Materials alone.",
     ),
     "device-unfit": Kind(
         "caution",
         "radarsim renders on the CPU, because its check of {device} failed: {subjects}.",
-        "A measurement stands on these facts; from {device} powers or ranges would be wrong.",
-        "Update Blender and the driver, run radarsim selfcheck --device {device} on the command "
-        "line, and render again. Or choose CPU in Render > Device.",
+        "Powers or ranges from {device} would be wrong.",
+        "Update Blender and the driver, run radarsim selfcheck --device {device}, and render "
+        "again. Or choose CPU in Render > Device.",
     ),
     "facets-encode-range": Kind(
         "caution",
         "Range encoding is Materials, and rough physical materials return several reflections.",
-        "Cycles rounds their three channels separately: lengths from order 2 on are off by up to "
-        "1e-5 of the range encoding length, and paths are flagged as mixed that are not.",
+        "Cycles rounds the three channels separately: lengths from two reflections on are off by "
+        "up to 1e-5 of the range encoding length, and some paths are wrongly flagged as mixed.",
         "Choose Radar > Advanced > Range Encoding: Automatic.",
     ),
     "medium-not-connected": Kind(
         "caution",
         "The Radar Material of {subjects} does not feed the Surface of the material output alone.",
-        "Its numbers do not follow the carrier, whatever medium it has.",
-        "Connect the Radar Material to Surface directly; reroutes and your own groups may be "
-        "between.",
+        "Its numbers do not follow the carrier.",
+        "Connect the Radar Material to Surface directly; only reroutes and your own groups may "
+        "be between.",
     ),
     "not-a-layer": Kind(
         "info",
-        "Less than {least_fraction:percent} of the surface of {subjects} is one pair of parallel "
-        "faces, or walls cross it, and less than {least_walls:percent} of it is walls, which are "
-        "six times as wide as they are thick.",
+        "{subjects} {they:is|are} neither a layer nor made of walls: less than "
+        "{least_fraction:percent} of the surface is one pair of parallel faces, and less than "
+        "{least_walls:percent} is walls (six times as wide as thick).",
         "Absorption and delay inside are those of normal incidence at any angle, or those of the "
         "largest walls alone.",
-        "For a thick wall, give the object the property {property}: three numbers, the normal of "
+        "For a thick wall, set the object's property {property}: three numbers, the normal of "
         "the wall in the axes of the object.",
     ),
 }

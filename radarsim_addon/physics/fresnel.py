@@ -123,7 +123,7 @@ MODELS: tuple[Model, ...] = ("coherent", "incoherent", "single-pass")
 
 
 class SlabPower(NamedTuple):
-    """Fractions of the incident power for the two polarisations; any one shape.
+    """Fractions of the incident power for both polarisations; all arrays have the same shape.
 
     Attributes
     ----------

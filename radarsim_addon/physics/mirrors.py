@@ -34,16 +34,16 @@ _LARGE = 300.0
 
 
 class Reflected(NamedTuple):
-    """Waves after one or more mirrors, (n,) each, over the power and the phase before.
+    """Waves after one or more mirrors, relative to the waves before them, (n,) each.
 
     Attributes
     ----------
-    power : fraction of the power in the polarisation of the run
-    phase_rad : phase of the field in this polarisation
-    turned : fraction of the power in the other polarisation
+    power : fraction of the power that remains in the polarisation of the run
+    phase_rad : change of phase in this polarisation
+    turned : fraction of the power that is then in the other polarisation
     apart
-        With both polarisations, the power times sin^2 of half the difference of their phases; 0 for
-        one polarisation.
+        If the run has both polarisations: the power times sin^2 of half the difference of their
+        phases. Else 0.
     """
 
     power: Real
@@ -220,7 +220,10 @@ def _along(fields: Complex, ways: Real) -> Complex:
 
 
 def _level(ways: Real) -> Real:
-    """Return level unit vectors across ways, (n, 3); along x for ways straight up or down."""
+    """Return horizontal unit vectors normal to directions of waves, (n, 3).
+
+    For vertical directions, the vector is the x axis.
+    """
     level = crosses(ways, np.broadcast_to(np.array([0.0, 0.0, 1.0]), ways.shape))
     level[norms(level) < _PARALLEL] = (1.0, 0.0, 0.0)
     return np.asarray(level / norms(level)[:, None])

@@ -254,9 +254,9 @@ def _rcs_check(
 GROUP = Group(
     "antennas",
     "Antennas and cross sections",
-    "A Lambert plate of 26 m at 500 m while the rig is turned; transmit power 500 W, losses of 3.5 "
-    "dB, gains from the patterns: received watts as the program reports them by object. Compared "
-    "where the two-way pattern is above -40 dB.",
+    "A Lambert plate of 26 m at 500 m while the radar is turned: watts by object, with "
+    "transmit power, losses and antenna patterns. Compared where the two-way pattern is "
+    "above -40 dB.",
     (
         Case("Gaussian beam both ways", gaussian_beam, 60.0),
         Case("different antennas", mixed_beams, 60.0),

@@ -95,6 +95,6 @@ def _joined(walls: Sequence[tuple[float, float]], index: complex, smooth: bool) 
 GROUP = Group(
     "buildings",
     "Walls of buildings",
-    "As before, in scenes that are less plain.",
+    "Scenes that are less plain.",
     (Case("lit through a film", film, 10.0), Case("walls of one mesh", one_mesh, 60.0)),
 )

@@ -252,8 +252,8 @@ def _second_reflections(bench: Bench) -> list[Check]:
 GROUP = Group(
     "clutter",
     "Clutter",
-    "Models of sigma0 against another code; sigma0 of each path of a scene against the model; and "
-    "bistatic powers, second reflections and range profiles against integrals over the surfaces.",
+    "Models of sigma0 against another code; sigma0 of each path of a scene; bistatic powers, "
+    "second reflections and range profiles against integrals over the surfaces.",
     (
         Case("tables", against_table, 5.0, quick=True),
         Case("paths", of_paths, 30.0),

@@ -191,9 +191,9 @@ def rendered(bench: Bench) -> list[Check]:
 GROUP = Group(
     "coverage",
     "Coverage diagrams",
-    "A radar 15 m over a smooth ground. The independent solution looks for the shortest path via "
-    "the ground of an Earth of 4/3 of its radius in Cartesian coordinates, and takes the spreading "
-    "from neighbouring rays. Compared down to 30 dB below the strongest, where rays hold.",
+    "A radar 15 m over a smooth ground. The independent solution looks for the shortest path "
+    "via the ground on an Earth of 4/3 of its radius. Compared down to 30 dB below the "
+    "strongest.",
     (
         Case("lobes over a conductor", lobes, 5.0, quick=True),
         Case("round Earth", round_earth, 10.0, quick=True),

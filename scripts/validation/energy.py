@@ -162,8 +162,8 @@ def presets(bench: Bench) -> list[Check]:
 GROUP = Group(
     "energy",
     "Energy",
-    "Ordinary renders of surfaces under a sky of radiance 1, 32 x 32 pixels of 64 samples. "
-    "Standard errors are those of the mean over the pixels.",
+    "Surfaces under a sky of radiance 1, 32 x 32 pixels of 64 samples. Standard errors are "
+    "those of the mean over the pixels.",
     (
         Case("smooth surfaces", smooth_surfaces, 30.0),
         Case("slabs of presets", simple_slabs, 60.0),

@@ -202,8 +202,7 @@ def every_angle(bench: Bench) -> list[Check]:
 GROUP = Group(
     "fresnel",
     "Fresnel reflection",
-    "The library against 40 digits; then what comes back through Cycles, read from the table of "
-    "paths.",
+    "The library against 40 digits; then what comes back through Cycles, from the path table.",
     (
         Case("library against 40 digits", against_table, 2.0, quick=True),
         Case("Brewster, total reflection, grazing", special_angles, 2.0, quick=True),

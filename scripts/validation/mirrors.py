@@ -305,11 +305,10 @@ def _in_the_map(run: Any) -> tuple[float, float]:
 GROUP = Group(
     "mirrors",
     "Mirrors",
-    "A radar and a Lambert plate over a smooth ground, 10 m up, 200 m apart: direct path, over the "
-    "ground there, back, and both. Grounds are a conductor, sea water and wet ground by their "
-    "permittivity. Compared down to 30 dB below the strongest. A smooth metal sphere, and "
-    "a part of an ellipsoid with an antenna in one of its foci, as curved mirrors: lengths of the "
-    "paths over them, and powers over that of the direct path.",
+    "A radar and a Lambert plate 10 m above smooth ground, 200 m apart, with four paths: direct, "
+    "via the ground on transmit, on receive, and on both. Compared down to 30 dB below the "
+    "strongest. A metal sphere and an ellipsoid as curved mirrors: lengths, and powers relative "
+    "to the direct path.",
     (
         Case("two-way pattern, conductor", lambda bench: swept(bench, "conductor"), 40.0),
         Case("two-way pattern, sea", lambda bench: swept(bench, "sea"), 40.0, quick=True),

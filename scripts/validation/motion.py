@@ -349,10 +349,9 @@ def jumps(bench: Bench) -> list[Check]:
 GROUP = Group(
     "motion",
     "Motion",
-    "A plate at 50 m that moves straight, 77 GHz, 64 pulses, with a corner at a keyframe: errors "
-    "of range rates, and of phases from pulse to pulse. Rigid bodies, which Blender keeps at "
-    "whole frames only. A rotor, none of whose echoes may be faster than its tips. Modifiers that "
-    "make other vertices at each moment, and positions that jump.",
+    "A plate at 50 m, 77 GHz, 64 pulses, with a corner at a keyframe: errors of range rates "
+    "and of phases. Rigid bodies and caches; a rotor; modifiers that make other vertices at "
+    "each moment; positions that jump.",
     (
         Case("keyframes", keyframes, 20.0),
         Case("elastic key", springs, 5.0),

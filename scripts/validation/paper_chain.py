@@ -265,8 +265,7 @@ def _budget_lines(power_w: float, rate_hz: float, snr: float) -> list[str]:
 GROUP = Group(
     "paper_chain",
     "The paper's scene in watts",
-    "blend_examples/paper_scene.blend by paths: the whole field of view for the noise floor beyond "
-    "the scene, 2.5 degrees about the target for its power and SNR. Power budget, speckle, thermal "
-    "noise, matched filter, range-Doppler map.",
+    "blend_examples/paper_scene.blend by paths, with link budget, speckle, thermal noise, "
+    f"matched filter and range-Doppler map. The target's echo is the mean over {SEEDS} seeds.",
     (Case("watts, noise and SNR", in_watts, 240.0),),
 )

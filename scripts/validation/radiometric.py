@@ -140,8 +140,7 @@ def street(bench: Bench) -> list[Check]:
 GROUP = Group(
     "radiometric",
     "Radiometric chain",
-    "A square metre of a Lambert surface (Diffuse BSDF, albedo 0.6) in watts: scene, renders, "
-    "table of paths, sum of powers. A street seen in all directions, poles included.",
+    "A square metre of a Lambert surface in watts; a street seen in all directions.",
     (
         Case("plate at normal incidence", lambda bench: ranges(bench, 0.0), 20.0, quick=True),
         Case("plate at 60 degrees", lambda bench: ranges(bench, 60.0), 20.0),

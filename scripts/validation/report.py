@@ -16,7 +16,6 @@ def markdown(
     machine: dict[str, Any],
     found: Sequence[Group],
     outcomes: Sequence[Outcome],
-    sections: dict[str, list[str]],
     pictures: Sequence[tuple[str, str]],
     versions: Sequence[str] = (),
 ) -> str:
@@ -28,8 +27,6 @@ def markdown(
         Versions, date and machine.
     found, outcomes
         Groups that were run and what they gave.
-    sections
-        Further lines of Markdown by group: tables that are no checks.
     pictures
         File (relative to the document) and caption.
     versions
@@ -44,32 +41,28 @@ def markdown(
         "<!-- Written by `make validate`: change scripts/validation, not this file. -->",
         "",
         (
-            f"Written by `make validate` on {machine['date']}: radarsim {machine['radarsim']}, "
+            f"Run of {machine['date']}: radarsim {machine['radarsim']}, "
             f"Blender {machine['blender']}, numpy {machine['numpy']}, "
             f"Python {machine['python']}, {machine['processor']}, {machine['cpus']} processors "
-            f"(load {machine['load']:.1f} at the start). {machine['cpu_s']:.0f} s of processor "
-            f"time, {machine['wall_s']:.0f} s by the clock."
+            f"(load {machine['load']:.1f}); {machine['cpu_s']:.0f} s of processor time, "
+            f"{machine['wall_s']:.0f} s by the clock."
         ),
         "",
         (
             f"**{len(checks)} results from {numbers} compared numbers, {len(faults)} broken "
-            f"bound{'' if len(faults) == 1 else 's'}.** Powers and ranges go through the "
-            "program's own chain (scene, renders by Cycles, files, table of paths or signal); the "
-            "library is called, the furnace rendered, as such. All are compared with a closed "
-            "form, an independent integration or an independent table, the scales of a scene also "
-            "with the same scene in metres."
+            f"bound{'' if len(faults) == 1 else 's'}.** Powers and ranges go through the whole "
+            "chain, from scene to signal."
         ),
         "",
     ]
     lines += [f"- BROKEN: {fault}" for fault in faults] + ([""] if faults else [])
     lines += [
         (
-            "A row shows one case: of the numbers that one source gives (*of*: how many), the one "
-            "that is nearest to its bound. validation.json holds every result. *Error* is measured "
-            "against expected, in the unit next to it; *s.e.* its standard error, from the "
-            "replicates or the seeds of the run where there are any (replicates of a "
-            "low-discrepancy sequence are better than independent ones: an upper bound). *Time* is "
-            "processor time of the case, with its limit on two cores."
+            "A row compares one case with one source (empty: that of the row above). It shows the "
+            "error that is nearest to its bound, with the standard error where renders or seeds "
+            "give one. "
+            "[validation.json](validation.json) has every result, with expected and measured "
+            "values and times."
         ),
         "",
     ]
@@ -78,7 +71,7 @@ def markdown(
     for group in found:
         lines += [f"## {group.title}", "", group.text, ""]
         lines += _table([o for o in outcomes if o.group == group.key])
-        lines += [*sections.get(group.key, []), ""]
+        lines.append("")
     while lines and not lines[-1]:
         lines.pop()
     return "\n".join(lines) + "\n"
@@ -87,42 +80,38 @@ def markdown(
 def _table(outcomes: Sequence[Outcome]) -> list[str]:
     """One row for the results of a case that have one source: that nearest to its bound.
 
-    Broken results have rows of their own.
+    Rows of one source follow one another. Broken results have rows of their own, with the name of
+    the number.
     """
-    lines = [
-        "| case: nearest to its bound | of | expected | measured | error | bound | source | time |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- |",
-    ]
+    lines = ["| case | source | worst error / bound |", "| --- | --- | --- |"]
+    rows: dict[str, list[tuple[str, Check]]] = {}
     for outcome in outcomes:
-        spent = f"{outcome.cpu_s:.1f} of {outcome.limit_s:g} s"
         if outcome.error:
-            lines.append(f"| {outcome.case} | | | | **{_cell(outcome.error)}** | | | {spent} |")
+            lines.append(f"| {outcome.case} | | **{_cell(outcome.error)}** |")
         alike: dict[str, list[Check]] = {}
         for check in outcome.checks:
             alike.setdefault(check.source if check.passed else check.name, []).append(check)
         for checks in alike.values():
-            lines.append(_row(outcome.case, checks, spent))
-            spent = ""
+            worst = worst_of(outcome.case, checks)
+            rows.setdefault(worst.source, []).append((outcome.case, worst))
+    for source, found in rows.items():
+        shown = source
+        for case, worst in found:
+            error = _error(worst)
+            if not worst.passed:
+                case, error = worst.name, f"**{error} BROKEN**"
+            cells = (case, shown, error)
+            lines.append("| " + " | ".join(_cell(cell) for cell in cells) + " |")
+            shown = ""
     return lines
 
 
-def _row(case: str, checks: Sequence[Check], spent: str) -> str:
-    worst = worst_of(case, checks)
-    error = f"{worst.error:+.2g} {worst.error_unit}"
-    spread = worst.standard_error
-    if spread is not None and not math.isnan(spread):
-        error += f" (s.e. {spread:.1g})"
-    cells = (
-        worst.name,
-        str(worst.points),
-        f"{number(worst.expected)} {worst.unit}".strip(),
-        f"{number(worst.measured)} {worst.unit}".strip(),
-        error if worst.passed else f"**{error} BROKEN**",
-        f"{worst.bound:.3g}",
-        worst.source,
-        spent,
-    )
-    return "| " + " | ".join(_cell(cell) for cell in cells) + " |"
+def _error(check: Check) -> str:
+    """Error with its standard error, bound and unit."""
+    spread = check.standard_error
+    spread_text = "" if spread is None or math.isnan(spread) else f"±{spread:.1g}"
+    unit = "" if check.error_unit == "1" else f" {check.error_unit}"
+    return f"{check.error:+.2g}{spread_text} / {check.bound:.3g}{unit}"
 
 
 def _cell(text: str) -> str:

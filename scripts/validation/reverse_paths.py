@@ -176,7 +176,7 @@ def _from_lobe(width: float) -> float:
 GROUP = Group(
     "reverse paths",
     "Paths and their reverses",
-    "Second reflections between two walls, against integrals over pairs of surface elements.",
+    "Second reflections between two walls.",
     (
         Case("enhancement", enhancement, 60.0),
         Case("narrow and wide lobes", narrow, 30.0),

@@ -242,9 +242,8 @@ def order_2_lengths(bench: Bench) -> list[Check]:
 GROUP = Group(
     "rough_surfaces",
     "Rough surfaces",
-    "sigma_0 of plates at 1 km from received power, 0 to 60 degrees, where the model is above "
-    "-200 dB: by the physical Radar Material, and by a plain Metallic BSDF (physical conductor, "
-    "Beckmann) under the world's range encoding.",
+    "sigma_0 of plates at 1 km from received power, 0 to 60 degrees, where the model is "
+    "above -200 dB.",
     (
         *(
             Case(

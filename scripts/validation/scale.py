@@ -189,8 +189,8 @@ def _first_hits(origin: np.ndarray, directions: np.ndarray, triangles: np.ndarra
 GROUP = Group(
     "scale",
     "Scale of the scene",
-    "The same metres at 0.001, 1 and 1000 Blender units per metre: a floor, plates, a penetrable "
-    "wall, two reflections. Lengths at 77 GHz from 10 m to 10 km, whatever is at the origin.",
+    "The same metres at 0.001, 1 and 1000 Blender units per metre. Lengths at 77 GHz from 10 "
+    "m to 10 km.",
     (
         Case("three scales", scales, 20.0),
         Case("near clip", near_clip, 10.0),

@@ -352,9 +352,9 @@ def opaque(bench: Bench) -> list[Check]:
 GROUP = Group(
     "slabs",
     "Walls",
-    "A rough metal plate at 10 m behind a wall at 5 m of the physical Radar Material; each pixel "
-    "at its own angle. The wave goes straight through: internal echoes are not followed (they fall "
-    "into other range cells). *average* is the mean of both polarisations at each passage.",
+    "A rough metal plate at 10 m behind a wall of the physical Radar Material at 5 m; each "
+    "pixel at its own angle, without internal echoes. *average* is the mean of both "
+    "polarisations at each passage.",
     (
         Case("lossless wall", lossless, 30.0),
         Case("lossy wall", lossy, 60.0, True),

@@ -361,11 +361,9 @@ def grazing(bench: Bench) -> list[Check]:
 GROUP = Group(
     "speckle",
     "Speckle",
-    "A Lambert plate of 100 m at 1 km, tilted by 70 degrees, rms height 50 mm or, for "
-    "the least that is asked for, kh = 1.5: matched-filter output of one pulse over the expected "
-    "power, many range cells and seeds. Correlation between radars side by side: a plate of "
-    f"{BASELINE_PLATE_M:g} m square on, {BASELINE_SEEDS} seeds. Level ground {GROUND_HEIGHT_M:g} m "
-    "below the radar.",
+    "A Lambert plate of 100 m at 1 km, tilted by 70 degrees: output of the matched filter "
+    "over the expected power, many range cells and seeds. Two radars next to each other; "
+    f"level ground {GROUND_HEIGHT_M:g} m below the radar.",
     (
         Case("rough patch", statistics, 40.0, quick=True),
         Case("least roughness and paths", least, 40.0),

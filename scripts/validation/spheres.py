@@ -125,7 +125,7 @@ def glints(bench: Bench) -> list[Check]:
 GROUP = Group(
     "spheres",
     "Spheres",
-    "Icospheres of 20480 faces with smooth normals, Diffuse BSDF and Metallic BSDF.",
+    "Icospheres of 20480 faces with smooth normals.",
     (
         Case("Lambert sphere", lambert_sphere, 20.0, quick=True),
         Case("rough sphere", rough_sphere, 20.0),

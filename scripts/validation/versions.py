@@ -91,25 +91,29 @@ def table(records: dict[str, dict[str, Any]]) -> list[str]:
     lines = [
         "## Versions of Blender",
         "",
-        "The last whole run under each, by `make validate-all-blenders`:",
+        "The last whole run of `make validate-all-blenders` under each:",
         "",
         "| Blender | run | results | broken | nearest to its bound | beyond the others' bound |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for version, record in records.items():
         worst = f"{record['worst']}: {100 * record['worst_share']:.0f} %"
-        wider = [
-            f"{row['name']}: {row['error']:+.2g}{'' if row['unit'] == '1' else ' ' + row['unit']} "
-            f"(bound {number(row['bound'])}, elsewhere {number(row['usual_bound'])})"
-            for row in record["wider"]
-        ]
+        wider = sorted(record["wider"], key=lambda row: -abs(row["error"]) / row["usual_bound"])
+        beyond = "none"
+        if wider:
+            first, more = wider[0], len(wider) - 1
+            unit = "" if first["unit"] == "1" else " " + first["unit"]
+            beyond = (
+                f"{first['name']}: {first['error']:+.2g}{unit} (bound {number(first['bound'])}, "
+                f"elsewhere {number(first['usual_bound'])})" + f", and {more} more" * bool(more)
+            )
         cells = (
             version,
             f"{record['date']}, radarsim {record['radarsim']}",
             f"{record['results']} from {record['numbers']} numbers",
             str(record["broken"]),
             worst,
-            "; ".join(wider) or "none",
+            beyond,
         )
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return [*lines, ""]

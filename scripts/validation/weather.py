@@ -187,7 +187,7 @@ def _relative(
 GROUP = Group(
     "weather",
     "Weather",
-    "What rain and gases take of a kilometre of path, and what rain returns.",
+    "Attenuation by rain and gases, and the echo of rain.",
     (
         Case("tables", against_table, 10.0, quick=True),
         Case("echo of rain", rain_volume, 15.0),

@@ -83,7 +83,8 @@ def rows_of(echoes: tuple[Echo, ...] = ECHOES) -> PathRows:
     rows = PathRows.zeros(len(echoes) * REPLICATES)
     for number, echo in enumerate(echoes):
         for replicate in range(REPLICATES):
-            row = rows[replicate * len(echoes) + number]
+            at = replicate * len(echoes) + number
+            row = rows[at : at + 1]
             place = echo.place_m
             row["power_w"], row["length_m"] = echo.powers_w[replicate], 2 * echo.range_m
             row["order"], row["replicate"] = 1, replicate

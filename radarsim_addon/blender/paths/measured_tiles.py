@@ -469,9 +469,9 @@ class TileCheckpoints:
                 yield rows
 
     def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
-        """Yield the rows of a tile in pieces, with the number that it has in this run.
+        """Yield the rows of a tile in pieces, with the tile's number in this run.
 
-        They may be changed: afterwards nothing is written of tiles in memory.
+        The caller may change the rows: this object does not write them again.
         """
         if key in self._held:
             held = self._held[key].rows

@@ -26,7 +26,8 @@ from ..views import ViewWindow
 
 #: Pixels up to which a tile is not worth cutting.
 _WHOLE_UP_TO_PX = 1 << 13
-#: How far, in pixels, an area may reach over a pixel's edge without taking the next one: rounding.
+#: Tolerance for rounding [pixels]: an area that crosses the edge of a pixel by less than this does
+#: not include the next pixel.
 _EDGE = 1e-6
 
 

@@ -24,12 +24,12 @@ def config_findings(
     animation_s: float | None = None,
     speeds_mps: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Finding]:
-    """Find numbers that do not fit together, in a run of so many rings, or of paths.
+    """Find numbers that do not fit together, in a run of `rings` rings or of paths.
 
-    None is unknown, or no interval because there is one frame. `farthest_m` is the distance of the
-    farthest point from the transmitter, `frame_interval_s` the time between two radar frames,
-    `animation_s` the duration of the animation, `speeds_mps` the largest |range rate| of each
-    object whose motion is known.
+    `farthest_m` is the distance of the farthest point from the transmitter, `frame_interval_s` the
+    time between two radar frames (None: there is one frame), `animation_s` the duration of the
+    animation, `speeds_mps` the largest |range rate| of each object whose motion is known. None:
+    unknown.
     """
     radar = measurement.radar
     of_rings = sampling_mode == "rings"

@@ -373,7 +373,10 @@ class Shells:
         return np.maximum(first, 0), np.minimum(last, rings - 1)
 
     def _in_view(self, parts: Real) -> Mask:
-        """Whether no side of the view, widened by the margin, has all of a part outside."""
+        """Return which parts may be in view, (n,).
+
+        A part is out of view if all its corners are outside of one side of the widened view.
+        """
         view, (x, y, z) = self._view, np.moveaxis(parts, 2, 0)
         du, dv = _MARGIN_PX * view.step_u, _MARGIN_PX * view.step_v
         sides = (

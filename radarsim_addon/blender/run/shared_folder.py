@@ -150,7 +150,7 @@ def scene_text(record: contract.RunRecord) -> str:
 
 def clear_run(folder: Path) -> None:
     """Remove the files of an earlier run and its products; nothing that is not ours."""
-    # The plan goes last: a clearing that is interrupted leaves frames that still belong to it.
+    # The plan is removed last: if this is interrupted, the remaining frames still have their plan.
     products = folder / contract.PRODUCTS_DIR
     # A frame's summary goes first: products without it are not taken for whole ones.
     patterns = "frame_*_summary.json", "frame_[0-9]*_*", "range_doppler.*", "antennas.png"

@@ -304,9 +304,10 @@ def is_refused(error: BaseException) -> bool:
 
 
 def may_write_at_need(timer: Callable[[], float | None]) -> Callable[[], float | None]:
-    """Return a function as that of `may_write`, for timers that run many times a second.
+    """Return what `may_write` returns, for timers that run many times per second.
 
-    Only what Blender refuses is done again in the update: this draws the whole window.
+    The update of the property draws the whole window. So this function first runs the timer
+    directly, and uses the update only if Blender refuses to change data.
     """
     allowed = may_write(timer)
 

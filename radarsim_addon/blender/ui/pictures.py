@@ -407,7 +407,8 @@ def _velocity_axis(canvas: Single, axes: Axes, wavelength_m: float) -> None:
         column = round(axes.column(-2 * value / wavelength_m))
         canvas[TOP - 5 : TOP + 1, column] = _INK
         _put_text(canvas, _number(value), column, TOP - 18)
-    limit_mps = (high - low) / 2  # rows are centred on 0 Hz, the outer ones not on the axis' ends
+    # The outer rows are not centred on the ends of the axis, so take half of its length.
+    limit_mps = (high - low) / 2
     label = f"Range rate [m/s] (receding: positive; folds at +-{limit_mps:.3g} m/s)"
     _put_text(canvas, label, (LEFT + WIDTH - RIGHT) / 2, TOP - 42)
 

@@ -235,7 +235,8 @@ class _Search:
                 found.append(near)
             before = near.leaves if near.echoes else 0.0
             near.echoes.append(self._take(row, col, new=not near.echoes))
-            # what its last echo may leave, and more for all if its fraction has grown
+            # The residual that the last echo may leave. If the target's fraction has grown, its
+            # earlier echoes may leave more, too.
             for echo in near.echoes:
                 more = near.leaves - (0.0 if echo is near.echoes[-1] else before)
                 if more:

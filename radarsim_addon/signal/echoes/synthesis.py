@@ -508,8 +508,8 @@ def synthesize(
     radar
         Waveform and burst.
     range_limits_m
-        One-way ranges (start, stop) whose echoes are recorded whole [m]. Echoes that reach in from
-        outside are cut at the edge, not folded.
+        One-way ranges (start, stop) [m]. Echoes from these ranges are recorded completely. Echoes
+        that reach in from outside are cut at the limits.
     amplitude_model, receiver_gain, nufft_backend, tolerance, slow_time_transform, range_folding
         See :class:`.echoes.EchoOptions`.
     motion_within_pulse, chunk, speckle_seed
@@ -524,10 +524,10 @@ def synthesize(
 
     Notes
     -----
-    A pulse comes back scaled in time by the range rate: its echo has the Doppler shift, and so the
-    range-Doppler coupling, of a moving target. The delay is that of the wave which meets the path
-    half its delay after its emission. A folded echo has the carrier phase of its true delay, for
-    the oscillator runs on.
+    The range rate scales an echo in time, so the echo has the Doppler shift and the range-Doppler
+    coupling of a moving target. The path is taken at the time when the wave reaches the target:
+    half the delay after the emission. A range-ambiguous echo has the carrier phase of its true
+    delay, because the phase of the oscillator is continuous.
     """
     options = EchoOptions(
         amplitude_model=amplitude_model,

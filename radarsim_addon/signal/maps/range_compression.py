@@ -214,8 +214,10 @@ def line_weights(waveform: LineWaveform, range_taper: str) -> Real:
 def compress_lines(
     waveform: LineWaveform, samples: Complex, range_m: Real, range_taper: str, oversample: int
 ) -> Complex:
-    """Return range profiles (pulses, ranges) at `range_m`, from `line_range_axis`, of raw samples
-    (rows, N); PMCW has `repeats` rows a pulse.
+    """Compute range profiles (pulses, ranges) from raw samples (rows, N).
+
+    `range_m` is the axis from `line_range_axis`. A pulse is one row; PMCW has `code_repeats` rows
+    per pulse.
     """
     count = waveform.grid_count
     if isinstance(waveform, PmcwWaveform):

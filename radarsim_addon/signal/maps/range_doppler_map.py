@@ -32,7 +32,7 @@ from .range_compression import RangeProfiles, line_noise_gain
 #: Levels further below the strongest cell are rounding of float32 renders [dB]. The range is
 #: smaller with a coarse tolerance of the synthesis.
 MAP_DYNAMICS_DB = 160.0
-#: Lowest level in decibels that a picture or a table gets: 1e-30 in power.
+#: Lowest level in pictures and tables [dB]: a power of 1e-30.
 FLOOR_DB = -300.0
 #: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
 _WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6**0.5}

@@ -21,6 +21,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Any, BinaryIO, Protocol, overload
 
 import numpy as np
@@ -136,7 +137,7 @@ class PathRows:
 
     A slice is a view: what is written to its columns is in these rows, too. Other rows, by numbers
     or a mask, are copies. Those of a table on disk are read when a column is first asked for. One
-    row, by its number, is a dictionary.
+    row, by its number, is a read-only mapping.
     """
 
     def __init__(
@@ -190,7 +191,7 @@ class PathRows:
     @overload
     def __getitem__(self, key: str) -> NDArray[Any]: ...
     @overload
-    def __getitem__(self, key: int) -> dict[str, Any]: ...
+    def __getitem__(self, key: int) -> Mapping[str, Any]: ...
     @overload
     def __getitem__(self, key: Indices | Mask | slice) -> PathRows: ...
     def __getitem__(self, key: str | int | Indices | Mask | slice) -> Any:
@@ -204,7 +205,7 @@ class PathRows:
                 return PathRows(columns)
             return PathRows(columns, self._source, self._rows[key])
         if isinstance(key, int | np.integer):
-            return {name: self[name][key] for name in self.names}
+            return MappingProxyType({name: self[name][key] for name in self.names})
         rows: Indices = np.flatnonzero(key) if key.dtype == bool else key  # type: ignore[assignment]
         if self._rows is not None:
             columns = {name: column[rows] for name, column in self._columns.items()}

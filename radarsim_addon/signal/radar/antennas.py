@@ -101,8 +101,9 @@ def make_antenna(
 
 
 def self_contained(record: AntennaRecord, folder: Path | None = None) -> AntennaRecord:
-    """Return a record with the contents of the table that it names, if it names one, relative to a
-    folder (None: the working folder).
+    """Return a record in which the contents of a table replace the name of its file.
+
+    The name is relative to `folder` (None: the working folder). Other records do not change.
     """
     name = record.parameters.get("file")
     if record.kind != "table" or not name:

@@ -177,11 +177,13 @@ class PathEnds:
 
 @dataclass(frozen=True)
 class _MeanNodes:
-    """A few of many times whose values give the mean over all where they change smoothly."""
+    """A few times. Their values give the mean of a smooth function over many times."""
 
     times_s: Real  #: (nodes,) [s]
-    weights: Real  #: of the mean, (nodes,)
-    #: Of the last two coefficients of the Chebyshev polynomials through the nodes, (2, nodes).
+    #: The mean is the sum of weights times values, (nodes,).
+    weights: Real
+    #: The same for the last two coefficients of the Chebyshev polynomial through the values,
+    #: (2, nodes).
     tail: Real
 
     @classmethod

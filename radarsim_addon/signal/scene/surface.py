@@ -41,7 +41,8 @@ OPAQUE_BELOW_TRANSMITTANCE = 1e-3
 _OPAQUE_KAPPA = 100.0
 #: Index from which on a surface reflects all power at all angles but the most grazing.
 _METAL = 1000.0
-#: Albedo, or part of metal, below which the lobe of a Principled BSDF is most of a sphere's echo.
+#: If a Principled BSDF has a lower albedo or metallic part, most of the echo of a sphere comes from
+#: its specular lobe.
 _DARK = 0.2
 #: Albedo of the rendered lobe where less is scattered: Cycles drops lobes of 1e-5.
 _LEAST_ALBEDO = 1e-4
@@ -76,7 +77,7 @@ class RoughSurface:
 
     @property
     def correlation_length(self) -> float:
-        """Correlation length [m], if unknown from h and the slope; 0 if these are unknown too."""
+        """Correlation length [m]; if not given, from RMS height and slope; 0 if unknown."""
         if self.correlation_length_m > 0:
             return self.correlation_length_m
         if self.rms_height_m > 0 and self.rms_slope > 0:

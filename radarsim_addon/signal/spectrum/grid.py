@@ -320,7 +320,10 @@ class ReceiveWindow:
                 raise ConfigError("Folding needs a window of delays with two ends.")
 
     def orders(self, earliest_s: Real, latest_s: Real) -> tuple[Real, Real]:
-        """First and last q, (n,), for which some delay between the two [s] is in the window."""
+        """Return the first and the last order q whose echo reaches the window, (n,).
+
+        The echo has all delays from `earliest_s` to `latest_s` [s]; order q shifts it by q periods.
+        """
         if self.period_s is None:
             heard = (latest_s > self.first_s) & (earliest_s < self.last_s)
             return np.zeros(heard.shape), np.where(heard, 0.0, -1.0)
@@ -329,7 +332,7 @@ class ReceiveWindow:
         return low, np.maximum(high, low - 1)
 
     def covers(self, earliest_s: float, latest_s: float) -> bool:
-        """Whether all delays between the two are received, once, after their own pulse."""
+        """Return whether each delay from the first to the last is received once, with order 0."""
         if not (earliest_s > self.first_s and latest_s < self.last_s):
             return False
         if self.period_s is None:
@@ -428,8 +431,10 @@ class SynthesisContext:
 def received_rows(
     sums: SynthesisContext, length_m: Real
 ) -> tuple[slice | NDArray[np.intp], Real | None, int]:
-    """Rows of the paths whose echoes are received at one pulse, their orders q (None: all 0), and
-    how many paths are among them. A row is repeated where its echo stands in the window twice.
+    """Return the paths whose echoes are received at one pulse.
+
+    The result is their rows, their orders q (None: all 0), and the number of paths. A row appears
+    twice if its echo is in the window twice.
     """
     listening = sums.listening
     everything = slice(None), None, length_m.size
@@ -447,7 +452,10 @@ def received_rows(
 
 
 def repeat_orders(low: Real, copies: NDArray[np.intp]) -> Real:
-    """low, low + 1, ..., `copies` of them for each row, (sum of copies,), row after row."""
+    """Return the orders low, low + 1, ... of each row, one row after the other.
+
+    A row has `copies` orders; the result has the shape (sum of copies,).
+    """
     first = np.cumsum(copies) - copies
     return np.asarray(np.repeat(low - first, copies) + np.arange(int(copies.sum())))
 

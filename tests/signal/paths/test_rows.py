@@ -57,8 +57,10 @@ def test_selections_are_those_of_each_column(rows: PathRows, chosen: np.ndarray)
     assert some.nbytes == some.size * PATH_DTYPE.itemsize
 
 
-def test_one_row_is_a_dictionary(rows: PathRows) -> None:
+def test_one_row_is_read(rows: PathRows) -> None:
     row = rows[17]
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        row["length_m"] = 1.0  # type: ignore[index]
     assert row["length_m"] == rows["length_m"][17]
     np.testing.assert_array_equal(row["direction"], rows["direction"][17])
 

@@ -88,7 +88,7 @@ def test_gains_of_rows_are_found_once(tmp_path: Path, monkeypatch: pytest.Monkey
     beam = {"azimuth_beamwidth_deg": 5.0, "elevation_beamwidth_deg": 4.0}
     system = contract.LinkBudget(50.0, contract.AntennaRecord("gaussian", beam))
     frame = open_frame(open_run(one_plate(tmp_path / "run", system=system)).frame(1))
-    link, rows = FrameBudget(frame).link, np.asarray(frame.table.rows)
+    link, rows = FrameBudget(frame).link, frame.table.rows
     assert link is not None
     gains, paths = link.mean_factor_of_rows(rows), frame_paths(frame)
     applied = link.apply(paths).gain

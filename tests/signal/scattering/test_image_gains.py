@@ -58,7 +58,8 @@ def test_gains_are_those_towards_the_mirror() -> None:
     rows = rows_over([(0, 0), (0, 1), (1, 0), (1, 1)], target)
     depressed = math.degrees(math.atan2(3 + 5 + 2, 40))  # floor at z = -1
     raised = math.degrees(math.atan2(2, 40))
-    for row, back in zip(rows, (0, 0, 1, 1), strict=True):
+    for number, back in enumerate((0, 0, 1, 1)):
+        row = rows[number : number + 1]
         row["direction"] = [0, math.cos(math.radians(raised)), math.sin(math.radians(raised))]
         if back:
             down = math.radians(depressed)

@@ -193,7 +193,7 @@ def rows_of_two_walls(apart_m: float) -> tuple[PathRows, Any, Any]:
         rows["first_object"], rows["last_object"] = number, 3 - number
         every.append(rows)
     receiver = pr.camera(pr.pose((0, 0, 0)))
-    return np.concatenate(every), receiver, TransmitterRecord(pr.pose(tuple(site)), 1e6)
+    return PathRows.joined(every), receiver, TransmitterRecord(pr.pose(tuple(site)), 1e6)
 
 
 @pytest.mark.parametrize(("apart_m", "cell_m"), [(0.0, 0.5), (0.02, 1e-3), (0.5, 0.03), (6.0, 0.5)])

@@ -154,7 +154,7 @@ def test_what_is_seen_through_a_pane_has_scatterers_of_its_own(tmp_path: Path) -
     pane = direct.copy()
     pane["transparent_depth"] += 2
     pane["length_m"] += 20.0
-    both = np.concatenate([direct, pane])
+    both = PathRows.joined([direct, pane])
     for own in (direct, pane):
         found = np.array([abs(field(own, speckle(record, both, s))) ** 2 for s in range(300)])
         error = found.std(ddof=1) / math.sqrt(found.size)
