@@ -19,7 +19,7 @@ PACKAGE = ROOT / "radarsim_addon"
 #: Rooms in the order of the data's way. A room imports only rooms before it.
 ROOMS = (
     "", "physics",
-    "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
+    "signal.scene", "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
     "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
     "signal.draft", "signal.results", "signal.pictures", "signal.products", "signal.distributed",
     "signal.pipeline", "signal",
@@ -30,7 +30,7 @@ ROOMS = (
 #: Entry points: they stand at the root of the package and join both halves.
 ENTRIES = ("radarsim_addon", "radarsim_addon.__main__", "radarsim_addon.frame_worker")
 #: Rooms of signal that the Blender half may use; the last ones only where results are shown.
-FOR_BLENDER = {"radar", "motion", "paths", "decoding", "runs"}
+FOR_BLENDER = {"scene", "radar", "motion", "paths", "decoding", "runs"}
 FOR_WINDOWS = {"pipeline", "detection", "draft"}
 BLENDER_MODULES = {"bpy", "bpy_extras", "mathutils", "bmesh", "gpu", "blf"}
 
