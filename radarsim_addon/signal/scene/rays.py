@@ -96,6 +96,12 @@ class RayMesh:
     def __len__(self) -> int:
         return len(self._triangles)
 
+    def normals_of(self, faces: Indices) -> Real:
+        """Return the unit normals of faces by the order of their corners, (n, 3); NaN for -1."""
+        found = take_rows(self.normals, faces) if len(self) else np.empty((len(faces), 3))
+        found[faces < 0] = np.nan
+        return found
+
     @cached_property
     def _tree(self) -> Any:
         from embreex.mesh_construction import TriangleMesh
