@@ -18,8 +18,8 @@ PACKAGE = ROOT / "radarsim_addon"
 
 #: Rooms in the order of the data's way. A room imports only rooms before it.
 ROOMS = (
-    "", "physics",
-    "signal.scene", "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
+    "", "physics", "signal.scene",
+    "signal.radar", "signal.motion", "signal.runs", "signal.paths", "signal.spectrum",
     "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
     "signal.draft", "signal.results", "signal.pictures", "signal.products", "signal.distributed",
     "signal.pipeline", "signal",

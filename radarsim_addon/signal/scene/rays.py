@@ -96,6 +96,10 @@ class RayMesh:
     def __len__(self) -> int:
         return len(self._triangles)
 
+    def turned(self, linear: Real) -> RayMesh:
+        """Return the mesh in other axes, by a matrix (3, 3)."""
+        return RayMesh(self._vertices @ linear.T, self._triangles)
+
     def normals_of(self, faces: Indices) -> Real:
         """Return the unit normals of faces by the order of their corners, (n, 3); NaN for -1."""
         found = take_rows(self.normals, faces) if len(self) else np.empty((len(faces), 3))
@@ -318,24 +322,26 @@ class RayScene:
 
     `poses` (n, 4, 4) lead from the axes of the meshes into the space of the rays, `boxes` (n, 2, 3)
     are around the meshes in their own axes, and `shapes` (n,) are the numbers by which `mesh` gives
-    them: it is called when a ray first comes into a box. None: rays meet nothing. Neither do they
-    meet bodies whose pose has no inverse.
+    them: it is called when a ray comes into a box. None: rays meet nothing.
     """
 
     def __init__(
         self, poses: Real, boxes: Real, shapes: Indices, mesh: Callable[[int], RayMesh | None]
     ) -> None:
-        self._shapes, self._mesh = np.asarray(shapes), mesh
+        self._mesh, self._count = mesh, int(np.max(shapes, initial=-1)) + 1
         linear = poses[:, :3, :3]
-        solid = np.abs(np.linalg.det(linear)) > 0
-        inverse = np.linalg.inv(np.where(solid[:, None, None], linear, np.eye(3)))
+        flat = np.linalg.det(linear) == 0
+        #: A flat body has no way back into its mesh's axes, but a mesh of its own in the world's.
+        self._shapes = np.where(flat, self._count + np.arange(len(poses)), shapes)
+        self._flat_shapes, self._linear = np.asarray(shapes), linear
+        self._flat: dict[int, RayMesh | None] = {}
+        inverse = np.linalg.inv(np.where(flat[:, None, None], np.eye(3), linear))
         #: (3, 3, n) and (n, 3)
         self._turn, self._place = inverse.transpose(1, 2, 0).copy(), poses[:, :3, 3]
         middle = np.einsum("nij,nj->ni", linear, boxes.mean(axis=1)) + self._place
         half = np.einsum("nij,nj->ni", np.abs(linear), (boxes[:, 1] - boxes[:, 0]) / 2)
         half += _ROOM * half.max(axis=1, initial=0.0)[:, None]
         half += _ROUNDING * np.abs(middle).max(axis=1, initial=0.0)[:, None]
-        half[~solid] = np.nan
         self._tree = _BoxTree(middle - half, middle + half)
 
     def first(self, origins: Real, directions: Real) -> tuple[Indices, Indices, Real]:
@@ -388,7 +394,7 @@ class RayScene:
         shapes = self._shapes[bodies]
         order = np.argsort(shapes, kind="stable")
         for some in np.split(order, np.flatnonzero(np.diff(shapes[order])) + 1):
-            mesh = self._mesh(int(shapes[some[0]])) if some.size else None
+            mesh = self._mesh_of(int(shapes[some[0]])) if some.size else None
             if mesh is None:
                 continue
             body, ray = bodies[some], rays[some]
@@ -397,6 +403,15 @@ class RayScene:
                 turn = self._turn.take(body, axis=2)
             start = turned(turn, (origins[ray] - self._place[body]).T).T
             yield mesh, some, start, turned(turn, directions[ray].T).T
+
+    def _mesh_of(self, shape: int) -> RayMesh | None:
+        body = shape - self._count
+        if body < 0:
+            return self._mesh(shape)
+        if body not in self._flat:
+            mesh = self._mesh(int(self._flat_shapes[body]))
+            self._flat[body] = None if mesh is None else mesh.turned(self._linear[body])
+        return self._flat[body]
 
 
 class _BoxTree:

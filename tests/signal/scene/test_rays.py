@@ -366,7 +366,7 @@ def test_bodies_are_met_as_their_triangles_in_the_world(count):
     )
 
 
-def test_meshes_are_read_when_rays_come_near_and_flat_bodies_are_not_met():
+def test_meshes_are_read_when_rays_come_near():
     scene, corners, body, _, asked = scene_of(np.random.default_rng(15), 9)
     away = np.array([[0.0, 0.0, 50.0]])
     assert scene.first(away, np.array([[0.0, 0, 1]]))[0].tolist() == [-1] and not asked
@@ -374,12 +374,25 @@ def test_meshes_are_read_when_rays_come_near_and_flat_bodies_are_not_met():
     assert scene.first(away, here - away)[0][0] >= 0 and asked
     boxes = np.array([[CUBE.min(axis=0), CUBE.max(axis=0)]])
     cube = RayMesh(CUBE, CUBE_FACES)
-    flat = RayScene(np.diag([1.0, 1, 0, 1])[None], boxes, np.zeros(1, int), lambda _: cube)
-    assert flat.first(away, -away)[0].tolist() == [-1]
     gone = RayScene(np.eye(4)[None], boxes, np.zeros(1, int), lambda _: None)
     assert gone.first(away, -away)[0].tolist() == [-1] and not gone.blocked(away, -away).any()
     empty = RayScene(np.zeros((0, 4, 4)), np.zeros((0, 2, 3)), np.zeros(0, int), lambda _: cube)
     assert empty.first(away, -away)[0].tolist() == [-1] and not empty.blocked(away, -away).any()
+
+
+def test_bodies_that_a_pose_makes_flat_are_met():
+    """Between others of the same mesh: each flat one where it lies."""
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    poses[1:3, 2, 2] = 0.0
+    poses[1, :3, :3] = np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]]) @ poses[1, :3, :3]
+    poses[:, :3, 3] = [[-9, 0, 0], [0, 0, 2], [5, 0, 1], [9, 0, 0]]
+    cube = RayMesh(CUBE, CUBE_FACES)
+    boxes = np.tile([CUBE.min(axis=0), CUBE.max(axis=0)], (4, 1, 1))
+    scene = RayScene(poses, boxes, np.zeros(4, int), lambda _: cube)
+    above = np.array([[-9.0, 0.1, 9], [0.4, 0.1, 9], [5.3, 0.1, 9], [9, 0.1, 9], [2, 0, 9]])
+    body, _, way = scene.first(above, np.tile([0.0, 0, -1], (5, 1)))
+    assert body.tolist() == [0, 1, 2, 3, -1]
+    np.testing.assert_allclose(way, [8, 7.3, 8, 8, np.inf], rtol=1e-12)
 
 
 def test_a_hundred_thousand_instances():
