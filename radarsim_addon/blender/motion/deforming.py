@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Real, Single
 from ...signal.paths import PathRows
-from ...signal.scene import RayMesh
+from ...signal.scene import RayMesh, barycentric
 from ..materials import SURFACE_TYPES
 from ..scene import distance_from_box
 from ..state import evaluated_mesh, read_numbers, read_triangles
@@ -162,21 +162,6 @@ class DeformingSurface:
             return None
         needed = np.fromiter(self.needed, dtype=np.intp, count=len(self.needed))
         return positions[needed] * np.float32(self._units)
-
-
-def barycentric(points: Real, corners: Real) -> Real:
-    """Return weights, (n, 3), of points (n, 3) projected on triangles (n, 3, 3); their sum is 1."""
-    edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    arm = points - corners[:, 0]
-    d11 = np.sum(edge_1 * edge_1, axis=-1)
-    d12 = np.sum(edge_1 * edge_2, axis=-1)
-    d22 = np.sum(edge_2 * edge_2, axis=-1)
-    d1, d2 = np.sum(arm * edge_1, axis=-1), np.sum(arm * edge_2, axis=-1)
-    area = d11 * d22 - d12**2
-    safe = np.where(area > 0, area, 1.0)
-    second = np.where(area > 0, (d22 * d1 - d12 * d2) / safe, 0.0)
-    third = np.where(area > 0, (d11 * d2 - d12 * d1) / safe, 0.0)
-    return np.stack([1 - second - third, second, third], axis=-1)
 
 
 def may_deform(item: Any) -> bool:

@@ -144,7 +144,6 @@ class DelayedWays:
     def __init__(self, snapshot: Snapshot, transmitter_m: Real, metres_per_unit: float) -> None:
         self._transmitter_m = transmitter_m
         meshes: dict[int, RayMesh] = {}
-        boxes = {}
         for number, shape in enumerate(snapshot.shapes):
             if shape.original.hide_render or shape.original.type not in SURFACE_TYPES:
                 continue
@@ -153,15 +152,12 @@ class DelayedWays:
             with snapshot.mesh(shape) as mesh:
                 if mesh is None:
                     continue
-                vertices, corners = read_triangles(mesh)
-            if len(corners):
-                meshes[number] = RayMesh(vertices, corners)
-                boxes[number] = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+                meshes[number] = RayMesh(*read_triangles(mesh))
         shapes = snapshot.layout.shape
         rows = np.flatnonzero(np.isin(shapes, list(meshes)) & snapshot.layout.visible)
         poses_m = snapshot.matrices_of(rows) * np.array([[metres_per_unit]] * 3 + [[1.0]])
-        own = np.array([boxes[number] for number in shapes[rows].tolist()]).reshape(-1, 2, 3)
-        self._rays = RayScene(poses_m, own, shapes[rows], meshes.get)
+        boxes = np.array([meshes[number].box for number in shapes[rows].tolist()])
+        self._rays = RayScene(poses_m, boxes.reshape(-1, 2, 3), shapes[rows], meshes.get)
 
     def to(self, points_m: Real) -> Mask:
         """Whether something delays the way from the transmitter to each point (n, 3)."""

@@ -5,6 +5,6 @@
 and directions are in any one unit of length.
 """
 
-from .rays import RayMesh, RayScene, triangle_distances
+from .rays import RayMesh, RayScene, barycentric, triangle_distances
 
-__all__ = ["RayMesh", "RayScene", "triangle_distances"]
+__all__ = ["RayMesh", "RayScene", "barycentric", "triangle_distances"]

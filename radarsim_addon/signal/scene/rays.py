@@ -77,12 +77,14 @@ class RayMesh:
         self.normals[self._faces] = across[self._faces] / area[self._faces, None]
         used = corners[:, self._faces].reshape(-1, 3)
         low, high = (used.min(axis=0), used.max(axis=0)) if len(used) else np.zeros((2, 3))
+        #: Lowest and highest place of the faces that rays may meet, (2, 3).
+        self.box = np.stack([low, high])
         self._centre = (low + high) / 2
         half = float((high - low).max()) / 2
         # a power of two, so that nothing is rounded
         self._scale = 2.0 ** math.ceil(math.log2(half)) if half > 0 else 1.0
-        self._box = np.stack([low - self._centre, high - self._centre]) / self._scale
-        self._box += np.array([[-CLEAR], [CLEAR]])
+        self._cube_box = np.stack([low - self._centre, high - self._centre]) / self._scale
+        self._cube_box += np.array([[-CLEAR], [CLEAR]])
         # Products of `across_1` and `across_2` with a place in the plane, from the first corner,
         # are the coefficients of both edges.
         a, b, c = ((take_rows(each, self._faces) - self._centre) / self._scale for each in corners)
@@ -168,7 +170,7 @@ class RayMesh:
         face, way = np.full(len(starts), -1), np.full(len(starts), np.inf)
         if not self._faces.size:
             return face, way
-        enter, leave = _through_box(starts, along, *self._box[:, :, None])
+        enter, leave = _through_box(starts, along, *self._cube_box[:, :, None])
         first = np.maximum(enter - _AROUND, least - CLEAR)
         last = np.minimum(leave, most) + _AROUND
         asked = np.flatnonzero((enter <= leave) & (first < last))
@@ -279,6 +281,21 @@ class RayMesh:
         return face, best
 
 
+def barycentric(points: Real, corners: Real) -> Real:
+    """Return weights, (n, 3), of points (n, 3) projected on triangles (n, 3, 3); their sum is 1."""
+    edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    arm = points - corners[:, 0]
+    d11 = np.sum(edge_1 * edge_1, axis=-1)
+    d12 = np.sum(edge_1 * edge_2, axis=-1)
+    d22 = np.sum(edge_2 * edge_2, axis=-1)
+    d1, d2 = np.sum(arm * edge_1, axis=-1), np.sum(arm * edge_2, axis=-1)
+    area = d11 * d22 - d12**2
+    safe = np.where(area > 0, area, 1.0)
+    second = np.where(area > 0, (d22 * d1 - d12 * d2) / safe, 0.0)
+    third = np.where(area > 0, (d11 * d2 - d12 * d1) / safe, 0.0)
+    return np.stack([1 - second - third, second, third], axis=-1)
+
+
 def triangle_distances(a: Real, b: Real, c: Real) -> Real:
     """Return the distance of the origin from each triangle by its corners, (n,).
 
@@ -321,19 +338,18 @@ class RayScene:
     """n bodies that share meshes: what rays meet in the space around them.
 
     `poses` (n, 4, 4) lead from the axes of the meshes into the space of the rays, `boxes` (n, 2, 3)
-    are around the meshes in their own axes, and `shapes` (n,) are the numbers by which `mesh` gives
-    them: it is called when a ray comes into a box. None: rays meet nothing.
+    are around the meshes in their own axes, and `shapes` (n,) are the numbers, from 0, by which
+    `mesh` gives them: it is called when a ray comes into a box. None: rays meet nothing.
     """
 
     def __init__(
         self, poses: Real, boxes: Real, shapes: Indices, mesh: Callable[[int], RayMesh | None]
     ) -> None:
-        self._mesh, self._count = mesh, int(np.max(shapes, initial=-1)) + 1
-        linear = poses[:, :3, :3]
+        self._mesh, self._mesh_numbers = mesh, np.asarray(shapes)
+        self._linear = linear = poses[:, :3, :3]
         flat = np.linalg.det(linear) == 0
         #: A flat body has no way back into its mesh's axes, but a mesh of its own in the world's.
-        self._shapes = np.where(flat, self._count + np.arange(len(poses)), shapes)
-        self._flat_shapes, self._linear = np.asarray(shapes), linear
+        self._shapes = np.where(flat, -1 - np.arange(len(poses)), shapes)
         self._flat: dict[int, RayMesh | None] = {}
         inverse = np.linalg.inv(np.where(flat[:, None, None], np.eye(3), linear))
         #: (3, 3, n) and (n, 3)
@@ -405,11 +421,11 @@ class RayScene:
             yield mesh, some, start, turned(turn, directions[ray].T).T
 
     def _mesh_of(self, shape: int) -> RayMesh | None:
-        body = shape - self._count
-        if body < 0:
+        if shape >= 0:
             return self._mesh(shape)
+        body = -1 - shape
         if body not in self._flat:
-            mesh = self._mesh(int(self._flat_shapes[body]))
+            mesh = self._mesh(int(self._mesh_numbers[body]))
             self._flat[body] = None if mesh is None else mesh.turned(self._linear[body])
         return self._flat[body]
 
