@@ -174,18 +174,16 @@ class RayMesh:
         first = np.maximum(enter - _AROUND, least - CLEAR)
         last = np.minimum(leave, most) + _AROUND
         asked = np.flatnonzero((enter <= leave) & (first < last))
-        undecided = np.zeros(0, dtype=np.intp)
-        for aside in (1.0, 0.0, -1.0):
+        hits = np.zeros(len(starts), dtype=np.intp)
+        for turn, aside in enumerate((1.0, 0.0, -1.0)):
+            if not asked.size:
+                break
             some = (take_rows(starts, asked), take_rows(along, asked), least[asked], most[asked])
             found, ways, sure = self._look(*some, first[asked], last[asked], aside * _ASIDE)
             face[asked], way[asked] = found, ways
             # Past an edge: where the ray itself goes decides, else two of three rays.
-            if aside == 1.0:
-                undecided = asked[~sure & (found >= 0)]
-                asked = asked[~sure]
-            else:
-                undecided = np.union1d(undecided, asked[found >= 0])
-                asked = np.intersect1d(asked[~sure], undecided)
+            hits[asked] += found >= 0
+            asked = asked[~sure & (hits[asked] > 0 if turn else True)]
         return face, way
 
     def _look(
@@ -407,18 +405,15 @@ class RayScene:
         """Yield each mesh that rays may meet, which pairs of these are of it, and their rays in its
         own axes.
         """
+        turn, place = self._turn.take(bodies, axis=2), take_rows(self._place, bodies)
+        starts = turned(turn, (take_rows(origins, rays) - place).T).T
+        along = turned(turn, take_rows(directions, rays).T).T
         shapes = self._shapes[bodies]
         order = np.argsort(shapes, kind="stable")
         for some in np.split(order, np.flatnonzero(np.diff(shapes[order])) + 1):
             mesh = self._mesh_of(int(shapes[some[0]])) if some.size else None
-            if mesh is None:
-                continue
-            body, ray = bodies[some], rays[some]
-            turn = self._turn[:, :, body[0]]
-            if (body != body[0]).any():
-                turn = self._turn.take(body, axis=2)
-            start = turned(turn, (origins[ray] - self._place[body]).T).T
-            yield mesh, some, start, turned(turn, directions[ray].T).T
+            if mesh is not None:
+                yield mesh, some, take_rows(starts, some), take_rows(along, some)
 
     def _mesh_of(self, shape: int) -> RayMesh | None:
         if shape >= 0:
