@@ -64,36 +64,26 @@ class RayMesh:
     """
 
     def __init__(self, vertices: Real, triangles: NDArray[Any]) -> None:
-        self._vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+        self._vertices = np.asfortranarray(vertices, dtype=np.float64).reshape(-1, 3)
         self._triangles = np.asarray(triangles).reshape(-1, 3)
-        corners = self._corners(np.arange(len(self._triangles)))
+        corners = self._corners()
         with np.errstate(invalid="ignore", over="ignore"):
-            across = crosses(corners[1] - corners[0], corners[2] - corners[0])
-            area = norms(across)
-        #: Faces that rays may meet.
+            area = norms(crosses(corners[1] - corners[0], corners[2] - corners[0]))
+        #: Faces that rays may meet, in order.
         self._faces = np.flatnonzero((area > 0) & np.isfinite(area))
-        #: Unit normals by the order of the corners, (m, 3); NaN without area.
-        self.normals = np.full(corners[0].shape, np.nan)
-        self.normals[self._faces] = across[self._faces] / area[self._faces, None]
-        used = corners[:, self._faces].reshape(-1, 3)
-        low, high = (used.min(axis=0), used.max(axis=0)) if len(used) else np.zeros((2, 3))
+        used = self._triangles[self._faces]
         #: Lowest and highest place of the faces that rays may meet, (2, 3).
-        self.box = np.stack([low, high])
-        self._centre = (low + high) / 2
-        half = float((high - low).max()) / 2
+        self.box = np.zeros((2, 3))
+        if len(used):
+            there = np.zeros(len(self._vertices), dtype=bool)
+            there[used] = True
+            places = self._vertices[there]
+            self.box = np.stack([places.min(axis=0), places.max(axis=0)])
+        self._centre = self.box.mean(axis=0)
+        half = float(np.ptp(self.box, axis=0).max()) / 2
         # a power of two, so that nothing is rounded
         self._scale = 2.0 ** math.ceil(math.log2(half)) if half > 0 else 1.0
-        self._cube_box = np.stack([low - self._centre, high - self._centre]) / self._scale
-        self._cube_box += np.array([[-CLEAR], [CLEAR]])
-        # Products of `across_1` and `across_2` with a place in the plane, from the first corner,
-        # are the coefficients of both edges.
-        a, b, c = ((take_rows(each, self._faces) - self._centre) / self._scale for each in corners)
-        normal = crosses(b - a, c - a)
-        across_1, across_2 = (
-            one.T / dots(normal, normal) for one in (crosses(c - a, normal), crosses(normal, b - a))
-        )
-        #: Of the faces that rays may meet: first corner, unit normal, `across_1`, `across_2`.
-        self._shapes = np.concatenate([a.T, self.normals[self._faces].T, across_1, across_2])
+        self._cube_box = (self.box - self._centre) / self._scale + [[-CLEAR], [CLEAR]]
 
     def __len__(self) -> int:
         return len(self._triangles)
@@ -103,10 +93,26 @@ class RayMesh:
         return RayMesh(self._vertices @ linear.T, self._triangles)
 
     def normals_of(self, faces: Indices) -> Real:
-        """Return the unit normals of faces by the order of their corners, (n, 3); NaN for -1."""
-        found = take_rows(self.normals, faces) if len(self) else np.empty((len(faces), 3))
-        found[faces < 0] = np.nan
+        """Return the unit normals of faces that were met, by the order of their corners, (n, 3);
+        NaN for -1.
+        """
+        found = np.full((len(faces), 3), np.nan)
+        met = faces >= 0
+        found[met] = self._shapes[3:6].take(np.searchsorted(self._faces, faces[met]), axis=1).T
         return found
+
+    @cached_property
+    def _shapes(self) -> Real:
+        """Of the faces that rays may meet: first corner, unit normal, `across_1` and `across_2`.
+
+        Products of these two with a place in the plane, from the first corner, are the coefficients
+        of both edges.
+        """
+        a, b, c = ((each - self._centre) / self._scale for each in self._corners(self._faces))
+        normal = crosses(b - a, c - a)
+        square = dots(normal, normal)
+        across_1, across_2 = crosses(c - a, normal).T / square, crosses(normal, b - a).T / square
+        return np.concatenate([a.T, normal.T / np.sqrt(square), across_1, across_2])
 
     @cached_property
     def _tree(self) -> Any:
@@ -231,25 +237,26 @@ class RayMesh:
         # A ray along a face meets its plane far away, or nowhere: the face's extent limits it.
         flat = np.flatnonzero(np.abs(cosine) < _ALONG)
         if flat.size:
-            corners = self._corners(self._faces[number[flat]])
-            ends = (corners - self._centre) / self._scale - starts[flat]
-            ways = np.einsum("knx,nx->kn", ends, along[flat])
-            low, high = ways.min(axis=0), ways.max(axis=0)
+            ways = [
+                dots((corner - self._centre) / self._scale - starts[flat], along[flat])
+                for corner in self._corners(self._faces[number[flat]])
+            ]
+            low, high = np.min(ways, axis=0), np.max(ways, axis=0)
             way[flat] = np.clip(np.where(np.isnan(way[flat]), low, way[flat]), low, high)
         arm += way[:, None] * along
         u, v = dots(arm, across_1), dots(arm, across_2)
         return way, np.minimum(np.minimum(u, v), 1 - u - v) >= -_OUTSIDE
 
-    def _corners(self, faces: Indices) -> Real:
-        """Return the corners of faces, (3, n, 3)."""
-        return np.asarray(self._vertices[self._triangles[faces].T])
+    def _corners(self, faces: Indices | slice = slice(None)) -> tuple[Real, ...]:
+        """Return the corners of faces, three times (n, 3)."""
+        return tuple(take_rows(self._vertices, each) for each in self._triangles[faces].T)
 
     # -- nearest face ------------------------------------------------------------------------------
 
     @cached_property
     def _boxes(self) -> _BoxTree:
-        corners = self._corners(np.arange(len(self)))
-        return _BoxTree(corners.min(axis=0), corners.max(axis=0))
+        a, b, c = self._corners()
+        return _BoxTree(np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c))
 
     def near(self, points: Real, within: Real | float = np.inf) -> tuple[Indices, Real]:
         """Return the face nearest to each point (n, 3) and its distance, (n,) each.
@@ -266,7 +273,7 @@ class RayMesh:
             limit = np.minimum(reach, within[left])
             for row, near in self._boxes.nearest(points[left], limit):
                 row = left[row]
-                distance = triangle_distances(*(self._corners(near) - points[row]))
+                distance = triangle_distances(*(each - points[row] for each in self._corners(near)))
                 begins = np.flatnonzero(np.diff(row, prepend=-1))
                 least = np.minimum.reduceat(distance, begins) if row.size else distance
                 least = np.repeat(least, np.diff(begins, append=row.size))

@@ -154,7 +154,7 @@ def test_rays_leave_the_face_that_they_begin_on():
     weights = rng.dirichlet(np.ones(3), on.size)
     starts = np.einsum("nk,nkx->nx", weights, points[faces[on]])
     inward = rng.normal(size=starts.shape)
-    inward *= -np.sign(np.sum(inward * mesh.normals[on], axis=1))[:, None]
+    inward *= -np.sign(np.sum(inward * mesh.normals_of(on), axis=1))[:, None]
     face, way = mesh.first(starts, inward)
     assert np.all(face >= 0) and np.all(face != on)
     assert np.all(way > 0)
