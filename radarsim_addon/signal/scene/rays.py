@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, are_finite, crosses, dots, norms, take_rows, turned
+from ...errors import MissingDependencyError
 
 #: Distance along a ray up to which its ends lie on a face, as a fraction of the mesh's half extent
 #: (rounded up to a power of two): 16 roundings of float32, more than the start and direction of a
@@ -51,8 +52,13 @@ _ALONG = 1e-3
 
 @cache
 def _device() -> Any:
-    from embreex.rtcore import EmbreeDevice  # 40 ms: most uses of the package cast no ray
-
+    try:
+        from embreex.rtcore import EmbreeDevice  # 40 ms: most uses of the package cast no ray
+    except ImportError as error:
+        raise MissingDependencyError(
+            "embreex is not installed; it finds what rays meet. Install it with 'pip install "
+            "embreex', or in Blender the extension from the zip for your platform."
+        ) from error
     return EmbreeDevice()
 
 
@@ -116,10 +122,11 @@ class RayMesh:
 
     @cached_property
     def _tree(self) -> Any:
+        device = _device()
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
 
-        tree = EmbreeScene(_device(), robust=True)
+        tree = EmbreeScene(device, robust=True)
         with np.errstate(invalid="ignore", over="ignore"):
             places = ((self._vertices - self._centre) / self._scale).astype(np.float32)
         # no face has the vertices that are not finite

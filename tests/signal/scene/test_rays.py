@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
-from radarsim_addon.signal.scene import RayMesh, RayScene, triangle_distances
+from radarsim_addon.errors import MissingDependencyError
+from radarsim_addon.signal.scene import RayMesh, RayScene, rays, triangle_distances
 
 
 def soup(rng, count, size=0.3):
@@ -224,13 +227,13 @@ def test_crossings_are_all_faces_in_order():
     expected = np.sort(ways, axis=1)
     clear &= np.diff(np.minimum(expected, 1e9 * np.arange(1, 61)), axis=1).min(axis=1) > 1e-5
     count = np.zeros(len(origins), int)
-    for number, (rays, face, way) in enumerate(
+    for number, (passing, face, way) in enumerate(
         RayMesh(points, faces).crossings(origins, directions, 100)
     ):
-        mine = clear[rays]
-        np.testing.assert_allclose(way[mine], expected[rays[mine], number], rtol=1e-12)
-        np.testing.assert_array_equal(face[mine], np.argsort(ways, axis=1)[rays[mine], number])
-        count[rays] += 1
+        mine = clear[passing]
+        np.testing.assert_allclose(way[mine], expected[passing[mine], number], rtol=1e-12)
+        np.testing.assert_array_equal(face[mine], np.argsort(ways, axis=1)[passing[mine], number])
+        count[passing] += 1
     np.testing.assert_array_equal(count[clear], np.isfinite(ways).sum(axis=1)[clear])
     assert clear.sum() > 1000 and count.max() > 5
     assert sum(1 for _ in RayMesh(points, faces).crossings(origins, directions, 2)) == 2
@@ -249,8 +252,8 @@ def test_rays_cross_closed_meshes_an_even_number_of_times():
             rng.normal(size=aims.shape)
         )
         count = np.zeros(len(aims), int)
-        for rays, _, _ in RayMesh(mesh_points, mesh_faces).crossings(origins, aims - origins, 9):
-            count[rays] += 1
+        for passing, _, _ in RayMesh(mesh_points, mesh_faces).crossings(origins, aims - origins, 9):
+            count[passing] += 1
         np.testing.assert_array_equal(count, 2)
 
 
@@ -306,6 +309,13 @@ def test_distances_from_triangles_are_those_of_dense_points():
     found = triangle_distances(*corners)
     assert np.all(found <= dense + 1e-12)
     np.testing.assert_allclose(found, dense, atol=0.02)
+
+
+def test_without_embreex_an_error_names_it(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "embreex.rtcore", None)
+    rays._device.cache_clear()
+    with pytest.raises(MissingDependencyError, match="embreex is not installed"):
+        RayMesh(CUBE, CUBE_FACES).first(np.zeros(3), np.ones((1, 3)))
 
 
 # -- bodies ----------------------------------------------------------------------------------------
