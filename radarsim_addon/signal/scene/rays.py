@@ -69,7 +69,7 @@ class RayMesh:
     that are not finite are met by no ray. A ray parameter t stands for origin + t * direction.
     """
 
-    def __init__(self, vertices: Real, triangles: NDArray[Any]) -> None:
+    def __init__(self, vertices: NDArray[Any], triangles: NDArray[Any]) -> None:
         self._vertices = np.asfortranarray(vertices, dtype=np.float64).reshape(-1, 3)
         self._triangles = np.asarray(triangles).reshape(-1, 3)
         corners = self._corners()
