@@ -37,7 +37,7 @@ from ...errors import MissingDependencyError
 #: (rounded up to a power of two): 16 roundings of float32, more than the start and direction of a
 #: ray and Embree's test of an edge add up to.
 CLEAR = 1e-6
-#: How far Embree's rays are moved, along no axis of anything.
+#: How far Embree's rays are moved aside, in a direction that no face is likely to have.
 _ASIDE = CLEAR * np.array([0.62, 0.37, 0.69])
 #: How far before the mesh's box a ray begins, and after it ends, as the same fraction.
 _AROUND = 1.0 / 64
