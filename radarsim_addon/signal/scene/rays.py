@@ -344,6 +344,8 @@ _BRANCHES, _TOP = 4, 16
 _PAIRS = 1 << 18
 #: Room about the box of a body, relative to its size and to its coordinates.
 _ROOM, _ROUNDING = 2e-6, 1e-12
+#: Volume of a pose over the cube of its size below which a body is flat: its inverse rounds.
+_FLAT = 1e-9
 
 
 class RayScene:
@@ -359,7 +361,8 @@ class RayScene:
     ) -> None:
         self._mesh, self._mesh_numbers = mesh, np.asarray(shapes)
         self._linear = linear = poses[:, :3, :3]
-        flat = np.linalg.det(linear) == 0
+        size = np.abs(linear).max(axis=(1, 2), initial=0.0)
+        flat = np.abs(np.linalg.det(linear)) <= _FLAT * size**3
         #: A flat body has no way back into its mesh's axes, but a mesh of its own in the world's.
         self._shapes = np.where(flat, -1 - np.arange(len(poses)), shapes)
         self._flat: dict[int, RayMesh | None] = {}

@@ -393,7 +393,7 @@ def test_meshes_are_read_when_rays_come_near():
 def test_bodies_that_a_pose_makes_flat_are_met():
     """Between others of the same mesh: each flat one where it lies."""
     poses = np.tile(np.eye(4), (4, 1, 1))
-    poses[1:3, 2, 2] = 0.0
+    poses[1:3, 2, 2] = 0.0, 1e-17
     poses[1, :3, :3] = np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]]) @ poses[1, :3, :3]
     poses[:, :3, 3] = [[-9, 0, 0], [0, 0, 2], [5, 0, 1], [9, 0, 0]]
     cube = RayMesh(CUBE, CUBE_FACES)
