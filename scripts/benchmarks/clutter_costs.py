@@ -55,7 +55,7 @@ def _hit_points(name: str, folder: Path, cells: int, count: int) -> dict[str, fl
 
     def timed(hits: Any, rows: PathRows, *places_m: Any) -> Any:
         if not found:
-            many = np.resize(rows, count)
+            many = rows[np.arange(count) % rows.size]
             parts = [many[start : start + rows.size] for start in range(0, count, rows.size)]
             refine(hits, rows.copy(), *places_m)  # reads the meshes
 

@@ -20,11 +20,11 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
 
-from ...arrays import Mask, Real, norms
+from ...arrays import Mask, Real, dots, norms
 from ...errors import ConfigError
 from ...findings import Finding, finding
+from ...signal.scene import RayMesh
 from ..nodes import attributes
 from ..nodes.groups import group_input, input_value
 from ..nodes.materials import (
@@ -104,8 +104,6 @@ _LEAST_DB = 0.02
 _TRIANGLES = 500
 #: Points of an object that may lie in a wall, and faces that a ray may pass, at most.
 _POINTS, _MOST_FACES = 64, 64
-#: Distance from a face at which a ray begins, relative to the size of the object.
-_OFF_FACE = 1e-5
 
 
 def overlapping_shells(depsgraph: Any) -> list[Finding]:
@@ -127,14 +125,10 @@ def overlapping_shells(depsgraph: Any) -> list[Finding]:
 
 def _buried(points: Real, corners: Any) -> float:
     """Fraction of a surface whose outer side is inside another part of the mesh."""
-    tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
+    rays = RayMesh(points, corners)
     place, outward, area = _largest(points[corners])
-    off = _OFF_FACE * float(np.ptp(points, axis=0).max(initial=0.0))
-    buried = np.zeros(len(area), dtype=bool)
-    rays = zip((place + off * outward).tolist(), outward.tolist(), strict=True)
-    for row, (start, ray) in enumerate(rays):
-        _, normal, _, _ = tree.ray_cast(start, ray)
-        buried[row] = normal is not None and normal.dot(ray) > 0
+    with np.errstate(invalid="ignore"):
+        buried = dots(rays.normals_of(rays.first(place, outward)[0]), outward) > 0
     return float(area[buried].sum() / max(area.sum(), 1e-300))
 
 
@@ -219,31 +213,21 @@ def _near(
 
 
 class _Wall:
-    """The mesh of an object or instance, about its own place: the tree is in float32."""
+    """The mesh of an object or instance."""
 
     def __init__(self, snapshot: Snapshot, row: int) -> None:
         matrix = snapshot.matrix(row)
         with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]]) as mesh:
             vertices, corners = read_triangles(mesh)
-        points = vertices @ matrix[:3, :3].T
         self._place = matrix[:3, 3]
-        self._low, self._high = points.min(axis=0), points.max(axis=0)
-        self._step = 1e-6 * float(np.ptp(points, axis=0).max())
-        self._tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
+        self._rays = RayMesh(vertices @ matrix[:3, :3].T, corners)
 
-    def holds(self, points: Real) -> Any:
+    def holds(self, points: Real) -> Mask:
         """Whether points (n, 3) are inside: a ray from each passes an odd number of faces."""
-        points = points - self._place
-        inside = np.all((points > self._low) & (points < self._high), axis=1)
-        ray = np.array([0.3713907, 0.5570860, 0.7427814])  # along no edge
-        for row in np.flatnonzero(inside):
-            start, count = points[row], 0
-            while count < _MOST_FACES:
-                hit, _, _, _ = self._tree.ray_cast(start.tolist(), ray.tolist())
-                if hit is None:
-                    break
-                start, count = np.array(hit) + self._step * ray, count + 1
-            inside[row] = count % 2 == 1
+        inside = np.zeros(len(points), dtype=bool)
+        ray = np.tile([0.3713907, 0.5570860, 0.7427814], (len(points), 1))  # along no edge
+        for rows, _, _ in self._rays.crossings(points - self._place, ray, _MOST_FACES):
+            inside[rows] ^= True
         return inside
 
 

@@ -298,7 +298,7 @@ def thinnest(item: Any, depsgraph: Any) -> float:
     depths = depths_of(item, depsgraph)
     if depths is None or not np.isfinite(depths.depth).any():
         return 0.0
-    return float(np.nanmin(depths.depth))
+    return float(depths.depth.min())
 
 
 def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:

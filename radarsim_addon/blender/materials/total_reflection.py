@@ -18,15 +18,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from functools import cache, partial
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
 
 from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...findings import Finding, finding, finding_about
 from ...physics.fresnel import excess_path_m, slab_power
+from ...signal.scene import RayMesh
 from ..nodes import attributes
 from ..nodes.groups import group_input, input_value
 from ..nodes.materials import has_interior
@@ -46,8 +46,6 @@ _LEAST_FRACTION, _DANGER = 0.005, 0.05
 #: Largest cosine between the faces by which a ray enters and leaves a corner where walls meet: up
 #: to 40 degrees a wall may be round.
 _CORNER = math.cos(math.radians(40.0))
-#: Distance from a face at which a ray begins, relative to the size of the object.
-_OFF_FACE = 1e-6
 #: Times the least difference of two ways within the sizes that Blender takes, still far above 1.
 _FAR_BELOW = 1e200
 #: Normal where there is no layer.
@@ -156,31 +154,27 @@ def _reflected(
             return 0.0, 0.0
         vertices, corners = read_triangles(mesh)
     matrix = np.array(evaluated.matrix_world, dtype=np.float64)
-    # About the object's origin: the tree is in float32.
     points = vertices.astype(np.float64) @ matrix[:3, :3].T
     if np.linalg.det(matrix[:3, :3]) < 0:
         corners = corners[:, ::-1]
     starts, normals, areas = _starts(points[corners])
-    off = _OFF_FACE * float(np.ptp(points, axis=0).max())
-    tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
-    arrive = partial(_arrivals, tree)
+    rays = RayMesh(points, corners)
     entering, reflected, by_corners = 0.0, 0.0, 0.0
     for place in antennas:
-        ray = starts - (np.asarray(place) - matrix[:3, 3])
-        distance = norms(ray)
-        ray /= distance[:, None]
+        antenna = np.asarray(place) - matrix[:3, 3]
+        ray = starts - antenna
+        ray /= norms(ray)[:, None]
         cosine = -np.sum(ray * normals, axis=1)
         enters = cosine > 0
         ray, outward, start = ray[enters], normals[enters], starts[enters]
         # what enters a house enters its inner walls, too
-        first = ~(arrive(start + off * outward, -ray)[1] < distance[enters])
-        met, lost = _lost(body, ray, cosine[enters], outward, start - off * outward, arrive)
+        first = ~rays.blocked(antenna, start)
+        met, lost = _lost(body, ray, cosine[enters], outward, start, rays)
         seen = areas[enters] * cosine[enters]
         entering += float(seen[first & met].sum())
         reflected += float(np.sum(seen * lost))
         if np.isfinite(body.at_most):
-            begin = start - off * outward
-            by_corners += float(seen @ _cut(body, ray, cosine[enters], outward, begin, tree))
+            by_corners += float(seen @ _cut(body, ray, cosine[enters], outward, start, rays))
     entering = max(entering, 1e-300)
     return min(reflected / entering, 1.0), min(by_corners / entering, 1.0)
 
@@ -201,7 +195,6 @@ def _reflected_in_convex(
         ray = start - away[of, :, None]
         ray /= np.sqrt(np.einsum("nxm,nxm->nm", ray, ray))[:, None]
         cosine = -(outward[:, None] @ ray)[:, 0]
-        start -= (_OFF_FACE * part.size[of, None] * outward)[..., None]
         each = _Body(*(column[of, None] for column in columns))
         lost = _lost_in_convex(part, of, each, ray, cosine, outward, start)
         seen = part.areas[of, side][:, None] / len(weights) * cosine
@@ -247,17 +240,19 @@ def _lost_in_convex(
 
 
 def _lost(
-    body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, arrive: Callable[..., Any]
+    body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, rays: RayMesh
 ) -> tuple[Mask, Real]:
-    """Follow rays (..., 3) that enter a body at `begin`: whether each arrives at a face, and the
-    fraction of its power that cannot leave there, (...,).
+    """Follow rays (n, 3) that enter a body at `begin`: whether each arrives at a face, and the
+    fraction of its power that cannot leave there, (n,).
     """
     index = np.asarray(body.refraction)
-    out, way = arrive(begin, _bent(index, ray, cosine, outward))
+    onward = _bent(index, ray, cosine, outward)
+    normals, way = _met(rays, begin, onward)
+    out = dots(normals, onward)
     with np.errstate(invalid="ignore"):
         beyond = index * np.sqrt(np.maximum(0.0, 1 - out**2)) > 1  # false where it is NaN
-    across = np.abs(np.einsum("...x,...x->...", ray, body.layer))
-    straight = arrive(begin, ray, beyond)[1] * np.where(np.isnan(across), 1.0, across)
+    across = np.abs(ray @ body.layer)
+    straight = _met(rays, begin, ray)[1] * np.where(np.isnan(across), 1.0, across)
     least = np.minimum(np.fmin(way, straight), body.at_most)
     return np.isfinite(out), np.where(beyond, np.exp(-body.per_unit * least), 0.0)
 
@@ -268,39 +263,25 @@ def _bent(index: Real, ray: Real, cosine: Real, outward: Real) -> Real:
     return np.asarray(ray / index[..., None] + (cosine / index - bent)[..., None] * outward)
 
 
-def _cut(body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, tree: BVHTree) -> Real:
+def _cut(body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, rays: RayMesh) -> Real:
     """Fraction of the power of rays (n, 3) that leaves a wall by a face across the first, (n,)."""
     index = np.asarray(body.refraction)
     onward = _bent(index, ray, cosine, outward)
-    normals, way = _met(tree, begin, onward)
+    normals, way = _met(rays, begin, onward)
     with np.errstate(invalid="ignore"):
         sine = np.sqrt(np.maximum(0.0, 1 - dots(normals, onward) ** 2))
         cut = (index * sine <= 1) & (np.abs(dots(normals, outward)) < _CORNER)
     return np.where(cut, np.exp(-body.per_unit * np.minimum(way, body.at_most)), 0.0)
 
 
-def _arrivals(
-    tree: BVHTree, starts: Real, onward: Real, asked: Mask | None = None
-) -> tuple[Real, Real]:
-    """Follow rays (n, 3) from inside to where they arrive, or those `asked` for.
+def _met(rays: RayMesh, starts: Real, onward: Real) -> tuple[Real, Real]:
+    """Follow rays (n, 3) from inside to where they arrive.
 
-    Returns the cosine to the normal there and the length of the way, (n,) each; NaN where the mesh
-    is open.
+    Returns the normals there, (n, 3), and the lengths of the ways, (n,); NaN where the mesh is
+    open.
     """
-    normals, way = _met(tree, starts, onward, asked)
-    return np.sum(normals * onward, axis=1), way
-
-
-def _met(tree: BVHTree, starts: Real, onward: Real, asked: Mask | None = None) -> tuple[Real, Real]:
-    """As `_arrivals`, with the normals there, (n, 3), in place of the cosines."""
-    found = np.full((len(starts), 4), np.nan)
-    chosen = np.arange(len(starts)) if asked is None else np.flatnonzero(asked)
-    rays = zip(starts[chosen].tolist(), onward[chosen].tolist(), strict=True)
-    for row, (start, along) in zip(chosen.tolist(), rays, strict=True):
-        _, normal, _, way = tree.ray_cast(start, along)
-        if way is not None:
-            found[row] = *normal, way
-    return found[:, :3], found[:, 3]
+    face, way = rays.first(starts, onward)
+    return rays.normals_of(face), np.where(face >= 0, way, np.nan)
 
 
 def _starts(triangles: Real) -> tuple[Real, Real, Real]:

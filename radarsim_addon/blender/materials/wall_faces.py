@@ -23,9 +23,9 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
 
 from ...arrays import Indices, Int32, Mask, Real, crosses, dots, norms
+from ...signal.scene import RayMesh
 from ..nodes.materials import has_interior
 from ..state import Snapshot, evaluated_mesh, read_numbers, take_snapshot
 from .physical_materials import assigned_materials
@@ -40,8 +40,6 @@ _SMOOTH = 0.9
 _ALL_TRIANGLES, _LARGEST_TRIANGLES = 20_000, 500
 #: Relative difference of one thickness.
 ONE_THICKNESS = 0.01
-#: Distance from a face at which its ray begins, relative to the size of the object.
-_OFF_FACE = 1e-6
 #: Points of a triangle, barycentric: their mean of squares is that of the triangle.
 TRIANGLE_POINTS = np.full((3, 3), 1 / 6) + np.eye(3) / 2
 
@@ -55,7 +53,7 @@ class Depths(NamedTuple):
     area: Real
     #: The points about the object's origin, along the world's axes [Blender units], (n, 3).
     place: Real
-    #: [Blender units], (n,); NaN where the mesh is open behind.
+    #: [Blender units], (n,); infinite where the mesh is open behind.
     depth: Real
     #: Whether the face behind is parallel, (n,).
     parallel: Mask
@@ -120,20 +118,12 @@ def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> De
     chosen = chosen[double[chosen] > 0]
     inward = -outward[chosen] / double[chosen, None]
     place = np.einsum("pk,nkx->npx", TRIANGLE_POINTS, triangles[chosen])
-    tree = BVHTree.FromPolygons(points.tolist(), corners.tolist())
-    off = _OFF_FACE * float(np.ptp(points, axis=0).max(initial=0.0))
-    start = place + off * inward[:, None]
-    depth, parallel = np.full(place.shape[:2], np.nan), np.zeros(place.shape[:2], dtype=bool)
-    for row, (starts, ray) in enumerate(zip(start.tolist(), inward.tolist(), strict=True)):
-        for column, begin in enumerate(starts):
-            _, normal, _, way = tree.ray_cast(begin, ray)
-            if way is not None:
-                depth[row, column] = way + off
-                parallel[row, column] = abs(normal.dot(ray)) > 1 - PARALLEL**2 / 2
+    place, inward = place.reshape(-1, 3), np.repeat(inward, 3, axis=0)
+    found = RayMesh(points, corners)
+    behind, depth = found.first(place, inward)
+    parallel = np.abs(dots(found.normals_of(behind), inward)) > 1 - PARALLEL**2 / 2
     area = np.repeat(double[chosen] / 6, 3)
-    return Depths(
-        np.repeat(face[chosen], 3), area, place.reshape(-1, 3), depth.ravel(), parallel.ravel()
-    )
+    return Depths(np.repeat(face[chosen], 3), area, place, depth, parallel)
 
 
 def find_walls(item: Any, depsgraph: Any) -> WallFaces | None:
@@ -409,12 +399,10 @@ class ConvexBodies(NamedTuple):
         """
         inward = -self.normals.transpose(0, 2, 1)
         starts = np.einsum("pk,ntkx->nxtp", TRIANGLE_POINTS, self.triangles)
-        off = _OUTSIDE * self.size[:, None]
-        starts += off[..., None, None] * inward[..., None]
         onward = np.repeat(inward, len(TRIANGLE_POINTS), axis=2)
         body = np.arange(len(self.items))
         per_way = self.across(body) @ onward * self.per_height(body, starts.reshape(onward.shape))
-        return np.asarray((1 / per_way.max(axis=1) + off).min(axis=1, initial=np.inf))
+        return np.asarray((1 / per_way.max(axis=1)).min(axis=1, initial=np.inf))
 
     def without_walls(self) -> list[Any]:
         """Return the objects in which no face is near enough behind another for a wall.

@@ -24,13 +24,13 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
 from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, are_finite, norms, turned
 from ...contract import BodyRecord
 from ...signal.motion import BodyMotions, StillBodies, body_record, write_still_bodies
 from ...signal.paths import PathRows
+from ...signal.scene import RayMesh
 from ...typed_json import file_sha256
 from ..scene import InstancePose, Poses, distance_from_box, instance_name
 from ..state import Key, Layout
@@ -82,7 +82,7 @@ class Bodies:
         self.originals: dict[int, Any] = {
             numbers[name]: item for name, item in poses.rendered.items() if name in numbers
         }
-        self._surfaces: dict[int, Any] = {}
+        self._surfaces: dict[int, RayMesh] = {}
         number = poses.numbered(names)
         number[~np.isin(number, list(self.originals))] = 0
         self._order = _body_order(poses, number)
@@ -176,7 +176,7 @@ class Bodies:
         at, body = row[~only], index[~only]
         for one in np.unique(body).tolist():  # of those as near as one another the last counts
             mine = at[body == one]
-            distance = self._distances_m(self[one], points[mine], least[mine])
+            distance = self._distances_m(one, points[mine], least[mine])
             nearer = distance <= least[mine]
             found[mine[nearer]], least[mine[nearer]] = one, distance[nearer]
         return found
@@ -203,32 +203,22 @@ class Bodies:
         points = np.broadcast_to(point, (parts.size, 3))
         return int(parts[norms(self._outside(points, parts)).argmin()])
 
-    def _distances_m(self, part: Part, points: Real, within_m: Real) -> Real:
-        """Return the distances of points from the mesh of an object, (n,) [m].
+    def _distances_m(self, index: int, points: Real, within_m: Real) -> Real:
+        """Return the distances of points from the mesh of a body, (n,) [m].
 
         Infinite beyond `within_m`, (n,), and without a mesh (curves, texts), so that meshes nearby
         have priority.
         """
-        found = np.full(len(points), np.inf)
-        if part.number not in self._surfaces:
-            original = self.originals[part.number]
-            mesh = original.type == "MESH"
-            self._surfaces[part.number] = (
-                BVHTree.FromObject(original, self.snapshot.depsgraph) if mesh else None
-            )
-        surface = self._surfaces[part.number]
-        if surface is None:
-            return found
+        shape, instance = int(self.shape[index]), InstancePose(self.pose[index], self.box[index])
+        if self.snapshot.shapes[shape].original.type != "MESH":
+            return np.full(len(points), np.inf)
+        if shape not in self._surfaces:
+            self._surfaces[shape] = RayMesh(*self.snapshot.triangles(self.snapshot.shapes[shape]))
         # one product a point: those of several round otherwise
-        local = distance_from_box(part.instance, points[:, None])[0][:, 0] / self._metres_per_unit
-        scale = float(np.linalg.norm(part.instance.pose[:3, :3], axis=0).max())
-        metres = scale * self._metres_per_unit
+        local = distance_from_box(instance, points[:, None])[0][:, 0] / self._metres_per_unit
+        metres = float(np.linalg.norm(instance.pose[:3, :3], axis=0).max()) * self._metres_per_unit
         reach = within_m * (_BEYOND / metres if metres > 0 else np.inf)
-        for number, (point, most) in enumerate(zip(local.tolist(), reach.tolist(), strict=True)):
-            distance = surface.find_nearest(point, most)[3]
-            if distance is not None:
-                found[number] = distance * scale * self._metres_per_unit
-        return found
+        return self._surfaces[shape].near(local, reach)[1] * metres
 
 
 class Parts:

@@ -11,16 +11,15 @@ numbers the surface points of paths.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from mathutils.bvhtree import BVHTree
-from mathutils.kdtree import KDTree
 from numpy.typing import NDArray
 
 from ...arrays import Real, Single
 from ...signal.paths import PathRows
+from ...signal.scene import RayMesh, barycentric
 from ..materials import SURFACE_TYPES
 from ..scene import distance_from_box
 from ..state import evaluated_mesh, read_numbers, read_triangles
@@ -121,21 +120,10 @@ class DeformingSurface:
                 np.arange(len(positions), dtype=np.int32)[:, None], 3, axis=1
             )
         self._vertices = positions.astype(np.float64)
-        self._find = self._finder(mesh is None)
+        self._rays = RayMesh(self._vertices, self.triangles)
         self.count = len(self._vertices)
         #: Vertices that surface points use: index in the mesh to index in the series.
         self.needed: dict[int, int] = {}
-
-    def _finder(self, points: bool) -> Callable[[Sequence[float]], tuple[int | None, float | None]]:
-        """Return a function that finds the nearest triangle or point, and its distance."""
-        if not points:
-            tree = BVHTree.FromPolygons(self._vertices.tolist(), self.triangles.tolist())
-            return lambda place: tree.find_nearest(place)[2:]
-        balanced = KDTree(len(self._vertices))
-        for number, point in enumerate(self._vertices.tolist()):
-            balanced.insert(point, number)
-        balanced.balance()
-        return lambda place: balanced.find(place)[1:]
 
     @property
     def rounding_m(self) -> float:
@@ -151,19 +139,15 @@ class DeformingSurface:
         some = self.triangles[:: 1 + len(self.triangles) // _PLACES]
         places = self._vertices[some].mean(axis=1)
         if len(later.triangles):
-            apart = max((later._find(place)[1] or 0.0 for place in places.tolist()), default=0.0)
+            apart = float(later._rays.near(places)[1].max(initial=0.0))
         else:
             apart = float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
         return apart * scale * self._units
 
     def attach(self, local_m: Real) -> tuple[NDArray[np.int32], Real]:
         """Return vertices (n, 3) and weights (n, 3) of the nearest surface points to (n, 3) [m]."""
-        faces = np.zeros(len(local_m), dtype=np.intp)
         points = local_m / self._units
-        for row, point in enumerate(points):
-            face = self._find(tuple(point))[0]
-            faces[row] = 0 if face is None else face
-        corners = self.triangles[faces]
+        corners = self.triangles[np.maximum(self._rays.near(points)[0], 0)]
         weights = barycentric(points, self._vertices[corners])
         in_series = [
             [self.needed.setdefault(vertex, len(self.needed)) for vertex in face]
@@ -178,21 +162,6 @@ class DeformingSurface:
             return None
         needed = np.fromiter(self.needed, dtype=np.intp, count=len(self.needed))
         return positions[needed] * np.float32(self._units)
-
-
-def barycentric(points: Real, corners: Real) -> Real:
-    """Return weights, (n, 3), of points (n, 3) projected on triangles (n, 3, 3); their sum is 1."""
-    edge_1, edge_2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    arm = points - corners[:, 0]
-    d11 = np.sum(edge_1 * edge_1, axis=-1)
-    d12 = np.sum(edge_1 * edge_2, axis=-1)
-    d22 = np.sum(edge_2 * edge_2, axis=-1)
-    d1, d2 = np.sum(arm * edge_1, axis=-1), np.sum(arm * edge_2, axis=-1)
-    area = d11 * d22 - d12**2
-    safe = np.where(area > 0, area, 1.0)
-    second = np.where(area > 0, (d22 * d1 - d12 * d2) / safe, 0.0)
-    third = np.where(area > 0, (d11 * d2 - d12 * d1) / safe, 0.0)
-    return np.stack([1 - second - third, second, third], axis=-1)
 
 
 def may_deform(item: Any) -> bool:

@@ -482,9 +482,9 @@ class TileCheckpoints:
                 yield from iter_rows(rows, _CHUNK)
             return
         with open(self.rows_file(key), "rb") as stream:
-            while (rows := PathRows.read(stream, self._dtype)) is not None:
-                rows["tile"] = tile
-                yield from iter_rows(rows, _CHUNK)
+            while (part := PathRows.read(stream, self._dtype)) is not None:
+                part["tile"] = tile
+                yield from iter_rows(part, _CHUNK)
 
     def remove(self) -> None:
         """Remove all tiles: the frame is whole, or not wanted any more."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drafts of profile and map while a scene changes: paths of one reflection by few rays.
 
-`scene` finds the triangles that rays meet and makes rows of a path table of them, `draft` computes
+`scene` makes rows of a path table of the triangles that rays meet, `draft` computes
 expected power [W] from these and has the messages between the window and the process that drafts,
 `worker` is that process.
 """
@@ -25,8 +25,6 @@ from .scene import (
     DraftScene,
     DraftSurface,
     SceneTriangles,
-    ViewGrid,
-    first_hits,
 )
 
 __all__ = [
@@ -41,8 +39,6 @@ __all__ = [
     "DraftSurface",
     "Message",
     "SceneTriangles",
-    "ViewGrid",
-    "first_hits",
     "make_draft",
     "mesh_message",
     "read_message",

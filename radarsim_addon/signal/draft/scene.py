@@ -1,14 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of triangles, and its paths of one reflection as rows of a path table.
 
-Surfaces are as bright as by the closed forms that the materials' shader nodes follow.
-
-The first triangle that each ray of a perspective view meets is found by projection. All rays begin
-at one point. A triangle with corners a, b, c is met by the direction d where d . (b x c), d . (c x
-a) and d . (a x b) have one sign; these three are proportional to the weights of the corners, and no
-triangle needs to be cut at the plane of the view. Only pixels within the projected box of a
-triangle are tried. Nothing is built in advance, so a scene that moves or deforms costs no more than
-one that does not. View axes are Blender's: x to the right, y up, looking along -z.
+Surfaces are as bright as by the closed forms that the materials' shader nodes follow. The trees in
+which rays find triangles stay with the meshes: a scene that moves needs no new ones.
 """
 
 from __future__ import annotations
@@ -16,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -29,6 +24,7 @@ from ...physics.rough import facet_brightness, slope_from_roughness
 from ..decoding import pixel_rays
 from ..paths import PathRows, replicate_offset_px
 from ..radar import Radar, Weather
+from ..scene import RayMesh, RayScene, barycentric
 
 SurfaceKind = Literal["silent", "lambert", "simple", "physical"]
 
@@ -102,136 +98,6 @@ class DraftSurface:
         return np.asarray(10 ** (level_db / 10) / np.maximum(angles.to_receiver_flat, 1e-12))
 
 
-#: Triangles, and pairs of triangle and pixel, that are tried at once: a few megabytes.
-_TRIANGLES, _PAIRS = 1 << 15, 1 << 17
-
-
-@dataclass(frozen=True)
-class ViewGrid:
-    """Pixels of a perspective view: its edges at distance 1, columns and rows; row 0 is the top
-    one.
-    """
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-    columns: int
-    rows: int
-
-    def places(self, column: Indices, row: Indices) -> tuple[Real, Real]:
-        """Return x and y of the centres of pixels at distance 1, each (n,)."""
-        across = (self.right - self.left) / self.columns
-        down = (self.top - self.bottom) / self.rows
-        x, y = self.left + (column + 0.5) * across, self.top - (row + 0.5) * down
-        return np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-
-
-@dataclass(frozen=True)
-class FirstHits:
-    """The first triangle along n rays that meet one."""
-
-    #: row * columns + column, ascending, (n,).
-    pixel: Indices
-    #: Number of the triangle, (n,).
-    triangle: Indices
-    #: Of its corners, adding up to 1, (n, 3).
-    weights: Real
-    #: Along -z of the view, (n,).
-    distance: Real
-
-
-def first_hits(points: Real, triangles: Indices, grid: ViewGrid) -> FirstHits:
-    """Return the first triangle along the ray through the centre of each pixel, seen from either
-    side.
-
-    `points` (points, 3) are corners in view axes, `triangles` (triangles, 3) numbers of corners.
-    """
-    pixels = grid.columns * grid.rows
-    nearest = np.full(pixels, np.inf)
-    triangle = np.full(pixels, -1, dtype=np.intp)
-    weights = np.zeros((pixels, 3))
-    ahead = -points[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        projected = points[:, 0] / ahead, points[:, 1] / ahead
-    for start in range(0, len(triangles), _TRIANGLES):
-        part = triangles[start : start + _TRIANGLES]
-        boxes = _boxes(part, ahead, projected, grid)
-        kept = np.flatnonzero((boxes[1] > 0) & (boxes[3] > 0))
-        boxes = boxes[:, kept]
-        counts = boxes[1] * boxes[3]
-        ends = np.cumsum(counts)
-        first = 0
-        while first < kept.size:
-            before = ends[first] - counts[first]
-            last = max(int(np.searchsorted(ends, before + _PAIRS, side="right")), first + 1)
-            some = kept[first:last]
-            corners = points[part[some]]
-            pixel, number, weight, distance = _tried(corners, boxes[:, first:last], grid)
-            np.minimum.at(nearest, pixel, distance)
-            won = nearest[pixel] == distance
-            triangle[pixel[won]] = start + some[number[won]]
-            weights[pixel[won]] = weight[won]
-            first = last
-    seen = np.flatnonzero(triangle >= 0)
-    return FirstHits(seen, triangle[seen], weights[seen], nearest[seen])
-
-
-def _boxes(
-    triangles: Indices, ahead: Real, projected: tuple[Real, Real], grid: ViewGrid
-) -> Indices:
-    """Return first column, columns, first row and rows of the pixels that triangles may cover, (4,
-    n).
-    """
-    distance = [ahead[triangles[:, corner]] for corner in range(3)]
-    in_front = np.minimum(np.minimum(distance[0], distance[1]), distance[2]) > 0
-    behind = np.maximum(np.maximum(distance[0], distance[1]), distance[2]) <= 0
-    found = np.empty((4, len(triangles)), dtype=np.intp)
-    limits = (
-        (projected[0], grid.left, (grid.right - grid.left) / grid.columns, grid.columns),
-        (projected[1], grid.top, (grid.bottom - grid.top) / grid.rows, grid.rows),
-    )
-    for axis, (place, origin, step, count) in enumerate(limits):
-        with np.errstate(invalid="ignore"):
-            at = (place - origin) / step - 0.5
-            ends = [at[triangles[:, corner]] for corner in range(3)]
-            low = np.minimum(np.minimum(ends[0], ends[1]), ends[2])
-            high = np.maximum(np.maximum(ends[0], ends[1]), ends[2])
-        # one that reaches behind the view may cover any pixel
-        low = np.where(in_front, np.clip(np.ceil(low), 0, count), 0)
-        high = np.where(in_front, np.clip(np.floor(high), -1, count - 1), count - 1)
-        found[2 * axis] = low
-        found[2 * axis + 1] = np.where(behind, 0, np.maximum(high - low + 1, 0))
-    return found
-
-
-def _tried(corners: Real, boxes: Indices, grid: ViewGrid) -> tuple[Indices, Indices, Real, Real]:
-    """Return pixels of triangles (n, 3, 3), their triangles' numbers, weights and distances."""
-    columns = boxes[1]
-    counts = columns * boxes[3]
-    number = np.repeat(np.arange(counts.size), counts)
-    place = np.arange(number.size) - np.repeat(np.cumsum(counts) - counts, counts)
-    row, column = np.divmod(place, columns[number])
-    row, column = row + boxes[2][number], column + boxes[0][number]
-    x, y = grid.places(column, row)
-    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
-    normals = [crosses(b, c), crosses(c, a), crosses(a, b)]
-    volume = dots(a, normals[0])
-    side = np.sign(volume)
-    parts = []
-    inside: Mask = side[number] != 0
-    for normal in normals:
-        p, q, r = (normal * side[:, None])[number].T
-        parts.append(p * x + q * y - r)
-        inside &= parts[-1] >= 0
-    total = parts[0] + parts[1] + parts[2]
-    inside &= total > 0
-    number, total = number[inside], total[inside]
-    weights = np.stack([part[inside] / total for part in parts], axis=1)
-    pixel = (row * grid.columns + column)[inside]
-    return pixel, number, weights, np.abs(volume)[number] / total
-
-
 @dataclass(frozen=True)
 class DraftMesh:
     """A mesh in its own axes, Blender units."""
@@ -243,6 +109,11 @@ class DraftMesh:
     slots: Int32
     #: Shading normals at the corners of triangles, (m, 3, 3); empty where the mesh is flat.
     normals: Single
+
+    @cached_property
+    def rays(self) -> RayMesh:
+        """The mesh for rays."""
+        return RayMesh(self.points, self.triangles)
 
 
 @dataclass(frozen=True)
@@ -316,56 +187,22 @@ class DraftScene:
 
 @dataclass(frozen=True)
 class SceneTriangles:
-    """All m triangles of a scene: corners in the receiver's axes, one after the other."""
+    """The triangles of a scene, and what rays meet among them."""
 
-    #: (v, 3) [m] and (m, 3).
-    points: Real
-    triangles: Indices
-    #: Object, and number of the surface, of each triangle, (m,).
-    item: Indices
-    surface: Indices
-    #: Shading normals at the corners of k triangles in the mesh's axes, (k, 3, 3).
-    normals: Single
-    #: Row of `normals` of each triangle, (m,); -1 for flat ones.
-    normal_row: Indices
+    #: Mesh of each object.
+    meshes: Sequence[DraftMesh]
+    rays: RayScene
 
     @classmethod
     def of(cls, scene: DraftScene, meshes: Mapping[int, DraftMesh]) -> SceneTriangles:
-        """Gather the meshes of a scene that are not behind the receiver."""
-        to_receiver = np.linalg.inv(np.array(scene.receiver.matrix_world)) @ scene.matrices
-        none = np.zeros(0, dtype=np.intp)
-        points, triangles = [np.zeros((0, 3))], [none.reshape(0, 3)]
-        items, surfaces, normal_rows = [none], [none], [none]
-        normals = [np.zeros((0, 3, 3), dtype=np.float32)]
-        count = smooth = 0
-        for item, key in enumerate(scene.meshes):
-            mesh, matrix, slots = meshes[key], to_receiver[item], np.array(scene.slots[item])
-            here = mesh.points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-            if not (here[:, 2] < 0).any():
-                continue
-            size = len(mesh.triangles)
-            points.append(here)
-            triangles.append(mesh.triangles.astype(np.intp) + count)
-            items.append(np.full(size, item))
-            surfaces.append(slots[np.minimum(mesh.slots, slots.size - 1)])
-            row = np.full(size, -1, dtype=np.intp)
-            if mesh.normals.size:
-                row = np.arange(smooth, smooth + size)
-                normals.append(mesh.normals)
-                smooth += size
-            normal_rows.append(row)
-            count += len(here)
-        return cls(
-            np.concatenate(points),
-            np.concatenate(triangles),
-            np.concatenate(items),
-            np.concatenate(surfaces),
-            np.concatenate(normals),
-            np.concatenate(normal_rows),
-        )
+        """Gather the meshes of a scene."""
+        own = [meshes[key] for key in scene.meshes]
+        boxes = np.array([mesh.rays.box for mesh in own]).reshape(-1, 2, 3)
+        keys = np.array(scene.meshes, dtype=np.intp)
+        return cls(own, RayScene(scene.matrices, boxes, keys, lambda key: meshes[key].rays))
 
     def __len__(self) -> int:
-        return len(self.triangles)
+        return sum(len(mesh.triangles) for mesh in self.meshes)
 
 
 def draft_rows(
@@ -388,18 +225,18 @@ def _replicate(
 ) -> PathRows:
     """Return the rows of one of `count` replicates."""
     receiver = _moved(scene.receiver, size, replicate_offset_px(number))
-    grid = ViewGrid(receiver.left, receiver.right, receiver.bottom, receiver.top, *size)
-    hits = first_hits(triangles.points, triangles.triangles, grid)
     rays = pixel_rays(receiver, *size)
-    direction = rays.direction.reshape(-1, 3)[hits.pixel]
-    solid_angle_sr = rays.solid_angle_sr.ravel()[hits.pixel] / count
-    places = _Places.of(scene, triangles, hits)
+    direction = rays.direction.reshape(-1, 3)
+    item, face, way = triangles.rays.first(rays.origin_m, direction)
+    pixel = np.flatnonzero(item >= 0)
+    direction, solid_angle_sr = direction[pixel], rays.solid_angle_sr.ravel()[pixel] / count
+    points_m = rays.origin_m + way[pixel, None] * direction
+    places = _Places.of(scene, triangles.meshes, item[pixel], face[pixel], points_m)
     angles = places.angles(direction)
-    brightness = np.zeros(hits.pixel.size)
-    surface = triangles.surface[hits.triangle]
+    brightness = np.zeros(pixel.size)
     carrier_hz = scene.radar.waveform.carrier_hz
-    for one in np.unique(surface):
-        mine = surface == one
+    for one in np.unique(places.surface):
+        mine = places.surface == one
         some = Angles(*(getattr(angles, f.name)[mine] for f in dataclasses.fields(Angles)))
         brightness[mine] = scene.surfaces[one].brightness(some, carrier_hz)
     echoing = np.flatnonzero(brightness > 0)
@@ -441,9 +278,10 @@ def _moved(
 
 @dataclass(frozen=True)
 class _Places:
-    """Where n rays hit: object, place and normals in world space, distances [m]."""
+    """Where n rays hit: object, surface, place and normals in world space, distances [m]."""
 
     item: Indices
+    surface: Indices
     points_m: Real
     normal: Real
     flat_normal: Real
@@ -452,27 +290,34 @@ class _Places:
     from_receiver_m: Real
 
     @classmethod
-    def of(cls, scene: DraftScene, triangles: SceneTriangles, hits: FirstHits) -> _Places:
-        pose = np.array(scene.receiver.matrix_world)
-        corners = triangles.points[triangles.triangles[hits.triangle]]
-        local = np.einsum("nc,nci->ni", hits.weights, corners)
-        flat = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        flat = _towards(flat, -local) @ pose[:3, :3].T
-        points = local @ pose[:3, :3].T + pose[:3, 3]
-        item = triangles.item[hits.triangle]
-        normal = flat.copy()
-        row = triangles.normal_row[hits.triangle]
-        smooth = np.flatnonzero(row >= 0)
-        if smooth.size:
-            own = np.einsum("nc,nci->ni", hits.weights[smooth], triangles.normals[row[smooth]])
-            turned = np.linalg.pinv(scene.matrices[:, :3, :3])[item[smooth]]  # used transposed
-            own = np.einsum("nji,nj->ni", turned, own)
-            normal[smooth] = _towards(own, -local[smooth] @ pose[:3, :3].T)
-        away = np.array(scene.transmitter.matrix_world)[:3, 3] - points
+    def of(
+        cls,
+        scene: DraftScene,
+        meshes: Sequence[DraftMesh],
+        item: Indices,
+        face: Indices,
+        points_m: Real,
+    ) -> _Places:
+        receiver_m = np.array(scene.receiver.matrix_world)[:3, 3]
+        surface = np.zeros(item.size, dtype=np.intp)
+        flat, normal = np.zeros((2, item.size, 3))
+        for one in np.unique(item).tolist():
+            mine = np.flatnonzero(item == one)
+            mesh, matrix, slots = meshes[one], scene.matrices[one], np.array(scene.slots[one])
+            surface[mine] = slots[np.minimum(mesh.slots[face[mine]], slots.size - 1)]
+            corners = mesh.points[mesh.triangles[face[mine]]] @ matrix[:3, :3].T + matrix[:3, 3]
+            away = receiver_m - points_m[mine]
+            across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            flat[mine] = normal[mine] = _towards(across, away)
+            if mesh.normals.size:
+                weights = barycentric(points_m[mine], corners)
+                own = np.einsum("nc,nci->ni", weights, mesh.normals[face[mine]])
+                normal[mine] = _towards(own @ np.linalg.pinv(matrix[:3, :3]), away)
+        away = np.array(scene.transmitter.matrix_world)[:3, 3] - points_m
         there_m = norms(away)
         return cls(
-            item, points, normal, flat, away / there_m[:, None], there_m,
-            distances(points, pose[:3, 3]),
+            item, surface, points_m, normal, flat, away / there_m[:, None], there_m,
+            distances(points_m, receiver_m),
         )  # fmt: skip
 
     def angles(self, direction: Real) -> Angles:

@@ -13,7 +13,6 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from mathutils.bvhtree import BVHTree
 
 from radarsim_addon.blender.materials import (
     convex_objects,
@@ -29,6 +28,7 @@ from radarsim_addon.blender.materials.physical_materials import suggest_material
 from radarsim_addon.blender.nodes import attributes, make_material
 from radarsim_addon.blender.nodes.physical_material import table_angles_rad
 from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.signal.scene import RayMesh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.render_helpers import add_box
@@ -197,11 +197,11 @@ def is_corner(turn_deg: float) -> bool:
     """A ray leaves, unbent, by a face that is turned against the one where it entered."""
     slope = math.tan(math.radians(turn_deg))
     points = [(x, y, -1 - slope * x) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    tree = BVHTree.FromPolygons(points, [(0, 1, 2, 3)])
+    rays = RayMesh(np.array(points), np.array([(0, 1, 2), (0, 2, 3)]))
     body = total_reflection._Body(1.0, 0.0, np.full(3, np.nan), 1.0)
     up = np.array([[0.0, 0.0, 1.0]])
     begin = np.array([[0.01, 0.02, 0.0]])
-    return bool(total_reflection._cut(body, -up, np.ones(1), up, begin, tree)[0] > 0)
+    return bool(total_reflection._cut(body, -up, np.ones(1), up, begin, rays)[0] > 0)
 
 
 UPRIGHT = np.array([0.0, 0.0, 1.0])

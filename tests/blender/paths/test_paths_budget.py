@@ -129,7 +129,7 @@ def test_relative_error_in_closed_form() -> None:
     budget = ErrorBudget()
     # Two shifts a +- d: variance of the mean d^2.
     rows = [
-        np.concatenate(
+        PathRows.joined(
             [rows_at([10.0], [(1 + s * 0.1) / 2], [0]), rows_at([50.0], [(4 + s * 0.8) / 2], [0])]
         )
         for s in (1, -1)

@@ -21,7 +21,6 @@ from radarsim_addon.blender.paths import (
     error_budget,
     glints,
     mirrors,
-    obstacles,
 )
 from radarsim_addon.blender.paths.curved_mirrors import CurvedMirrors
 from radarsim_addon.blender.paths.hit_points import BodyMeshes, HitPoints
@@ -372,25 +371,6 @@ def spoils_phases(wavelengths: float) -> bool:
     return "phase-unreliable" in {one.code for one in sums.findings(1.0)}
 
 
-def are_too_many(thousands: float) -> bool:
-    """Triangles that delay; their tree is not made here."""
-    shape = SimpleNamespace(
-        original=SimpleNamespace(hide_render=False, type="MESH"), materials=(None,)
-    )
-    snapshot: Any = mock.MagicMock(shapes=[shape])
-    snapshot.layout.shape, snapshot.layout.visible = np.zeros(1, int), np.ones(1, bool)
-    snapshot.matrices_of.return_value = [np.eye(4)]
-    triangles = np.zeros((int(1000 * thousands), 3), int)
-    with (
-        mock.patch.object(obstacles, "delays", return_value=True),
-        mock.patch.object(obstacles, "read_triangles", return_value=(np.zeros((1, 3)), triangles)),
-        mock.patch.object(obstacles, "BVHTree"),
-    ):
-        ways = obstacles.DelayedWays(snapshot, np.zeros(3), 1.0)
-    ways._tree.ray_cast.return_value = (None,)
-    return bool(ways.to(np.ones((1, 3)))[0])
-
-
 def is_divided(pitch: float) -> bool:
     """A tile of this pitch, over a tiny object."""
     window = ViewWindow(0.0, 8 * pitch, 0.0, 8 * pitch, 8, 8)
@@ -437,7 +417,6 @@ def is_divided(pitch: float) -> bool:
         pytest.param(lambda w: is_poor(w, "first"), 1.8, 2.2, id="from-a-wide-lobe"),
         pytest.param(lambda w: is_poor(w, "last"), 1.8, 2.2, id="to-a-wide-lobe"),
         pytest.param(spoils_phases, 0.045, 0.055, id="length-error"),
-        pytest.param(are_too_many, 499, 501, id="delaying-triangles"),
         pytest.param(is_divided, 0.9e-6, 1.1e-6, id="finest-pitch"),
     ],
 )

@@ -255,17 +255,6 @@ def test_nearest_point_of_a_triangle(corners: list[Any], expected: float) -> Non
         assert found == pytest.approx(expected, abs=1e-15)
 
 
-def test_nearest_against_many_points_on_the_triangle() -> None:
-    rng = np.random.default_rng(1)
-    weights = rng.dirichlet((1, 1, 1), 20_000)
-    for _ in range(20):
-        corners = rng.normal(size=(3, 3)) + rng.normal(size=3) * 2
-        sampled = np.linalg.norm(weights @ corners, axis=1).min()
-        (found,) = nearest_distances([corners[None]])
-        assert found <= sampled + 1e-12
-        assert found == pytest.approx(sampled, abs=0.1)
-
-
 def test_nearest_of_many_surfaces_at_once() -> None:
     """Surfaces of all sizes, also larger than the blocks that are computed together."""
     rng = np.random.default_rng(2)
