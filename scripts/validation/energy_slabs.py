@@ -13,6 +13,7 @@ import numpy as np
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import (
     EXACT_FACETS,
+    read_surface,
     set_layer_normals,
     settle_interiors,
     update_materials,
@@ -20,7 +21,6 @@ from radarsim_addon.blender.materials import (
 from radarsim_addon.blender.materials.physical_materials import ASSETS, Medium
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import refresh_groups
-from radarsim_addon.blender.nodes.materials import lets_nothing_through
 from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.blender.ui.material_panel import BLEND
 
@@ -93,7 +93,7 @@ def library_slabs(bench: Bench) -> list[Check]:
             continue
         index = Medium(asset.medium, asset.parameters).index(CARRIER_HZ)
         furnace = _library_furnace(bench, asset.name, SLAB_M)
-        opaque = lets_nothing_through(bpy.data.materials[asset.name])
+        opaque = read_surface(bpy.data.materials[asset.name]).is_opaque
         found, row = [], []
         for angle_deg in angles:
             expected = _library_series(index, opaque, angle_deg)

@@ -21,9 +21,9 @@ import radarsim_addon
 from radarsim_addon import blender as radarsim
 from radarsim_addon import signal
 from radarsim_addon.blender import rig_settings
+from radarsim_addon.blender.materials import read_surface
 from radarsim_addon.blender.materials.physical_materials import medium_of
 from radarsim_addon.blender.nodes.groups import group_input, group_node
-from radarsim_addon.blender.nodes.materials import has_interior
 from radarsim_addon.blender.rig_settings import read_link_budget, read_measurement
 from radarsim_addon.errors import ConfigError, SceneError, SettingNameError
 from radarsim_addon.signal.paths import read_paths_record
@@ -239,13 +239,16 @@ def test_simple_and_impenetrable_materials(empty: Any) -> None:
     """Waves enter where the Volume is linked; a preset is the file's one."""
 
     metal = radarsim.simple_material("metal")
-    assert radarsim.simple_material("metal") is metal and not has_interior(metal)
+    assert radarsim.simple_material("metal") is metal and not read_surface(metal).has_interior
     own = radarsim.simple_material(name="Own", n=2.0, kappa=0.1, specularity=0.3, roughness=0.6)
     values = [socket.default_value for socket in group_node(own).inputs][:4]
     assert own.name == "Own" and values == pytest.approx([2.0, 0.1, 0.3, 0.6], rel=1e-6)
-    assert has_interior(own) and not has_interior(radarsim.simple_material(n=2.0, penetrable=False))
-    assert has_interior(radarsim.material("concrete"))
-    assert not has_interior(radarsim.material("concrete", penetrable=False))
+    assert (
+        read_surface(own).has_interior
+        and not read_surface(radarsim.simple_material(n=2.0, penetrable=False)).has_interior
+    )
+    assert read_surface(radarsim.material("concrete")).has_interior
+    assert not read_surface(radarsim.material("concrete", penetrable=False)).has_interior
     for wrong in ({}, {"preset": "metal", "n": 2.0}, {"preset": "metal", "roughness": 0.1}):
         with pytest.raises(ConfigError, match="preset"):
             radarsim.simple_material(**wrong)

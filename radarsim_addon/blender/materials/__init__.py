@@ -27,10 +27,8 @@ from .interiors import (
 )
 from .layers import (
     beyond_float32,
-    delays,
     doubled_panes,
     interior_losses_db,
-    is_entered,
     set_layer_normals,
     sharpen_edges,
 )
@@ -80,7 +78,6 @@ __all__ = [
     "clutter_name",
     "clutter_of",
     "convex_objects",
-    "delays",
     "doubled_panes",
     "fluctuation_of",
     "foreign_objects",
@@ -88,7 +85,6 @@ __all__ = [
     "ground_mirror",
     "has_no_faces",
     "interior_losses_db",
-    "is_entered",
     "is_physical",
     "make_physical_material",
     "media_beyond_their_band",

@@ -24,17 +24,12 @@ import numpy as np
 from ...arrays import Mask, Real, dots, norms
 from ...errors import ConfigError
 from ...findings import Finding, finding
-from ...signal.scene import RayMesh
+from ...signal.scene import SMOOTH_BELOW, RayMesh, Surface
 from ..nodes import attributes
-from ..nodes.groups import group_input, input_value
 from ..nodes.materials import (
-    has_interior,
-    lets_nothing_through,
     transmission_inputs,
     volume_link,
 )
-from ..nodes.physical_material import SMOOTH_BELOW
-from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS
 from ..state import (
     SettingsRestorer,
     Snapshot,
@@ -43,8 +38,9 @@ from ..state import (
     read_triangles,
     take_snapshot,
 )
-from .layers import FACES_LOSS_DB, MAX_LOSS_DB, delays, is_entered
+from .layers import FACES_LOSS_DB, MAX_LOSS_DB
 from .physical_materials import SURFACE_TYPES, assigned_materials
+from .surfaces import read_surface, surfaces_of
 from .wall_faces import ALL_FACES, LayerFaces
 
 
@@ -63,7 +59,7 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
     entered: dict[int, Any] = {}
     for material in sorted(materials, key=lambda item: item.name_full):
         link = volume_link(material)
-        if lets_nothing_through(material):
+        if read_surface(material).is_opaque:
             opaque.append(material)
             if link is not None:
                 _unlink(recorder, material, link)
@@ -109,9 +105,9 @@ _POINTS, _MOST_FACES = 64, 64
 def overlapping_shells(depsgraph: Any) -> list[Finding]:
     """Find meshes with an interior that consist of parts which reach into one another."""
     found = []
-    is_inside = cache(has_interior)
+    surfaces = surfaces_of(take_snapshot(depsgraph))
     for item, materials in assigned_materials(depsgraph):
-        if item.type != "MESH" or not any(map(is_inside, materials)):
+        if item.type != "MESH" or not any(one.has_interior for one in surfaces.of(materials)):
             continue
         with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
             if mesh is None or len(mesh.polygons) <= 6:  # a box, or less, has no parts
@@ -150,6 +146,7 @@ def found_inside(depsgraph: Any, antennas: Sequence[Real]) -> list[Finding]:
     [Blender units].
     """
     snapshot, places = take_snapshot(depsgraph), np.asarray(antennas, dtype=np.float64)
+    surfaces = surfaces_of(snapshot)
     low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
     found = []
     if names := list(_in_walls(snapshot, places, low, high)):
@@ -157,12 +154,11 @@ def found_inside(depsgraph: Any, antennas: Sequence[Real]) -> list[Finding]:
     within = ((places[:, None] > low) & (places[:, None] < high)).all(axis=2).any(axis=0)
     for row in np.flatnonzero(within & snapshot.layout.visible).tolist():
         shape = snapshot.shapes[snapshot.layout.shape[row]]
-        entered = [one for one in shape.materials if has_interior(one)]
+        entered = [one for one in surfaces.of(shape.materials) if one.has_interior]
         if not entered or shape.kind != "MESH" or not _is_surface(shape):
             continue
         count = int(np.sum(_Wall(snapshot, row).holds(places)))
-        sockets = [group_input(material, INDEX) for material in entered]
-        index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
+        index = max((one.n for one in entered if one.n is not None), default=1.0)
         if count and abs(power_db := 20 * count * math.log10(index)) > _LEAST_DB:
             label = snapshot.label(row)
             found.append(finding("antenna-in-medium", label, index=index, power_db=power_db))
@@ -300,20 +296,19 @@ def settle_interiors_far_away(
     depth = _DEPTH_ROUNDINGS * _EPS32 * distance
     nepers = _ABSORPTION_ROUNDINGS * _EPS32 * range_encoding_length * math.log(10) / 10
     delay, errors, walls = False, {}, []
-    # asked once a material, not once an object
-    passes, is_inside = cache(delays), cache(has_interior)
-    is_whole, lengths = cache(is_entered), cache(_lengths)
+    surfaces, lengths = surfaces_of(take_snapshot(depsgraph)), cache(_lengths)
     for one in assigned_materials(depsgraph):
-        delay |= any(map(passes, one.materials))
-        entered = [material for material in one.materials if is_inside(material)]
+        known = surfaces.of(one.materials)
+        delay |= any(surface.delays for surface in known)
+        entered = [surface for surface in known if surface.has_interior]
         loss_db = losses_db.get(one.item.name_full, 0.0)
         shell = attributes.OBJECT_SHELL_THICKNESS in one.item
         if not entered or shell or loss_db > MAX_LOSS_DB:  # nothing comes out
             continue
-        per = [lengths(material, wavelength, extinction_length) for material in entered]
+        per = [lengths(surface, wavelength, extinction_length) for surface in entered]
         error = _rounding(per, depth, nepers * loss_db)
         errors[one.item.name_full] = one.item, error
-        plate = len(set(one.materials)) == 1 and is_whole(one.materials[0])
+        plate = len(set(one.materials)) == 1 and known[0].is_entered
         if plate and _matters(error, wavelength) and loss_db <= FACES_LOSS_DB:
             middle = _middle_of_plate(one.item, depsgraph)
             if not math.isnan(middle):
@@ -358,11 +353,10 @@ def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
     return said.as_information() if small else said
 
 
-def _lengths(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
+def _lengths(surface: Surface, wavelength: float, extinction_length: float) -> tuple[float, float]:
     """Loss [dB] and delay [Blender units] of a material, for each Blender unit of depth."""
-    kappa, index = (input_value(material, name, 0.0) for name in (EXTINCTION, INDEX))
-    per = wavelength if is_entered(material) else extinction_length
-    return 4 * math.pi * kappa / per * 10 / math.log(10), index - 1
+    per = wavelength if surface.is_entered else extinction_length
+    return 4 * math.pi * surface.index.imag / per * 10 / math.log(10), surface.index.real - 1
 
 
 def _rounding(
@@ -385,7 +379,7 @@ def _middle_of_plate(item: Any, depsgraph: Any) -> float:
 
 def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
     """Whether a rough wall has a rim that counts: waves inside it come back from there."""
-    roughness = (input_value(slot.material, ROUGHNESS, 0.0) for slot in item.material_slots)
+    roughness = (read_surface(slot.material).roughness or 0.0 for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
         LayerFaces.read([item], depsgraph).rim_fractions(normal[None])[0] > _LEAST_RIM

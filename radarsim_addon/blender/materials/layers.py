@@ -11,7 +11,6 @@ panes that are modelled by both of their sides, give findings.
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import Any
 
 import bpy
@@ -20,12 +19,9 @@ import numpy as np
 from ...arrays import Real
 from ...findings import Finding, finding, finding_about
 from ..nodes import attributes
-from ..nodes.groups import group_input, group_kind
-from ..nodes.materials import has_interior
-from ..nodes.physical_material import PHYSICAL_KIND
-from ..nodes.radar_material import EXTINCTION
-from ..state import SettingsRestorer, read_numbers
-from .physical_materials import SHEET_THICKNESS, assigned_materials, is_sheet
+from ..state import SettingsRestorer, read_numbers, take_snapshot
+from .physical_materials import SHEET_THICKNESS, assigned_materials
+from .surfaces import surfaces_of
 from .wall_faces import (
     LAYER_SHARE,
     MIN_PLATE_FRACTION,
@@ -204,8 +200,12 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
     none.
     """
     others: list[str] = []
-    entered = cache(is_entered)
-    items = [one.item for one in assigned_materials(depsgraph) if any(map(entered, one.materials))]
+    surfaces = surfaces_of(take_snapshot(depsgraph))
+    items = [
+        item
+        for item, materials in assigned_materials(depsgraph)
+        if any(one.is_entered for one in surfaces.of(materials))
+    ]
     faces = LayerFaces.read(items, depsgraph)
     given = [item.get(attributes.OBJECT_LAYER_NORMAL) for item in items]
     own = np.array([one is not None for one in given], dtype=bool)
@@ -275,21 +275,6 @@ def _set_thickness(recorder: SettingsRestorer, item: Any, thickness: float) -> N
         recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
 
 
-def is_entered(material: Any) -> bool:
-    """Return whether waves enter objects of a physical material: its Volume is connected."""
-    return group_kind(material) == PHYSICAL_KIND and has_interior(material)
-
-
-def passes_by_polarisation(material: Any) -> bool:
-    """Return whether waves pass a material by Fresnel's equations for each polarisation."""
-    return is_sheet(material) or is_entered(material)
-
-
-def delays(material: Any) -> bool:
-    """Return whether waves that pass a material are delayed: by its interior, or as thin panes."""
-    return has_interior(material) or passes_by_polarisation(material)
-
-
 def thinnest(item: Any, depsgraph: Any) -> float:
     """Return the least depth behind the largest faces of an object, across them [Blender units].
 
@@ -306,15 +291,14 @@ def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
 
     It is across each where it is thinnest; `wavelength` is in Blender units.
     """
-    is_inside, input_of = cache(is_entered), cache(group_input)
+    surfaces = surfaces_of(take_snapshot(depsgraph))
     depths = least_depths(depsgraph)
     losses = {}
     for item, materials in assigned_materials(depsgraph):
-        entered = [material for material in materials if is_inside(material)]
+        entered = [surface for surface in surfaces.of(materials) if surface.is_entered]
         if item.type != "MESH" or not entered:
             continue
-        sockets = [input_of(material, EXTINCTION) for material in entered]
-        kappa = max((float(s.default_value) for s in sockets if s is not None), default=0.0)
+        kappa = max((one.kappa for one in entered if one.kappa is not None), default=0.0)
         if kappa > 0:
             depth = depths[item] if item in depths else thinnest(item, depsgraph)
             nepers = 2 * 4 * math.pi * kappa / wavelength * depth
@@ -356,9 +340,9 @@ _LEAST_FRACTION = 0.1
 
 def doubled_panes(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
     """Find objects whose thin sheets have another face right behind them: they count twice."""
-    named, is_pane = [], cache(is_sheet)
+    named, surfaces = [], surfaces_of(take_snapshot(depsgraph))
     for item, materials in assigned_materials(depsgraph):
-        sheets = [m for m in materials if m is not None and is_pane(m)]
+        sheets = [one for one in materials if surfaces[one].kind == "sheet"]
         if item.type != "MESH" or not sheets:
             continue
         depths = depths_of(item, depsgraph)

@@ -26,14 +26,12 @@ import numpy as np
 from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...findings import Finding, finding, finding_about
 from ...physics.fresnel import excess_path_m, slab_power
-from ...signal.scene import RayMesh
+from ...signal.scene import RayMesh, Surface
 from ..nodes import attributes
-from ..nodes.groups import group_input, input_value
-from ..nodes.materials import has_interior
-from ..nodes.radar_material import EXTINCTION, INDEX
 from ..state import evaluated_mesh, read_triangles, take_snapshot
-from .layers import is_entered, passes_by_polarisation, thinnest
+from .layers import thinnest
 from .physical_materials import assigned_materials
+from .surfaces import surfaces_of
 from .wall_faces import ConvexBodies, convex_parts, linear_of
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
@@ -78,13 +76,13 @@ def total_reflections(
     information and one as a caution, if any, with indices and fractions of their objects; and the
     same of ``wall-corners``, of objects whose faces absorb and delay.
     """
-    is_inside, inside_of = cache(has_interior), cache(_inside)
+    surfaces, inside_of = surfaces_of(take_snapshot(depsgraph)), cache(_inside)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     bodies: dict[Any, _Body] = {}
     for item, materials in assigned_materials(depsgraph):
-        entered = [material for material in materials if is_inside(material)]
+        entered = [surface for surface in surfaces.of(materials) if surface.has_interior]
         if item.type == "MESH" and entered:
-            mediums = [inside_of(material, wavelength, extinction_length) for material in entered]
+            mediums = [inside_of(surface, wavelength, extinction_length) for surface in entered]
             bodies[item] = _body(item, depsgraph, mediums)
     fractions = dict.fromkeys(bodies, 0.0)
     bending = {item for item, body in bodies.items() if body.refraction > 1}
@@ -118,11 +116,10 @@ def _said(
     return said + ([about(caution)] if caution else [])
 
 
-def _inside(material: Any, wavelength: float, extinction_length: float) -> tuple[float, float]:
+def _inside(surface: Surface, wavelength: float, extinction_length: float) -> tuple[float, float]:
     """Index of a material, 1 at least, and its absorption of power [1 / Blender unit]."""
-    per = wavelength if is_entered(material) else extinction_length
-    absorption = 4 * math.pi * input_value(material, EXTINCTION, 0.0) / per
-    return max(1.0, input_value(material, INDEX, 1.0)), absorption
+    per = wavelength if surface.is_entered else extinction_length
+    return max(1.0, surface.index.real), 4 * math.pi * surface.index.imag / per
 
 
 def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> _Body:
@@ -312,11 +309,11 @@ def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
     One ``interior-not-refracted`` has all of them, and what the one with the largest error adds to
     an echo behind it at two angles.
     """
-    simple = cache(lambda material: has_interior(material) and not is_entered(material))
+    surfaces = surfaces_of(take_snapshot(depsgraph))
     worst: dict[str, tuple[float, float]] = {}
     for item, materials in assigned_materials(depsgraph):
-        sockets = [group_input(material, INDEX) for material in materials if simple(material)]
-        index = max((float(s.default_value) for s in sockets if s is not None), default=1.0)
+        simple = (s for s in surfaces.of(materials) if s.has_interior and not s.is_entered)
+        index = max((one.n for one in simple if one.n is not None), default=1.0)
         if item.type != "MESH" or index <= 1:
             continue
         depth_m = thinnest(item, depsgraph) * metres_per_unit
@@ -344,9 +341,9 @@ def averaging_objects(depsgraph: Any) -> dict[str, complex]:
     their largest index.
     """
     found = {}
-    averages, index = cache(passes_by_polarisation), cache(_index)  # many objects share materials
+    surfaces = surfaces_of(take_snapshot(depsgraph))
     for item, materials in assigned_materials(depsgraph):
-        indices = [index(material) for material in materials if averages(material)]
+        indices = [one.index for one in surfaces.of(materials) if one.passes_by_polarisation]
         if indices:
             found[item.name_full] = max(indices, key=abs)
     return found
@@ -393,7 +390,3 @@ def _loss_db(index: complex, angle_deg: float) -> float:
     wall = slab_power(index, 1e-12, 1.0, math.cos(math.radians(angle_deg)), "single-pass")
     s, p = float(wall.transmitted_s), float(wall.transmitted_p)
     return 20 * math.log10((s**2 + p**2) / 2 / ((s + p) / 2) ** 2)
-
-
-def _index(material: Any) -> complex:
-    return complex(input_value(material, INDEX, 1.0), input_value(material, EXTINCTION, 0.0))

@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from functools import cache
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -26,9 +25,9 @@ import numpy as np
 
 from ...arrays import Indices, Int32, Mask, Real, crosses, dots, norms
 from ...signal.scene import RayMesh
-from ..nodes.materials import has_interior
 from ..state import Snapshot, evaluated_mesh, read_numbers, take_snapshot
 from .physical_materials import assigned_materials
+from .surfaces import surfaces_of
 
 #: Maximum difference of the unit normals of parallel faces.
 PARALLEL = 0.02
@@ -459,13 +458,13 @@ def least_depths(depsgraph: Any) -> dict[Any, float]:
 
 
 def _find(depsgraph: Any) -> Iterable[ConvexBodies]:
-    inside = cache(has_interior)
     alike: defaultdict[tuple[int, int], list[Any]] = defaultdict(list)
     snapshot = take_snapshot(depsgraph)
+    surfaces = surfaces_of(snapshot)
     own = {shape.original: shape for shape in snapshot.shapes if shape.own and shape.kind == "MESH"}
     row_of = snapshot.layout.row_of
     for item, materials in assigned_materials(depsgraph):
-        if item not in own or not any(map(inside, materials)):
+        if item not in own or not any(one.has_interior for one in surfaces.of(materials)):
             continue
         if (
             own[item].triangles is None

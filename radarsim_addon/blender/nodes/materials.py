@@ -91,20 +91,6 @@ def is_radar_material(material: Any) -> bool:
     return group_node(material) is not None
 
 
-def lets_nothing_through(material: Any) -> bool:
-    """Return whether a material is an opaque Radar Material.
-
-    It is a conductor with constant inputs, or its transmission is 0.
-    """
-    passed = transmission_inputs(material)
-    if passed and all(socket is not None and socket.default_value == 0 for socket in passed):
-        return True
-    index, extinction = group_input(material, INDEX), group_input(material, EXTINCTION)
-    if index is None or extinction is None:
-        return False
-    return is_conductor(complex(index.default_value, extinction.default_value))
-
-
 def transmission_inputs(material: Any) -> list[Any]:
     """Return the sockets that scale the power passing a face, None where a node is linked."""
     node = group_node(material)
@@ -112,13 +98,6 @@ def transmission_inputs(material: Any) -> list[Any]:
         return []
     names = (TRANSMISSION, GRAZING_TRANSMISSION)
     return [group_input(material, name) for name in names if name in node.inputs]
-
-
-def has_interior(material: Any) -> bool:
-    """Return whether waves enter objects of a material: a Radar Material that is not opaque, with
-    its Volume connected.
-    """
-    return volume_link(material) is not None and not lets_nothing_through(material)
 
 
 def volume_link(material: Any) -> Any | None:

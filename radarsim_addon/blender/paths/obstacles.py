@@ -9,7 +9,7 @@ there is a smaller one.
 
 from __future__ import annotations
 
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -18,10 +18,8 @@ import numpy as np
 from ...arrays import Indices, Mask, Real, crosses, norms
 from ...contract import ReceiverRecord, TransmitterRecord
 from ...signal.scene import RayMesh, RayScene
-from ..materials import SURFACE_TYPES, delays
+from ..materials import SURFACE_TYPES, surfaces_of
 from ..motion import Bodies
-from ..nodes import is_radar_material
-from ..nodes.materials import lets_nothing_through
 from ..state import Shape, Snapshot, read_numbers, read_triangles
 
 #: Both ends of a way stay clear of surfaces by this part of the path's length, and by so much [m].
@@ -89,8 +87,11 @@ class Obstacles:
     ) -> None:
         self.bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
         shapes = bodies.snapshot.shapes
-        lets_through = cache(lambda m: is_radar_material(m) and not lets_nothing_through(m))
-        opens = [any(map(lets_through, shape.materials)) for shape in shapes]
+        surfaces = surfaces_of(bodies.snapshot)
+        opens = [
+            any(one.is_radar and not one.is_opaque for one in surfaces.of(shape.materials))
+            for shape in shapes
+        ]
         self._open = np.array(opens, dtype=bool)[bodies.shape]
 
     def mesh(self, body: int) -> BodyMesh | None:
@@ -146,10 +147,11 @@ class DelayedWays:
     def __init__(self, snapshot: Snapshot, transmitter_m: Real, metres_per_unit: float) -> None:
         self._transmitter_m = transmitter_m
         meshes: dict[int, RayMesh] = {}
+        surfaces = surfaces_of(snapshot)
         for number, shape in enumerate(snapshot.shapes):
             if shape.original.hide_render or shape.original.type not in SURFACE_TYPES:
                 continue
-            if not any(map(delays, shape.materials)):
+            if not any(one.delays for one in surfaces.of(shape.materials)):
                 continue
             with snapshot.mesh(shape) as mesh:
                 if mesh is None:

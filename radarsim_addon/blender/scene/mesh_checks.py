@@ -18,7 +18,6 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -26,9 +25,8 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, crosses
 from ...findings import Finding, finding
-from ..materials import assigned_materials, convex_objects, is_entered, sharpen_edges
+from ..materials import assigned_materials, convex_objects, sharpen_edges, surfaces_of
 from ..nodes import attributes
-from ..nodes.materials import has_interior
 from ..state import SettingsRestorer, evaluated_mesh, read_numbers, take_snapshot
 from .ground_truth import triangles_about
 from .visibility import rendered_rows
@@ -75,10 +73,11 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     """Find meshes of a scene that Cycles cannot trace as objects with an interior."""
     snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
-    has = cache(has_interior)
+    surfaces = surfaces_of(snapshot)
     rows = rendered_rows(snapshot)
     rows = rows[snapshot.of_shapes([shape.kind == "MESH" for shape in shapes])[rows]]
-    entered = snapshot.of_shapes([any(map(has, shape.materials)) for shape in shapes])[rows]
+    inside = [any(s.has_interior for s in surfaces.of(shape.materials)) for shape in shapes]
+    entered = snapshot.of_shapes(inside)[rows]
     if not entered.any():
         return []
     solid = [shape.kind == "MESH" and snapshot.face_count(shape) > 0 for shape in shapes]
@@ -336,12 +335,12 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
     The walls are set for the run in the depsgraph.
     """
     known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
-    assigned = assigned_materials(depsgraph)
+    assigned, surfaces = assigned_materials(depsgraph), surfaces_of(take_snapshot(depsgraph))
     walls = [
         one.item
         for one in assigned
         if any(name in one.item and np.any(one.item[name]) for name in known)
-        and any(map(is_entered, one.materials))
+        and any(surface.is_entered for surface in surfaces.of(one.materials))
     ]
     of_walls = set(walls)
     others = {one.item.data for one in assigned if one.item not in of_walls}

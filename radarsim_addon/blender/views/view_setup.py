@@ -22,11 +22,10 @@ import numpy as np
 from mathutils import Matrix
 
 from ...arrays import Real
-from ..materials import SURFACE_TYPES, has_no_faces
+from ..materials import SURFACE_TYPES, has_no_faces, read_surface
 from ..nodes import attributes, is_radar_material
 from ..nodes.build import TreeBuilder
 from ..nodes.groups import KIND_PROPERTY, MATERIAL_KINDS
-from ..nodes.materials import lets_nothing_through
 from ..nodes.radar_material import SURFACE
 from ..scene import NEAR_CLIP_UNITS, PATTERN_PROPERTY, reads_context
 from ..state import SettingsRestorer
@@ -177,7 +176,7 @@ def number_objects(
     Return the names, and the numbers of those that let nothing through, and that are not rendered.
     """
     opaque, hidden = set(), set()
-    opaque_material = cache(lets_nothing_through)
+    opaque_material = cache(lambda material: read_surface(material).is_opaque)
     items = numbered_objects()
     for number, item in enumerate(items, 1):
         recorder.set(item, "pass_index", number)

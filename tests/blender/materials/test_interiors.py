@@ -13,8 +13,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender import nodes
-from radarsim_addon.blender.materials import make_physical_material, settle_interiors
-from radarsim_addon.blender.nodes.materials import has_interior, volume_link
+from radarsim_addon.blender.materials import make_physical_material, read_surface, settle_interiors
+from radarsim_addon.blender.nodes.materials import volume_link
 from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.errors import ConfigError
 from tests.blender import path_helpers as ph
@@ -86,7 +86,7 @@ def test_metals_have_no_interior_at_any_carrier(
     # A file of an earlier version, or of another carrier, may have it connected.
     node, output = nodes.materials.group_node(made), made.node_tree.get_output_node("CYCLES")
     made.node_tree.links.new(node.outputs["Volume"], output.inputs["Volume"])
-    assert not has_interior(made)
+    assert not read_surface(made).has_interior
     run, power = behind(tmp_path, made, carrier_hz, open_mesh=True)
     assert "Behind" not in power or power["Behind"] == 0.0
     assert power["Wall"] > 0

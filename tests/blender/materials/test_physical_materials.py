@@ -15,13 +15,12 @@ bpy = pytest.importorskip("bpy")
 from mathutils import Matrix
 
 from radarsim_addon.blender import rig_settings as properties
-from radarsim_addon.blender.materials import media_beyond_their_band
+from radarsim_addon.blender.materials import media_beyond_their_band, read_surface
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.physical_materials import limits_of
 from radarsim_addon.blender.materials.wall_faces import LayerFaces, layer_normals
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import group_node
-from radarsim_addon.blender.nodes.materials import lets_nothing_through
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
@@ -74,7 +73,7 @@ def test_index_follows_the_carrier(medium: str) -> None:
         if abs(expected) > 1e5:
             expected = complex(min(expected.real, 1e5), min(expected.imag, 1e5))
         assert index_of(made) == pytest.approx(expected, rel=1e-6)
-    assert lets_nothing_through(made) == (medium == "conductor")
+    assert read_surface(made).is_opaque == (medium == "conductor")
     assert pm.medium_of(made) == pm.Medium(medium, MEDIA[medium])
 
 

@@ -12,10 +12,10 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import blender as radarsim
 from radarsim_addon.blender import rig_settings
-from radarsim_addon.blender.materials import media_beyond_their_band
+from radarsim_addon.blender.materials import media_beyond_their_band, read_surface
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.physical_materials import READY, suggest_material
-from radarsim_addon.blender.nodes.materials import has_interior, is_radar_material
+from radarsim_addon.blender.nodes.materials import is_radar_material
 from radarsim_addon.blender.scene import replace_material, suggest_materials
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -91,9 +91,11 @@ def test_suggestions_and_replacement() -> None:
         if ready is not None
     }
     assert bpy.data.objects["Road"].data.materials[0] == new["Mat.001"]
-    assert has_interior(new["Wood"])  # closed
+    assert read_surface(new["Wood"]).has_interior  # closed
     assert pm.is_sheet(new["Window"])  # a pane as one face
-    assert is_radar_material(new["Mat.001"]) and not has_interior(new["Mat.001"])  # open
+    assert (
+        is_radar_material(new["Mat.001"]) and not read_surface(new["Mat.001"]).has_interior
+    )  # open
     assert made["Wood"].users == 1 and made["Wood"].use_fake_user  # kept for the way back
     assert bpy.data.objects["Thing"].data.materials[0] == made["Misc"]
 
