@@ -847,7 +847,7 @@ def interpolation_of_a_key() -> Iterator[None]:
 def modifier_of_a_curve() -> Iterator[None]:
     item = keyed(grid())
     made = curve_of(item).modifiers.new("NOISE")
-    made.strength = 0.5
+    made.strength, made.scale = 0.5, 50.0  # slow: a fast one takes 20 s to fit
     yield
     made.strength = 2.0
 
