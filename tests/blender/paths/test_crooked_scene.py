@@ -61,7 +61,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[int, in
             snapshots=2,
             snapshot_interval_s=INTERVAL_S,
             burst=BURST,
-            options={"max_reflections": 3, "tile_px": 16, "visibility_updates": 2},
+            options={"max_reflections": 3, "tile_px": 24, "visibility_updates": 2},
         )
     views = {}
     for frame in FRAMES:
