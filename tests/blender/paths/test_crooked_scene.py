@@ -46,12 +46,14 @@ class View(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[int, int], View]]:
+def run(
+    tmp_path_factory: pytest.TempPathFactory, group_folder: Path
+) -> Iterator[dict[tuple[int, int], View]]:
     """All renders by frame and number."""
     from scripts.validation.kept_groups import kept_groups
 
     folder = tmp_path_factory.mktemp("crooked")
-    with kept_groups(tmp_path_factory.mktemp("groups")):
+    with kept_groups(group_folder):
         cs.build()
         ph.run_paths(
             folder,

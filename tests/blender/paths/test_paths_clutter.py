@@ -33,7 +33,7 @@ from radarsim_addon.signal import open_run
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 GAMMA_DB = -15.0
 GAMMA = 10 ** (GAMMA_DB / 10)
@@ -88,7 +88,7 @@ def test_bistatic_power_is_the_integral_of_the_mean_of_both_angles(
     ph.field_of_view(26.0)
     move_transmitter(place)
     options = {"replicates": 16}
-    run = ph.run_paths(tmp_path / "run", width_px=128, height_px=128, options=options)
+    run = ph.run_paths(tmp_path / "run", width_px=256, height_px=256, options=options)
     points, area = cells(vectors[0], vectors[1], vectors[2], 400)
     (to_r, r), (to_t, t) = ways(points, np.zeros(3)), ways(points, np.array(place))
     sigma = GAMMA * np.sqrt(to_r[:, 2] * to_t[:, 2])
@@ -117,7 +117,7 @@ def test_second_reflections_are_reciprocal_and_those_of_an_integral(
     ph.quad("Wall", wall, ph.lambert(0.6))
     ph.field_of_view(34.0)
     options = {"max_reflections": 2, "replicates": 4}
-    run = ph.run_paths(tmp_path / "run", width_px=128, height_px=128, options=options)
+    run = ph.run_paths(tmp_path / "run", width_px=256, height_px=256, options=options)
     rows, names = run.table(), run.record().objects
     two = rows[rows["order"] == 2]
     first = two["first_object"] == names.index("Ground") + 1

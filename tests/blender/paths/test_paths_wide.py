@@ -138,7 +138,7 @@ def test_refinement_quarters_tiles_of_a_sphere(tmp_path: Path) -> None:
     wide_camera(-math.pi, math.pi, -math.pi / 2, math.pi / 2)
     add_room()
     add_target(2.9, 0.8, 6.0)  # across the seam
-    options = OPTIONS | {"max_standard_error": 0.006, "tile_px": 16}
+    options = OPTIONS | {"max_standard_error": 0.003, "tile_px": 16}
     run = ph.run_paths(tmp_path, options=options, **SIZE)
     record = run.record()
     assert record.small_objects == 0
