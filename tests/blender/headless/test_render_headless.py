@@ -9,7 +9,6 @@ import signal as signals
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +17,17 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon import contract, signal
-from radarsim_addon.__main__ import render_command
 from radarsim_addon.blender import rig_settings as properties
-from radarsim_addon.blender.headless import render
 from radarsim_addon.blender.run.shared_folder import Leases
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.typed_json import file_sha256, read_record
 from tests.blender import radar_scenes as rs
+from tests.blender.headless.conftest import Command, Done
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 SCRIPT = Path(__file__).resolve().parents[3] / "scripts" / "render_radar.py"
 posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
-Done = subprocess.CompletedProcess[str]
-Command = Callable[..., Done]
 
 
 @pytest.fixture(scope="module")
@@ -52,26 +48,6 @@ def blend(tmp_path_factory: pytest.TempPathFactory) -> Path:
     finally:
         properties.unregister()
     return path
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Command]:
-    """The command in this process, as `start` has it in one of its own."""
-
-    def run(*words: Any) -> Done:
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            render_command([str(word) for word in words], "render_radar.py")
-        return Done(words, end.value.code, *capfd.readouterr())
-
-    before = {number: signals.getsignal(number) for number in (signals.SIGINT, signals.SIGTERM)}
-    monkeypatch.setattr(render, "leave_blender", sys.exit)
-    yield run
-    for number, handler in before.items():
-        signals.signal(number, handler)
-    if hasattr(bpy.types.Object, properties.RADAR_PROPERTY):
-        properties.unregister()
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
 
 
 def start(*words: Any, **options: Any) -> Done:
