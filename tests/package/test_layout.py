@@ -57,6 +57,13 @@ def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+@pytest.fixture(autouse=True, scope="module")
+def trees_forgotten() -> Iterator[None]:
+    """Millions of nodes would slow each later collection of garbage."""
+    yield
+    tree_of.cache_clear()
+
+
 def imports(path: Path, name: str) -> Iterator[Import]:
     """All imports of a file, those within functions included."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]

@@ -11,12 +11,6 @@ from typing import Any
 
 import pytest
 
-bpy = pytest.importorskip("bpy")
-
-from radarsim_addon.__main__ import render_command
-from radarsim_addon.blender import rig_settings as properties
-from radarsim_addon.blender.headless import render
-
 Done = subprocess.CompletedProcess[str]
 Command = Callable[..., Done]
 
@@ -24,6 +18,11 @@ Command = Callable[..., Done]
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Command]:
     """The command in this process, as `radarsim render` has it in one of its own."""
+    import bpy
+
+    from radarsim_addon.__main__ import render_command
+    from radarsim_addon.blender import rig_settings as properties
+    from radarsim_addon.blender.headless import render
 
     def run(*words: Any) -> Done:
         capfd.readouterr()
