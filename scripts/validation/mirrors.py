@@ -318,7 +318,7 @@ GROUP = Group(
         Case("tilted wet ground", lambda bench: tilted(bench, "wet ground"), 40.0),
         Case("tilted sea, bistatic", lambda bench: tilted(bench, "sea", APART_M), 40.0),
         Case("from the scene to the map", chain, 120.0),
-        Case("sphere", ball, 20.0, quick=True),
+        Case("sphere", ball, 20.0),
         Case("ellipsoid", ellipsoid, 10.0),
     ),
 )

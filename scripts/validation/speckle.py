@@ -365,7 +365,7 @@ GROUP = Group(
     "over the expected power, many range cells and seeds. Two radars next to each other; "
     f"level ground {GROUND_HEIGHT_M:g} m below the radar.",
     (
-        Case("rough patch", statistics, 40.0, quick=True),
+        Case("rough patch", statistics, 40.0),
         Case("least roughness and paths", least, 40.0),
         Case("pixels deeper than range cells", deep_cells, 40.0),
         Case("smooth surface", smooth, 40.0),

@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 pytest.importorskip("mkdocstrings")
 
 
+@pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     """Strict mode: a link to nothing, or an interface that cannot be read, is an error."""
     done = subprocess.run(

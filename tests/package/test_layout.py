@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,10 +53,22 @@ def module_name(path: Path) -> str:
 MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
+@functools.cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def trees_forgotten() -> Iterator[None]:
+    """Millions of nodes would slow each later collection of garbage."""
+    yield
+    tree_of.cache_clear()
+
+
 def imports(path: Path, name: str) -> Iterator[Import]:
     """All imports of a file, those within functions included."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             for alias in node.names:
                 yield Import(name, alias.name, "")
@@ -72,30 +85,40 @@ def room_of(module: str) -> str:
     return max((r for r in ROOMS if f"{inner}.".startswith(f"{r}." if r else "")), key=len)
 
 
-ALL = [item for name, path in MODULES.items() for item in imports(path, name)]
-INSIDE = [item for item in ALL if item.module.startswith("radarsim_addon")]
-SCRIPTS = [
-    item
-    for path in sorted((ROOT / "scripts").rglob("*.py"))
-    for item in imports(path, module_name(path))
-    if item.module.startswith("radarsim_addon")
-]
+# Not as the file is collected, which each process does.
+@functools.cache
+def package_imports() -> list[Import]:
+    return [item for name, path in MODULES.items() for item in imports(path, name)]
+
+
+def imports_inside() -> list[Import]:
+    return [item for item in package_imports() if item.module.startswith("radarsim_addon")]
+
+
+def imports_of_scripts() -> list[Import]:
+    return [
+        item
+        for path in sorted((ROOT / "scripts").rglob("*.py"))
+        for item in imports(path, module_name(path))
+        if item.module.startswith("radarsim_addon")
+    ]
 
 
 def test_the_walk_finds_rooms_and_imports() -> None:
     assert room_of("radarsim_addon.signal.radar.waveforms") == "signal.radar"
     assert room_of("radarsim_addon.errors") == ""
     assert room_of("radarsim_addon.blender.addon") == "blender"
+    inside = imports_inside()
     assert (
-        Import("radarsim_addon.signal.runs.run", "radarsim_addon.contract", "RunRecord") in INSIDE
+        Import("radarsim_addon.signal.runs.run", "radarsim_addon.contract", "RunRecord") in inside
     )
-    assert len(MODULES) > 200 and len(INSIDE) > 1000 and len(SCRIPTS) > 50
+    assert len(MODULES) > 200 and len(inside) > 1000 and len(imports_of_scripts()) > 50
 
 
 def test_rooms_import_downwards_only() -> None:
     upward = [
         item
-        for item in INSIDE
+        for item in imports_inside()
         if item.importer not in ENTRIES
         and ROOMS.index(room_of(item.module)) > ROOMS.index(room_of(item.importer))
     ]
@@ -103,7 +126,7 @@ def test_rooms_import_downwards_only() -> None:
 
 
 def test_blender_uses_few_rooms_of_signal() -> None:
-    for item in INSIDE:
+    for item in imports_inside():
         here, there = room_of(item.importer), room_of(item.module)
         if here.startswith("blender") and there.startswith("signal"):
             shows = here in ("blender.headless", "blender.ui")
@@ -113,7 +136,7 @@ def test_blender_uses_few_rooms_of_signal() -> None:
 
 def test_no_circle_of_modules() -> None:
     graph: dict[str, set[str]] = defaultdict(set)
-    for item in INSIDE:
+    for item in imports_inside():
         # A room's __init__ is executed when one of its modules is; it imports them all.
         if MODULES.get(item.importer, PACKAGE).name != "__init__.py":
             graph[item.importer].add(item.module)
@@ -130,16 +153,16 @@ def test_no_circle_of_modules() -> None:
         visit(module, ())
 
 
-@pytest.mark.parametrize("items", [INSIDE, SCRIPTS], ids=["package", "scripts"])
-def test_private_names_stay_in_their_room(items: list[Import]) -> None:
-    for item in items:
+@pytest.mark.parametrize("items", [imports_inside, imports_of_scripts])
+def test_private_names_stay_in_their_room(items: Callable[[], list[Import]]) -> None:
+    for item in items():
         private = item.name.startswith("_") and not item.name.startswith("__")
         same_room = item.importer in MODULES and room_of(item.importer) == room_of(item.module)
         assert not private or same_room, item
 
 
 def test_signal_and_physics_do_not_import_blender() -> None:
-    for item in ALL:
+    for item in package_imports():
         top = item.module.partition(".")[0]
         assert top != "pickle", item
         if not room_of(item.importer).startswith("blender"):
@@ -148,16 +171,14 @@ def test_signal_and_physics_do_not_import_blender() -> None:
 
 def test_a_function_does_not_share_its_modules_name() -> None:
     for name, path in MODULES.items():
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        own = {n.name for n in tree.body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
+        own = {n.name for n in tree_of(path).body if isinstance(n, ast.FunctionDef | ast.ClassDef)}
         assert name.rpartition(".")[2] not in own, name
 
 
 @pytest.mark.parametrize("room", [room for room in ROOMS if "." in room])
 def test_a_room_says_what_it_is_and_what_others_may_use(room: str) -> None:
     path = MODULES[f"radarsim_addon.{room}"]
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    assert ast.get_docstring(tree), room
+    assert ast.get_docstring(tree_of(path)), room
     if not room.startswith("blender"):
         import importlib
 
@@ -168,7 +189,7 @@ def test_a_room_says_what_it_is_and_what_others_may_use(room: str) -> None:
 def test_inside_the_package_imports_are_relative() -> None:
     """As an extension the package has another name."""
     for path in MODULES.values():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.level == 0:
                 names.append(node.module or "")

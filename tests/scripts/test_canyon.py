@@ -45,6 +45,7 @@ def test_a_wall_hides_what_is_behind_and_lower() -> None:
     assert seen[23] > 1.1 * alone[23]
 
 
+@pytest.mark.slow
 def test_measured(bpy: Any, tmp_path: Path) -> None:
     """The scene, measured coarsely, against the integral: in all, and in bins of 1 m."""
     from radarsim_addon import blender as radarsim

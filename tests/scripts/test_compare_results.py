@@ -269,6 +269,7 @@ def test_bad_arguments_end_with_2(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.blender
+@pytest.mark.slow
 def test_a_checkout_equals_itself(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """End to end, with one small case."""
     pytest.importorskip("bpy")

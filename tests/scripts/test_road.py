@@ -40,8 +40,8 @@ def test_measured(bpy: Any, tmp_path: Path) -> None:
     radar = make_road.build()
     frames = {1: 20.0, 7: 32.0, 11: 40.0, 15: 48.0}
     # Pixels of half the size, and no more of them than the plate needs.
-    bpy.data.objects["Radar Receiver"].data.angle /= 2
-    run = radarsim.measure(radar, tmp_path / "run", frames=frames)
+    bpy.data.objects["Radar Receiver"].data.angle /= 4
+    run = radarsim.measure(radar, tmp_path / "run", frames=frames, width_px=80, height_px=44)
     for frame, expected_m in frames.items():
         distance_m, found = make_road.fading(run, frame)
         assert distance_m == pytest.approx(expected_m, abs=0.01)

@@ -92,14 +92,42 @@ class Tile:
                 own = chosen.repeat(down, axis=0).repeat(across, axis=1)
         return Tile(window, self.level + math.ceil(math.log2(max(across, down))), own)
 
+    def finer_parts(
+        self, cols: tuple[int, int], rows: tuple[int, int], cuts: tuple[int, int], most_px: int
+    ) -> list[Tile]:
+        """Return what `finer` and then `split` give, without a mask of the whole.
+
+        Around a small object far away it would have billions of pixels, nearly all of them in
+        parts that are left out.
+        """
+        across, down = cuts
+        whole = Tile(self.window, self.level).finer(*cols, *rows, across, down)
+        parts = whole.split(most_px)
+        if self.own is None:
+            return parts
+        chosen = self.own[slice(*rows), slice(*cols)]
+        kept = []
+        places = itertools.product(*map(itertools.pairwise, whole.edges(most_px)))
+        for ((top, bottom), (left, right)), part in zip(places, parts, strict=True):
+            coarse = chosen[top // down : -(-bottom // down), left // across : -(-right // across)]
+            if coarse.all():
+                kept.append(part)
+            elif coarse.any():
+                row, col = np.arange(top, bottom) // down, np.arange(left, right) // across
+                kept.append(Tile(part.window, part.level, chosen[row[:, None], col]))
+        return kept
+
+    def edges(self, most_px: int) -> tuple[list[int], list[int]]:
+        """Return edges of rows and of columns of the parts that `split` makes."""
+        height, width = self.window.height_px, self.window.width_px
+        return _even_edges(height, most_px), _even_edges(width, most_px)
+
     def split(self, most_px: int) -> list[Tile]:
         """Return tiles of at most `most_px` pixels a side, alike in size, that cover this one.
 
         Those without pixels of their own are left out.
         """
-        rows, cols = (
-            _even_edges(n, most_px) for n in (self.window.height_px, self.window.width_px)
-        )
+        rows, cols = self.edges(most_px)
         parts = [
             self.finer(left, right, top, bottom, 1)
             for top, bottom in itertools.pairwise(rows)
@@ -149,7 +177,7 @@ def lay_in(
         if max(across, down) < 2 or left >= right or top >= bottom:
             kept.append(tile)
             continue
-        laid += tile.finer(left, right, top, bottom, across, down).split(most_px)
+        laid += tile.finer_parts((left, right), (top, bottom), (across, down), most_px)
         shape = (window.height_px, window.width_px)
         own = np.ones(shape, dtype=bool) if tile.own is None else tile.own.copy()
         own[top:bottom, left:right] = False

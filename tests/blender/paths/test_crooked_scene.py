@@ -47,12 +47,14 @@ class View(NamedTuple):
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[int, int], View]]:
+def run(
+    tmp_path_factory: pytest.TempPathFactory, group_folder: Path
+) -> Iterator[dict[tuple[int, int], View]]:
     """All renders by frame and number."""
     from scripts.validation.kept_groups import kept_groups
 
     folder = tmp_path_factory.mktemp("crooked")
-    with kept_groups(tmp_path_factory.mktemp("groups")):
+    with kept_groups(group_folder):
         cs.build()
         ph.run_paths(
             folder,
@@ -62,7 +64,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[tuple[int, in
             snapshots=2,
             snapshot_interval_s=INTERVAL_S,
             burst=BURST,
-            options={"max_reflections": 3, "tile_px": 16, "visibility_updates": 2},
+            options={"max_reflections": 3, "tile_px": 24, "visibility_updates": 2},
         )
     views = {}
     for frame in FRAMES:

@@ -22,7 +22,7 @@ from radarsim_addon.blender.materials import physical_materials as pm
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 #: Radar at the origin, plate across the boresight, ball to its right.
 RADAR_M, PLATE_M = np.zeros(3), 40.0
@@ -116,7 +116,7 @@ def test_all_families_over_a_ball(tmp_path: Path, apart: bool) -> None:
     scene(wet, view_deg=2.0)
     antennas = [RADAR_M, np.array([-12.0, 10.0, 0.0]) if apart else RADAR_M]
     move_transmitter(antennas[1])
-    run = measure(tmp_path, polarisation="vertical")
+    run = measure(tmp_path, pixels=34, polarisation="vertical")
     rows = run.table()
     assert rows.dtype == CURVED_IMAGE_DTYPE
     assert codes(run) == {"mirror-rounded"}
@@ -125,7 +125,7 @@ def test_all_families_over_a_ball(tmp_path: Path, apart: bool) -> None:
     assert direct.size > 500
     assert rows.size == 4 * direct.size
     assert set(rows["last_object"]) == {run.record().objects.index("Plate") + 1}
-    for number in range(0, direct.size, 97):
+    for number in range(0, direct.size, 24):
         mine = rows[rows["point"] == direct["point"][number]]
         family = {(int(one["receiver_image"]), int(one["transmitter_image"])): one for one in mine}
         assert set(family) == {(0, 0), (0, -1), (-1, 0), (-1, -1)}
@@ -161,11 +161,11 @@ def test_cylinder(tmp_path: Path) -> None:
     column.data.materials.append(ph.mirror())
     for face in column.data.polygons:
         face.use_smooth = len(face.vertices) == 4
-    rows = measure(tmp_path).table()
+    rows = measure(tmp_path, pixels=34).table()
     over = rows[(rows["transmitter_image"] == -1) & (rows["receiver_image"] == 0)]
     direct = {int(one["point"]): one for one in rows[rows["order"] == 1]}
     assert over.size > 500
-    for one in over[::97]:
+    for one in over[::24]:
         end = one["last_scatterer_m"]
         away = np.linalg.norm(end)
         # The column unrolls: both ways have one slope, so lengths in plan decide.

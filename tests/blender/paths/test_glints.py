@@ -20,7 +20,7 @@ from scripts.validation import scenes
 from scripts.validation.closed_forms import kirchhoff_coefficient, power_over, sphere_power
 from tests.blender import path_helpers as ph
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 INDEX = 9 + 3j
 LIT = abs((INDEX - 1) / (INDEX + 1)) ** 2

@@ -28,7 +28,7 @@ from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 ECHOING = ("Ball", "Plate", "Box")
 
@@ -145,11 +145,11 @@ def assert_same(
 
 
 @pytest.fixture(scope="module")
-def usual(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def usual(tmp_path_factory: pytest.TempPathFactory, group_folder: Path) -> Any:
     """The scene as it is: echoes and samples."""
     from scripts.validation.kept_groups import kept_groups
 
-    with kept_groups(tmp_path_factory.mktemp("groups")):
+    with kept_groups(group_folder):
         build()
         found, samples = measured(tmp_path_factory.mktemp("usual") / "run")
     assert found["Ball"].over_mirror_w > 1e-3 * found["Ball"].power_w > 0

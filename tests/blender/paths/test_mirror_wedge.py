@@ -108,8 +108,8 @@ def measured(folder: Path, order: int, kind: str) -> tuple[np.ndarray, list[tupl
     build(order, kind)
     run = ph.run_paths(
         folder,
-        width_px=144,
-        height_px=144,
+        width_px=120,
+        height_px=120,
         polarisation="vertical",
         options={"max_reflections": 3},
     )

@@ -33,7 +33,7 @@ from radarsim_addon.signal import open_run
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
-pytestmark = pytest.mark.blender
+pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
 GAMMA_DB = -15.0
 GAMMA = 10 ** (GAMMA_DB / 10)

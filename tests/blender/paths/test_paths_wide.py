@@ -197,14 +197,15 @@ def test_order_of_tiles_and_repetition_change_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Bit by bit, with refinement and a target on seam and borders."""
-    options = OPTIONS | {"tile_px": 16}
+    options = OPTIONS | {"tile_px": 16, "replicates": 2}
 
     def run(name: str) -> PathRows:
         rs.new_scene()
         wide_camera(-math.pi, math.pi, -math.pi / 2, math.pi / 2)
         add_room()
         add_target(math.pi, 0.0, 0.02)
-        return ph.run_paths(tmp_path / name, options=options, **SIZE).table()
+        found = ph.run_paths(tmp_path / name, options=options, width_px=32, height_px=32)
+        return found.table()
 
     def ordered(rows: PathRows) -> PathRows:
         rows = rows.copy()

@@ -28,6 +28,29 @@ def case(function: Case) -> Case:
     return function
 
 
+def simple(name: str, build: Callable[[], Any], change: Callable[[Any], Any]) -> None:
+    """A case that changes what `build` returns."""
+
+    def steps() -> Iterator[None]:
+        made = build()
+        yield
+        change(made)
+
+    CASES[name] = steps
+
+
+def to(path: str, value: Any) -> Callable[[Any], None]:
+    """A change of one property, by its path with numbers of items."""
+
+    def change(item: Any) -> None:
+        *first, last = path.split(".")
+        for part in first:
+            item = item[int(part)] if part.isdigit() else getattr(item, part)
+        setattr(item, last, value)
+
+    return change
+
+
 # -- parts of scenes -------------------------------------------------------------------------------
 
 
@@ -139,11 +162,7 @@ def material_index_of_faces_in_bulk() -> Iterator[None]:
     item.data.polygons.foreach_set("material_index", [1] * len(item.data.polygons))
 
 
-@case
-def smooth_faces() -> Iterator[None]:
-    item = ball()
-    yield
-    item.data.shade_smooth()
+simple("smooth_faces", ball, lambda item: item.data.shade_smooth())
 
 
 @case
@@ -213,33 +232,24 @@ def visible_to_reflected_rays() -> Iterator[None]:
     item.visible_diffuse = False
 
 
-@case
-def collection_hidden_in_renders() -> Iterator[None]:
+def part() -> Any:
+    """A grid before a plate, in a collection of its own."""
     item, made = grid(), bpy.data.collections.new("Part")
     plate(8.0, 15.0)
     bpy.context.scene.collection.children.link(made)
     made.objects.link(item)
     bpy.context.scene.collection.objects.unlink(item)
-    yield
-    made.hide_render = True
+    return made
 
 
-def layer_collection(name: str) -> None:
-    def change() -> Iterator[None]:
-        item, made = grid(), bpy.data.collections.new("Part")
-        plate(8.0, 15.0)
-        bpy.context.scene.collection.children.link(made)
-        made.objects.link(item)
-        bpy.context.scene.collection.objects.unlink(item)
-        layer = bpy.context.scene.view_layers[0].layer_collection.children["Part"]
-        yield
-        setattr(layer, name, True)
-
-    CASES[f"layer_collection_{name}"] = change
+def layer_of_part() -> Any:
+    part()
+    return bpy.context.scene.view_layers[0].layer_collection.children["Part"]
 
 
+simple("collection_hidden_in_renders", part, to("hide_render", True))
 for _name in ("exclude", "holdout", "indirect_only"):
-    layer_collection(_name)
+    simple(f"layer_collection_{_name}", layer_of_part, to(_name, True))
 
 
 # -- materials -------------------------------------------------------------------------------------
@@ -337,31 +347,16 @@ def blend_of_a_mix_node() -> Iterator[None]:
     mixed.blend_type = "MULTIPLY"
 
 
-def ramp(change: Callable[[Any], None], name: str) -> None:
-    def changed() -> Iterator[None]:
-        _, tree, colour = painted()
-        ramp_node = node(tree, "ValToRGB")
-        ramp_node.inputs[0].default_value = 0.4
-        colour(ramp_node.outputs[0])
-        yield
-        change(ramp_node.color_ramp)
-
-    CASES[f"colour_ramp_{name}"] = changed
+def ramp() -> Any:
+    _, tree, colour = painted()
+    ramp_node = node(tree, "ValToRGB")
+    ramp_node.inputs[0].default_value = 0.4
+    colour(ramp_node.outputs[0])
+    return ramp_node.color_ramp
 
 
-def _set(path: str, value: Any) -> Callable[[Any], None]:
-    def change(ramp_of: Any) -> None:
-        item: Any = ramp_of
-        *first, last = path.split(".")
-        for part in first:
-            item = item[int(part)] if part.isdigit() else getattr(item, part)
-        setattr(item, last, value)
-
-    return change
-
-
-ramp(_set("elements.1.color", (0.5, 0.5, 0.5, 1)), "colour")
-ramp(_set("interpolation", "CONSTANT"), "interpolation")
+simple("colour_ramp_colour", ramp, to("elements.1.color", (0.5, 0.5, 0.5, 1)))
+simple("colour_ramp_interpolation", ramp, to("interpolation", "CONSTANT"))
 
 
 @case
@@ -525,16 +520,6 @@ def key_of_a_node() -> Iterator[None]:
 # -- shape -----------------------------------------------------------------------------------------
 
 
-def with_modifier(kind: str, name: str, value: Any, **values: Any) -> None:
-    def change() -> Iterator[None]:
-        item = ball() if kind in ("DECIMATE", "WELD", "REMESH") else grid()
-        made = modifier(item, kind, **values)
-        yield
-        setattr(made, name, value)
-
-    CASES[f"modifier_{kind.lower()}_{name}"] = change
-
-
 for _kind, _name, _new, _given in (
     ("SOLIDIFY", "thickness", 1.0, {"thickness": 0.3}),
     ("ARRAY", "count", 3, {"count": 2, "relative_offset_displace": (0.5, 0, 0)}),
@@ -545,7 +530,12 @@ for _kind, _name, _new, _given in (
     ("SIMPLE_DEFORM", "factor", 0.9, {"deform_method": "TAPER", "factor": 0.3}),
     ("BUILD", "frame_duration", 3.0, {"frame_start": 0.0, "frame_duration": 9.0}),
 ):
-    with_modifier(_kind, _name, _new, **_given)
+    _item = ball if _kind == "DECIMATE" else grid
+    simple(
+        f"modifier_{_kind.lower()}_{_name}",
+        lambda item=_item, kind=_kind, given=_given: modifier(item(), kind, **given),
+        to(_name, _new),
+    )
 
 
 @case
@@ -705,11 +695,7 @@ def bent_curve() -> Any:
     return item
 
 
-@case
-def bevel_of_a_curve() -> Iterator[None]:
-    item = bent_curve()
-    yield
-    item.data.bevel_depth = 0.7
+simple("bevel_of_a_curve", bent_curve, to("data.bevel_depth", 0.7))
 
 
 @case
@@ -727,11 +713,7 @@ def metaball() -> Any:
     return item
 
 
-@case
-def radius_of_a_metaball() -> Iterator[None]:
-    item = metaball()
-    yield
-    item.data.elements[0].radius = 3.0
+simple("radius_of_a_metaball", metaball, to("data.elements.0.radius", 3.0))
 
 
 def hair(**values: Any) -> Any:
@@ -748,28 +730,16 @@ def hair(**values: Any) -> Any:
     return made
 
 
-@case
-def size_of_particles() -> Iterator[None]:
-    made = hair()
-    yield
-    made.settings.particle_size = 0.8
+simple("size_of_particles", hair, to("settings.particle_size", 0.8))
 
 
-@case
-def seed_of_particles() -> Iterator[None]:
-    made = hair()
-    yield
-    made.seed = 5
+simple("seed_of_particles", hair, to("seed", 5))
 
 
 # -- places and motion -----------------------------------------------------------------------------
 
 
-@case
-def scale_of_an_object() -> Iterator[None]:
-    item = grid()
-    yield
-    item.scale = (0.4, 0.9, 1)
+simple("scale_of_an_object", grid, to("scale", (0.4, 0.9, 1)))
 
 
 @case
@@ -836,18 +806,16 @@ def value_of_a_key() -> Iterator[None]:
     curve_of(item).keyframe_points[1].co[1] = 20.0
 
 
-@case
-def interpolation_of_a_key() -> Iterator[None]:
-    item = keyed(grid())
-    yield
-    mh.interpolation(item, "LINEAR")
+simple(
+    "interpolation_of_a_key", lambda: keyed(grid()), lambda item: mh.interpolation(item, "LINEAR")
+)
 
 
 @case
 def modifier_of_a_curve() -> Iterator[None]:
     item = keyed(grid())
     made = curve_of(item).modifiers.new("NOISE")
-    made.strength = 0.5
+    made.strength, made.scale = 0.5, 50.0  # slow: a fast one takes 20 s to fit
     yield
     made.strength = 2.0
 
@@ -883,18 +851,14 @@ def strip_of_the_nla() -> Iterator[None]:
     strip.scale = 0.5
 
 
-@case
-def frame_rate() -> Iterator[None]:
-    keyed(grid())
-    yield
-    bpy.context.scene.render.fps = 60
+simple("frame_rate", lambda: keyed(grid()), lambda _: to("render.fps", 60)(bpy.context.scene))
 
 
-@case
-def remapped_time() -> Iterator[None]:
-    keyed(grid())
-    yield
-    bpy.context.scene.render.frame_map_new = 50
+simple(
+    "remapped_time",
+    lambda: keyed(grid()),
+    lambda _: to("render.frame_map_new", 50)(bpy.context.scene),
+)
 
 
 @case
@@ -919,16 +883,15 @@ def instances_on_faces() -> Iterator[None]:
 
 
 def of_part(kind: str, name: str, value: Any, item: bool = False, **given: Any) -> None:
-    def change() -> Iterator[None]:
+    def build() -> Any:
         ball()
         part = radar_part(kind)
         owner = part if item else part.data
         for key, first in given.items():
             setattr(owner, key, first)
-        yield
-        setattr(owner, name, value)
+        return owner
 
-    CASES[f"{kind.lower()}_{name}"] = change
+    simple(f"{kind.lower()}_{name}", build, to(name, value))
 
 
 of_part("LIGHT", "energy", 5e5)
@@ -942,11 +905,7 @@ of_part("CAMERA", "latitude_max", 0.5, type="PANO", panorama_type="EQUIRECTANGUL
 of_part("CAMERA", "longitude_min", -0.5, type="PANO", panorama_type="EQUIRECTANGULAR")
 
 
-@case
-def unit_scale() -> Iterator[None]:
-    ball()
-    yield
-    bpy.context.scene.unit_settings.scale_length = 0.5
+simple("unit_scale", ball, lambda _: to("unit_settings.scale_length", 0.5)(bpy.context.scene))
 
 
 @case
@@ -957,11 +916,7 @@ def simplified_subdivision() -> Iterator[None]:
     bpy.context.scene.render.simplify_subdivision_render = 0
 
 
-@case
-def added_object() -> Iterator[None]:
-    plate(12.0, 20.0)
-    yield
-    grid()
+simple("added_object", lambda: plate(12.0, 20.0), lambda _: grid())
 
 
 @case
@@ -972,8 +927,4 @@ def removed_object() -> Iterator[None]:
     bpy.data.objects.remove(item)
 
 
-@case
-def renamed_object() -> Iterator[None]:
-    item = grid()
-    yield
-    item.name = "Other"
+simple("renamed_object", grid, to("name", "Other"))
