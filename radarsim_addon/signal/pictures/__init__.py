@@ -8,7 +8,7 @@ for many frames, numbered points. `echo`, `profile`, `map` and `antennas` draw o
 
 from .antennas import ANTENNA_PICTURE, COVERAGE_PICTURE, plot_antennas, plot_coverage
 from .echo import plot_echo, plot_rings
-from .figure import cell_width, decimals_for, fixed, has_matplotlib, new_figure, save_figure
+from .figure import cell_width, decimals_for, fixed, new_figure, save_figure
 from .frame_pictures import MapFile, animate_maps, common_scale, draw_results, map_file
 from .map import plot_range_doppler, plot_spectrogram
 from .profile import plot_range_profile
@@ -23,7 +23,6 @@ __all__ = [
     "decimals_for",
     "draw_results",
     "fixed",
-    "has_matplotlib",
     "map_file",
     "new_figure",
     "plot_antennas",

@@ -28,7 +28,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Real
 from ...atomic_files import replaced
-from ...errors import MissingDependencyError
 from ...movie_file import png_bytes
 
 if TYPE_CHECKING:
@@ -173,18 +172,8 @@ def strongest(values: Real, steps: Sequence[int]) -> Real:
     return values
 
 
-def has_matplotlib() -> bool:
-    """Return whether matplotlib is installed."""
-    return importlib.util.find_spec("matplotlib") is not None
-
-
 def new_figure(width_in: float, height_in: float) -> Figure:
     """Return an empty figure with constrained layout that does not belong to pyplot."""
-    if not has_matplotlib():
-        raise MissingDependencyError(
-            "matplotlib is not installed, so no pictures can be drawn. Install it with "
-            "'pip install matplotlib', or process without plots."
-        )
     # A Figure of its own: no window system, no state shared with the caller's pyplot.
     figure = _figure_class()(figsize=(width_in, height_in), layout="constrained")
     importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)

@@ -7,8 +7,7 @@ import io
 
 import numpy as np
 import pytest
-
-Image = pytest.importorskip("PIL.Image")
+from PIL import Image
 
 from radarsim_addon.blender.ui.pictures import picture_palette
 from radarsim_addon.blender.ui.result_files import GifWriter
