@@ -32,7 +32,7 @@ from ..nodes.physical_material import CLUTTER_ROW
 from ..nodes.radar_material import EXTINCTION, INDEX
 from ..rig_settings import MATERIAL_PROPERTY, beyond_band, carrier_hz, choose_medium
 from .fields import draw_findings, reported, tr, wrapped
-from .pictures import FINE, draw_curve, nice_ticks, text_mask
+from .small_drawings import FINE, draw_curve, nice_ticks, text_mask
 
 # -------------------------------------------------------------------------------------------------
 # Plot of sigma0 against grazing angle for a panel, drawn by numpy. Does not import bpy.

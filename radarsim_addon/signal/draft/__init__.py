@@ -11,12 +11,9 @@ from .draft import (
     FAULT,
     LEVELS,
     DraftLevel,
-    Message,
     make_draft,
     mesh_message,
-    read_message,
     scene_message,
-    write_message,
 )
 from .scene import (
     Angles,
@@ -39,13 +36,10 @@ __all__ = [
     "DraftPolygons",
     "DraftScene",
     "DraftSurface",
-    "Message",
     "SceneTriangles",
     "ViewGrid",
     "first_hits",
     "make_draft",
     "mesh_message",
-    "read_message",
     "scene_message",
-    "write_message",
 ]

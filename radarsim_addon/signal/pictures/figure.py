@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
 
+#: Most cells along an axis of a picture of levels; more are joined.
+MOST_CELLS = 640
 #: Maximum number of decimals: float64 holds no more of a range of metres.
 _MOST_DIGITS = 12
 #: Pixels per inch of files.

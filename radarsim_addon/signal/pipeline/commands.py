@@ -432,11 +432,15 @@ def _put(root: Path, folder: Path, files: Iterable[Path]) -> None:
             raise cannot_write(target, error) from error
 
 
-def write_coverage(found: Coverage, folder: Path, curve_m: float | None = None) -> list[Path]:
+def write_coverage(
+    found: Coverage, folder: Path, curve_m: float | None = None, picture: bool = True
+) -> list[Path]:
     """Write a diagram as npz, its curve over height as CSV, and the picture.
 
     The curve is at the range `curve_m`; None: the last one of the diagram.
     """
     curve = coverage_curve(found, curve_m)
     files = write_coverage_files(found, curve, make_folder(folder))
-    return [*files, save_figure(plot_coverage(found, curve), folder / COVERAGE_PICTURE)]
+    if picture:
+        files.append(save_figure(plot_coverage(found, curve), folder / COVERAGE_PICTURE))
+    return files

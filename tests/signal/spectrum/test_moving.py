@@ -185,8 +185,8 @@ def test_pulses_together_are_those_one_by_one(weighted: bool, bend_m: float) -> 
     moved_m = rng.uniform(-40, 40, (pulses, rows)) * ramp.half_s(count)
     lengths_m = np.stack([middle_m - moved_m, middle_m, middle_m + moved_m + bend_m], axis=1)
     weights = rng.normal(size=(pulses, rows) if weighted else rows) + 0j
-    ways = {name: RampTransform(context, 1e-6, name) for name in ("auto", "direct")}
-    together = list(ways["auto"].pulses(lengths_m, weights, None))
+    ways = {name: RampTransform(context, 1e-6, name) for name in ("finufft", "direct")}
+    together = list(ways["finufft"].pulses(lengths_m, weights, None))
     assert len(together) == pulses
     for number, found in enumerate(together):
         own = weights[number] if weighted else weights
