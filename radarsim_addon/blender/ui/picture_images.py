@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ...errors import OutputError
 from ...messages import Message
 from ...signal.pictures import answer_request
-from .fields import may_write, may_write_at_need, tr
+from .fields import is_refused, may_write, may_write_at_need, tr
 from .result_pictures import KINDS, WIDTH, PictureAxes
 from .worker_process import WorkerProcess, python_program
 
@@ -66,13 +66,14 @@ def _at_once() -> bool:
 
 def request(fields: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], then: _Then) -> None:
     """Ask for a picture, as of `signal.pictures`; `then` is called with the answer."""
-    message = Message({"place": "", **fields, "number": next(_numbers)}, dict(arrays))
+    number = next(_numbers)
+    message = Message({"place": f"number {number}", **fields, "number": number}, dict(arrays))
     if _at_once():
         then(answer_request(message))
         return
     start_drawing()
     assert _process is not None
-    _waiting[message.fields["number"]] = then
+    _waiting[number] = then
     _process.send(message)
     if not bpy.app.timers.is_registered(_receive):
         bpy.app.timers.register(_receive, first_interval=_LOOK_S)
@@ -88,21 +89,32 @@ def _receive() -> float | None:
         error = tr("The process that draws has ended: {words}", words=words)
         _answers.extend(Message({"number": one, "error": error}, {}) for one in _waiting)
     while _answers:
-        then = _waiting.get(_answers[0].fields["number"])
-        if then is not None:
-            then(_answers[0])
-        _waiting.pop(_answers.popleft().fields["number"], None)
+        number = _answers[0].fields["number"]
+        then = _waiting.pop(number, None)
+        try:
+            if then is not None:
+                then(_answers[0])
+        except Exception as error:
+            if then is not None and is_refused(error):  # it is done again where Blender lets it
+                _waiting[number] = then
+            else:
+                _answers.popleft()
+            raise
+        _answers.popleft()
     return _LOOK_S if _waiting else None
 
 
-def awaited(
-    fields: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]] | None = None
-) -> Generator[None, None, Message]:
-    """Yield until the answer to a request has come; return it. OutputError where it failed."""
+def forget_requests() -> None:
+    """Ignore the answers to come: they are of a file that is no longer open."""
+    _waiting.clear()
+
+
+def awaited(fields: Mapping[str, Any]) -> Generator[float, None, Message]:
+    """Yield 0 until the answer to a request has come; return it. OutputError where it failed."""
     found: list[Message] = []
-    request(fields, arrays or {}, found.append)
+    request(fields, {}, found.append)
     while not found:
-        yield
+        yield 0.0
     if "error" in found[0].fields:
         raise OutputError(found[0].fields["error"])
     return found[0]

@@ -13,7 +13,6 @@ from bpy_extras.io_utils import ExportHelper
 
 from ...atomic_files import replaced
 from ...errors import OutputError
-from ...messages import Message
 from ...movie_file import MovieWriter
 from .fields import reported
 from .picture_images import awaited
@@ -149,7 +148,7 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
                 yield from self._write_mp4(path, files)
             else:
                 fields = {"gif": str(path), "files": [str(f) for f in files]}
-                yield from _waiting(awaited({**fields, "seconds": self.seconds, "place": "gif"}))
+                yield from awaited({**fields, "seconds": self.seconds})
         self.report({"INFO"}, f"Saved {path}: {len(frames)} frames")
 
     def _write_mp4(self, path: Path, files: list[Path]) -> Generator[float, None, None]:
@@ -167,18 +166,8 @@ def _drawn(context: Any, name: str, frame: int | None) -> Generator[float, None,
         raise OutputError(
             f"There is no {KINDS[name].label.lower()} of this frame yet. Press Process Last Run."
         )
-    found = yield from _waiting(awaited({**fields, "place": "file"}))
+    found = yield from awaited(fields)
     return bytes(found.arrays["png"].tobytes())
-
-
-def _waiting(steps: Generator[None, None, Message]) -> Generator[float, None, Message]:
-    """Yield 0 as long as an answer is awaited; return it."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value  # type: ignore[no-any-return]
-        yield 0.0
 
 
 CLASSES: tuple[type, ...] = (RADARSIM_OT_save_picture, RADARSIM_OT_save_animation)

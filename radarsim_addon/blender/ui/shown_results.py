@@ -28,7 +28,7 @@ from ..rig_settings import PROGRESS_PROPERTY, settings
 from ..run import scene_text
 from ..scene import active_radar, antennas_of
 from .fields import tr
-from .picture_images import draw_image, show_images
+from .picture_images import draw_image, forget_requests, show_images
 from .result_pictures import KINDS, WIDTH, processing_records
 from .scene_reading import redraw_panels
 from .worker_process import python_program, start_worker
@@ -482,6 +482,7 @@ def uncertain_text(item: Target) -> str:
 @bpy.app.handlers.persistent
 def _forget_at_load(*_: Any) -> None:
     forget_run()
+    forget_requests()
     _state.measured, _state.own, _state.edited = "", set(), False
     _subscribe()
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..decoding import decode
 from ..echoes import Echoes
@@ -31,11 +30,12 @@ from .figure import (
     strongest,
     time_unit,
 )
-from .map import ColourScale, label_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 
 #: Name of the start of a row of samples by kind of waveform.
@@ -130,21 +130,19 @@ def echo_axes(echoes: Echoes) -> EchoAxes:
     )
 
 
-def draw_echo_levels(figure: Figure, cells: Real, axes: EchoAxes, scale: ColourScale) -> Axes:
-    """Draw the powers of joined samples (rows, samples) into an empty figure; return its axes."""
+def empty_echo(figure: Figure, axes: EchoAxes, floor_db: float) -> tuple[Axes, AxesImage, Colorbar]:
+    """Draw the axes of levels into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
     image = axis.imshow(
-        power_to_db(cells, scale.reference or 1.0, scale.floor_db),
-        aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
+        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
         extent=(axes.across.low, axes.across.high, axes.along.low, axes.along.high),
-        vmin=scale.floor_db, vmax=0,
+        vmin=floor_db, vmax=0,
     )  # fmt: skip
     axis.set_xlim(axes.across.low, axes.across.end)
     axis.set_ylim(axes.along.low, axes.along.end)
     axis.set_ylabel(axes.row_text)
-    label_colours(axis, figure.colorbar(image, ax=axis, pad=0.02), scale)
     _label_times(axis, axis, axes)
-    return axis
+    return axis, image, figure.colorbar(image, ax=axis, pad=0.02)
 
 
 @dataclass(frozen=True)

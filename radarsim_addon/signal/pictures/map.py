@@ -458,8 +458,10 @@ def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str =
     axes, power = spectrogram_axes(shown), shown.power
     scale = ColourScale(float(power.max(initial=0.0)), picture_floor_db(power), unit=unit)
     figure = new_figure(8, 5.5)
+    axis, image, bar = empty_spectrogram(figure, axes, scale.floor_db)
     cells = strongest(power, (axes.across.step, axes.up.step))
-    axis = draw_spectrogram(figure, cells, axes, scale)
+    image.set_data(power_to_db(cells, scale.reference or 1.0, scale.floor_db).T)
+    label_colours(axis, bar, scale)
     axis.set_title(title, fontsize=10)
     return figure
 
@@ -494,16 +496,18 @@ def spectrogram_axes(shown: Spectrogram) -> SpectrogramAxes:
     )
 
 
-def draw_spectrogram(
-    figure: Figure, cells: Real, axes: SpectrogramAxes, scale: ColourScale
-) -> Axes:
-    """Draw the powers of joined cells (time, Doppler) into an empty figure; return its axes."""
+def empty_spectrogram(
+    figure: Figure, axes: SpectrogramAxes, floor_db: float
+) -> tuple[Axes, AxesImage, Colorbar]:
+    """Draw the axes of a spectrogram into an empty figure; return them with image and colour bar.
+
+    The image has a row for each cell of Doppler.
+    """
     across, up = axes.across, axes.up
     axis = figure.subplots()
     image = axis.imshow(
-        power_to_db(cells, scale.reference or 1.0, scale.floor_db).T,
-        aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
-        extent=(across.low, across.high, up.low, up.high), vmin=scale.floor_db, vmax=0,
+        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
+        extent=(across.low, across.high, up.low, up.high), vmin=floor_db, vmax=0,
     )  # fmt: skip
     axis.set_xlim(across.low, across.end)
     axis.set_ylim(up.low, up.end)
@@ -514,6 +518,4 @@ def draw_spectrogram(
         "right", functions=(lambda y: np.multiply(y, factor), lambda y: np.divide(y, factor))
     )
     right.set_ylabel(f"range rate [{axes.rate_unit.name}]")
-    bar = figure.colorbar(image, ax=axis, pad=0.12)
-    label_colours(axis, bar, scale)
-    return axis
+    return axis, image, figure.colorbar(image, ax=axis, pad=0.12)

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures of frames that the window asks for, as messages.
 
-A figure is laid out and drawn once; a target that is chosen is drawn on top of it.
+Figures are laid out and drawn once: levels of another frame are put into the same axes, and a
+target that is chosen is drawn on top.
 """
 
 from __future__ import annotations
@@ -9,8 +10,7 @@ from __future__ import annotations
 import functools
 import importlib
 import io
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -23,16 +23,26 @@ from ...messages import Message
 from ...movie_file import png_bytes
 from ..maps import power_to_db
 from .antennas import plot_coverage
-from .echo import draw_echo_levels
-from .figure import Sheet, new_figure, range_unit, save_figure
-from .frame_view import FrameView, profile_of, read_view
-from .map import ColourScale, MapAxes, draw_spectrogram, empty_map, label_colours
+from .echo import empty_echo
+from .figure import TALL_TEXT, Sheet, new_figure, range_unit, save_figure
+from .frame_view import FrameProfile, FrameView, profile_of, read_view
+from .map import (
+    ColourScale,
+    MapAxes,
+    SpectrogramAxes,
+    empty_map,
+    empty_spectrogram,
+    label_colours,
+)
 from .profile import draw_expected_profile
 from .scan import draw_plan_position, draw_range_time
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.image import AxesImage
+    from matplotlib.text import Text
 
     from ..radar import Coverage, CoverageCurve
 
@@ -51,90 +61,17 @@ class _Request(NamedTuple):
     span_db: float
     width_px: int
 
+    @property
+    def view(self) -> FrameView:
+        return _view(self.folder, self.frame)
 
-@dataclass(frozen=True)
-class _Drawn:
-    """Axes of a picture, and size of their units to the right and up in SI."""
+    @property
+    def profiles(self) -> list[FrameProfile]:
+        """Profiles of all frames."""
+        return [profile_of(_view(self.folder, frame)) for frame in self.frames]
 
-    axis: Axes
-    right: float = 1.0
-    up: float = 1.0
-
-
-def _scale(view: FrameView, top: float, request: _Request, noise_power: float = 0.0) -> ColourScale:
-    return ColourScale(top, -request.span_db, noise_power, view.unit)
-
-
-def _map(figure: Figure, view: FrameView, request: _Request) -> _Drawn:
-    axes: MapAxes
-    axes, power = view.levels("map")
-    scale = _scale(view, view.tops["map"], request, view.noise_power)
-    axis, image, bar = empty_map(figure, axes, scale.floor_db)
-    image.set_data(power_to_db(power, scale.reference or 1.0, scale.floor_db).T)
-    label_colours(axis, bar, scale)
-    drawn = _Drawn(axis, axes.doppler_unit.size, axes.range_unit.size)
-    if view.detections:
-        size = 8.0 if len(view.detections) <= 20 else 5.0 if len(view.detections) <= 60 else 2.5
-        places = [_place_in_map(item, view.wavelength_m, drawn) for item in view.detections]
-        axis.plot(*zip(*places, strict=True), "o", ls="", mfc="none", mec="C1", ms=size)
-    axis.set_title(f"Range-Doppler map, {view.title}", fontsize=10)
-    return drawn
-
-
-def _place_in_map(
-    item: Mapping[str, Any], wavelength_m: float, drawn: _Drawn
-) -> tuple[float, float]:
-    doppler_hz = -2 * item["map_velocity_mps"] / wavelength_m
-    return doppler_hz / drawn.right, item["map_range_m"] / drawn.up
-
-
-def _profile(figure: Figure, view: FrameView, request: _Request) -> _Drawn:
-    range_m, power = view.arrays["profile_range_m"], view.arrays["profile"]
-    top = float(power.max(initial=0.0))
-    axis = draw_expected_profile(figure, range_m, power, _scale(view, top, request))
-    axis.set_title(f"Range profile, {view.title}", fontsize=10)
-    return _Drawn(axis, range_unit(float(range_m[-1])).size)
-
-
-def _echo(figure: Figure, view: FrameView, request: _Request) -> _Drawn:
-    axes, power = view.levels("echo")
-    axis = draw_echo_levels(figure, power, axes, _scale(view, view.tops["echo"], request))
-    axis.set_title(f"Echo, {view.title}", fontsize=10)
-    return _Drawn(axis, axes.time.size)
-
-
-def _spectrogram(figure: Figure, view: FrameView, request: _Request) -> _Drawn:
-    axes, power = view.levels("spectrogram")
-    scale = _scale(view, view.tops["spectrogram"], request)
-    axis = draw_spectrogram(figure, power, axes, scale)
-    axis.set_title(f"Spectrogram, {view.title}", fontsize=10)
-    return _Drawn(axis, axes.time_unit.size, axes.doppler_unit.size)
-
-
-def _range_time(figure: Figure, view: FrameView, request: _Request) -> _Drawn:
-    profiles = [profile_of(_view(request.folder, frame)) for frame in request.frames]
-    top = max(float(one.power.max(initial=0.0)) for one in profiles)
-    axis, units = draw_range_time(figure, profiles, _scale(view, top, request))
-    axis.set_title(f"Range profiles of {len(profiles)} frames", fontsize=10)
-    return _Drawn(axis, *units)
-
-
-def _plan_position(figure: Figure, view: FrameView, request: _Request) -> _Drawn:
-    profiles = [profile_of(_view(request.folder, frame)) for frame in request.frames]
-    top = max(float(one.power.max(initial=0.0)) for one in profiles)
-    axis = draw_plan_position(figure, profiles, _scale(view, top, request))
-    axis.set_title(f"Plan position, {len(profiles)} frames", fontsize=10)
-    return _Drawn(axis)
-
-
-_KINDS: dict[str, Callable[[Figure, FrameView, _Request], _Drawn]] = {
-    "MAP": _map,
-    "PROFILE": _profile,
-    "ECHO": _echo,
-    "SPECTROGRAM": _spectrogram,
-    "RANGE_TIME": _range_time,
-    "PPI": _plan_position,
-}
+    def scale(self, top: float, noise_power: float = 0.0) -> ColourScale:
+        return ColourScale(top, -self.span_db, noise_power, self.view.unit)
 
 
 @functools.lru_cache(maxsize=256)
@@ -142,21 +79,112 @@ def _view(folder: str, frame: int) -> FrameView:
     return read_view(Path(folder), frame)
 
 
+class _Axes(NamedTuple):
+    """Axes of a picture, size of their units to the right and up in SI, and their place."""
+
+    axis: Axes
+    right: float
+    up: float
+    sheet: Sheet
+    place: dict[str, Any]
+
+    @classmethod
+    def of(
+        cls, axis: Axes, units: tuple[float, float], changing: Sequence[Artist], width_px: int
+    ) -> _Axes:
+        """Lay out the figure of finished axes."""
+        # a little more than the width, which would else be cut to a whole number below
+        sheet = Sheet(axis.get_figure(root=True), changing, (width_px + 0.01) / WIDTH_IN)
+        place = {
+            "box": [float(edge) for edge in axis.get_position().extents],
+            "x": [float(end) * units[0] for end in axis.get_xlim()],
+            "y": [float(end) * units[1] for end in axis.get_ylim()],
+            "log": [axis.get_xscale() == "log", axis.get_yscale() == "log"],
+        }
+        return cls(axis, *units, sheet, place)
+
+
+# -- levels over two axes --------------------------------------------------------------------------
+
+
+class _Levels(NamedTuple):
+    """Empty axes, and what changes from frame to frame."""
+
+    axes: _Axes
+    image: AxesImage
+    bar: Colorbar
+    title: Text
+
+
+def _units_of(axes: Any) -> tuple[float, float]:
+    if isinstance(axes, MapAxes):
+        return axes.doppler_unit.size, axes.range_unit.size
+    if isinstance(axes, SpectrogramAxes):
+        return axes.time_unit.size, axes.doppler_unit.size
+    return axes.time.size, 1.0
+
+
+_EMPTY: dict[str, tuple[Callable[..., tuple[Axes, AxesImage, Colorbar]], str]] = {
+    "MAP": (empty_map, "Range-Doppler map"),
+    "ECHO": (empty_echo, "Echo"),
+    "SPECTROGRAM": (empty_spectrogram, "Spectrogram"),
+}
+
+
 @functools.lru_cache(maxsize=8)
-def _sheet(request: _Request) -> tuple[_Drawn, Sheet, dict[str, Any]]:
-    """Return a picture that is laid out and drawn, and the place of its axes."""
+def _empty_levels(kind: str, axes: Any, floor_db: float, width_px: int) -> _Levels:
     figure = new_figure(WIDTH_IN, HEIGHT_IN)
-    drawn = _KINDS[request.kind](figure, _view(request.folder, request.frame), request)
-    # a little more than the width, which would else be cut to a whole number below
-    sheet = Sheet(figure, [], (request.width_px + 0.01) / WIDTH_IN)
-    box, axis = drawn.axis.get_position(), drawn.axis
-    place = {
-        "box": [float(edge) for edge in box.extents],
-        "x": [float(end) * drawn.right for end in axis.get_xlim()],
-        "y": [float(end) * drawn.up for end in axis.get_ylim()],
-        "log": [axis.get_xscale() == "log", axis.get_yscale() == "log"],
-    }
-    return drawn, sheet, place
+    axis, image, bar = _EMPTY[kind][0](figure, axes, floor_db)
+    title = axis.set_title(TALL_TEXT, fontsize=10)
+    bar.set_label(TALL_TEXT)
+    changing = [image, *axis.spines.values(), title, bar.ax.yaxis.label]
+    return _Levels(_Axes.of(axis, _units_of(axes), changing, width_px), image, bar, title)
+
+
+def _levels(request: _Request) -> _Axes:
+    """Put the levels of a frame, and its detections, into axes of their kind."""
+    view, kind, name = request.view, request.kind, request.kind.lower()
+    cells, power = view.levels(name)
+    scale = request.scale(view.tops[name], view.noise_power if kind == "MAP" else 0.0)
+    axes, image, bar, title = _empty_levels(kind, cells, scale.floor_db, request.width_px)
+    level = power_to_db(power, scale.reference or 1.0, scale.floor_db)
+    image.set_data(level if kind == "ECHO" else level.T)
+    label_colours(axes.axis, bar, scale)
+    title.set_text(f"{_EMPTY[kind][1]}, {view.title}")
+    if kind == "MAP" and view.detections:
+        size = 8.0 if len(view.detections) <= 20 else 5.0 if len(view.detections) <= 60 else 2.5
+        places = [_place_in_map(item, view.wavelength_m, axes) for item in view.detections]
+        axes.axis.plot(*zip(*places, strict=True), "o", ls="", mfc="none", mec="C1", ms=size)
+    return axes
+
+
+def _place_in_map(item: Mapping[str, Any], wavelength_m: float, axes: _Axes) -> tuple[float, float]:
+    doppler_hz = -2 * item["map_velocity_mps"] / wavelength_m
+    return doppler_hz / axes.right, item["map_range_m"] / axes.up
+
+
+# -- other pictures --------------------------------------------------------------------------------
+
+
+@functools.lru_cache(maxsize=8)
+def _whole(request: _Request) -> _Axes:
+    """Draw a picture that has nothing in common with that of another frame."""
+    figure, view = new_figure(WIDTH_IN, HEIGHT_IN), request.view
+    profiles = [profile_of(view)] if request.kind == "PROFILE" else request.profiles
+    scale = request.scale(max(float(one.power.max(initial=0.0)) for one in profiles))
+    units = 1.0, 1.0
+    if request.kind == "PROFILE":
+        range_m = profiles[0].range_m
+        axis = draw_expected_profile(figure, range_m, profiles[0].power, scale)
+        units, title = (range_unit(float(range_m[-1])).size, 1.0), f"Range profile, {view.title}"
+    elif request.kind == "RANGE_TIME":
+        axis, units = draw_range_time(figure, profiles, scale)
+        title = f"Range profiles of {len(profiles)} frames"
+    else:
+        axis = draw_plan_position(figure, profiles, scale)
+        title = f"Plan position, {len(profiles)} frames"
+    axis.set_title(title, fontsize=10)
+    return _Axes.of(axis, units, [], request.width_px)
 
 
 def _draw(fields: Mapping[str, Any]) -> Message:
@@ -171,28 +199,33 @@ def _draw(fields: Mapping[str, Any]) -> Message:
         fields["folder"], tuple(fields["frames"]), fields["kind"], fields["frame"],
         fields["span_db"], fields["width_px"],
     )  # fmt: skip
-    drawn, sheet, place = _sheet(request)
+    if request.kind in _EMPTY:
+        axes = _levels(request)
+    elif request.kind == "PROFILE":
+        axes = _whole(request)
+    else:  # the same for all frames
+        axes = _whole(request._replace(frame=request.frames[0]))
     chosen = fields["chosen"]
     if chosen is not None:
-        _mark(drawn, _view(request.folder, request.frame), request.kind, chosen)
+        _mark(axes, request.view, request.kind, chosen)
     dpi = request.width_px / WIDTH_IN
-    png = np.frombuffer(png_bytes(sheet.picture(), dpi), dtype=np.uint8)
-    return Message({"number": fields["number"], "axes": place}, {"png": png})
+    png = np.frombuffer(png_bytes(axes.sheet.picture(), dpi), dtype=np.uint8)
+    return Message({"number": fields["number"], "axes": axes.place}, {"png": png})
 
 
-def _mark(drawn: _Drawn, view: FrameView, kind: str, chosen: Mapping[str, Any]) -> None:
+def _mark(axes: _Axes, view: FrameView, kind: str, chosen: Mapping[str, Any]) -> None:
     """Mark the chosen target: a ring at its place, or a line at its range or Doppler."""
     ring: dict[str, Any] = {"ls": "", "mfc": "none", "mec": _CHOSEN, "ms": 15.0, "mew": 2.0}
-    axis = drawn.axis
+    axis = axes.axis
     if kind == "MAP":
-        axis.plot(*_place_in_map(chosen, view.wavelength_m, drawn), "o", **ring)
+        axis.plot(*_place_in_map(chosen, view.wavelength_m, axes), "o", **ring)
     elif kind == "PROFILE":
-        axis.axvline(chosen["range_m"] / drawn.right, color=_CHOSEN_LINE, lw=1.5)
+        axis.axvline(chosen["range_m"] / axes.right, color=_CHOSEN_LINE, lw=1.5)
     elif kind == "SPECTROGRAM":
         doppler_hz = -2 * chosen["map_velocity_mps"] / view.wavelength_m
-        axis.axhline(doppler_hz / drawn.up, color=_CHOSEN, ls="--", lw=1.2)
+        axis.axhline(doppler_hz / axes.up, color=_CHOSEN, ls="--", lw=1.2)
     elif kind == "RANGE_TIME":
-        axis.plot(view.time_s / drawn.right, chosen["range_m"] / drawn.up, "o", **ring)
+        axis.plot(view.time_s / axes.right, chosen["range_m"] / axes.up, "o", **ring)
 
 
 def save_gif(path: Path, files: list[Path], seconds: float) -> None:
