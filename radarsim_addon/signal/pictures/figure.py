@@ -245,7 +245,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = DPI) -> Path:
 class Sheet:
     """A figure that is laid out and drawn once, except what changes, in the order of drawing."""
 
-    def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: int = DPI) -> None:
+    def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: float = DPI) -> None:
         figure.set_dpi(dpi)
         lay_out(figure)
         self._figure, self._changing = figure, changing

@@ -106,7 +106,7 @@ class FrameView:
 
     def levels(self, kind: str) -> tuple[Any, Real]:
         """Return axes and power of the drawn cells of "map", "echo" or "spectrogram"."""
-        axes = from_json(_AXES[kind], self.axes[kind], "Axes")
+        axes: Any = from_json(_AXES[kind], self.axes[kind], "Axes")
         return axes, 10 ** (self.arrays[f"{kind}_db"] / 10)
 
 

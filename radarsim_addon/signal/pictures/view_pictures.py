@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
     from matplotlib.text import Text
 
@@ -90,11 +91,16 @@ class _Axes(NamedTuple):
 
     @classmethod
     def of(
-        cls, axis: Axes, units: tuple[float, float], changing: Sequence[Artist], width_px: int
+        cls,
+        figure: Figure,
+        axis: Axes,
+        units: tuple[float, float],
+        changing: Sequence[Artist],
+        width_px: int,
     ) -> _Axes:
-        """Lay out the figure of finished axes."""
+        """Lay out a figure with finished axes."""
         # a little more than the width, which would else be cut to a whole number below
-        sheet = Sheet(axis.get_figure(root=True), changing, (width_px + 0.01) / WIDTH_IN)
+        sheet = Sheet(figure, changing, (width_px + 0.01) / WIDTH_IN)
         place = {
             "box": [float(edge) for edge in axis.get_position().extents],
             "x": [float(end) * units[0] for end in axis.get_xlim()],
@@ -138,7 +144,7 @@ def _empty_levels(kind: str, axes: Any, floor_db: float, width_px: int) -> _Leve
     title = axis.set_title(TALL_TEXT, fontsize=10)
     bar.set_label(TALL_TEXT)
     changing = [image, *axis.spines.values(), title, bar.ax.yaxis.label]
-    return _Levels(_Axes.of(axis, _units_of(axes), changing, width_px), image, bar, title)
+    return _Levels(_Axes.of(figure, axis, _units_of(axes), changing, width_px), image, bar, title)
 
 
 def _levels(request: _Request) -> _Axes:
@@ -172,6 +178,7 @@ def _whole(request: _Request) -> _Axes:
     figure, view = new_figure(WIDTH_IN, HEIGHT_IN), request.view
     profiles = [profile_of(view)] if request.kind == "PROFILE" else request.profiles
     scale = request.scale(max(float(one.power.max(initial=0.0)) for one in profiles))
+    frames = "1 frame" if len(profiles) == 1 else f"{len(profiles)} frames"
     units = 1.0, 1.0
     if request.kind == "PROFILE":
         range_m = profiles[0].range_m
@@ -179,12 +186,12 @@ def _whole(request: _Request) -> _Axes:
         units, title = (range_unit(float(range_m[-1])).size, 1.0), f"Range profile, {view.title}"
     elif request.kind == "RANGE_TIME":
         axis, units = draw_range_time(figure, profiles, scale)
-        title = f"Range profiles of {len(profiles)} frames"
+        title = f"Range profiles, {frames}"
     else:
         axis = draw_plan_position(figure, profiles, scale)
-        title = f"Plan position, {len(profiles)} frames"
+        title = f"Plan position, {frames}"
     axis.set_title(title, fontsize=10)
-    return _Axes.of(axis, units, [], request.width_px)
+    return _Axes.of(figure, axis, units, [], request.width_px)
 
 
 def _draw(fields: Mapping[str, Any]) -> Message:
