@@ -57,19 +57,8 @@ def plot_angles_rad() -> Real:
 
 
 def draw_sigma0(levels_db: Real, valid: Mask) -> Single:
-    """Draw sigma0 of HH and VV at `plot_angles_rad`.
-
-    Parameters
-    ----------
-    levels_db
-        (2, columns) [dB].
-    valid
-        Columns at which the model holds: the rest stays dark, (columns,).
-
-    Returns
-    -------
-    ndarray
-        RGBA from 0 to 1, (SIDE, SIDE, 4), top row first.
+    """Draw sigma0 of HH and VV, (2, columns) [dB], at `plot_angles_rad`; columns at which the model
+    does not hold stay dark. Return RGBA from 0 to 1, (SIDE, SIDE, 4), top row first.
     """
     canvas = np.full((SIDE, SIDE, 4), _BACK, dtype=np.float32)
     canvas[..., 3] = 1.0

@@ -176,14 +176,9 @@ def _evaluate_shown(scene_name: str) -> None:
 
 
 class InteractiveRender:
-    """A prepared `MeasurementJob` that renders in steps.
+    """A prepared `MeasurementJob` that renders in steps; `close` restores the scene.
 
-    Parameters
-    ----------
-    job
-        Prepared job; `close` restores the scene.
-    preferences : bpy.types.Preferences
-        Blender's render window is off during the measurement.
+    Blender's render window is off meanwhile.
     """
 
     def __init__(self, job: MeasurementJob, preferences: Any) -> None:
@@ -236,17 +231,9 @@ class InteractiveRender:
         self.stop_reason = self.stop_reason or reason
 
     def tick(self) -> bool:
-        """Do the next step without waiting.
+        """Do the next step without waiting; return whether the run has ended.
 
-        Returns
-        -------
-        bool
-            Whether the run has ended.
-
-        Raises
-        ------
-        RadarSimError
-            A render failed, or a file cannot be written. Call `close` then.
+        RadarSimError: a render failed, or a file cannot be written. Call `close` then.
         """
         if self.closed:
             return True

@@ -23,19 +23,10 @@ _Values = TypeVar("_Values", np.float64, np.uint16)
 
 
 def draw_curve(area: Single, rows: Real, colour: Sequence[float], width_px: float = 2.5) -> None:
-    """Blend a line into a picture; each pixel gets the fraction of it that the line covers.
+    """Blend a line into a picture (height, width, 3) by the fraction of each pixel that it covers.
 
-    Parameters
-    ----------
-    area
-        Picture that is changed, (height, width, 3).
-    rows
-        Distance of the line from the upper edge at `FINE` places per column, evenly spaced from
-        left to right, (FINE * width,) [px].
-    colour
-        sRGB from 0 to 1.
-    width_px
-        Width of the line: of the disc that is drawn at each of its points [px].
+    rows: distance of the line from the upper edge at `FINE` places per column, from left to right,
+    (FINE * width,) [px]. The line is a disc of `width_px` at each of its points.
     """
     height, width = area.shape[:2]
     radius = width_px / 2
@@ -86,14 +77,8 @@ def text_mask(text: str) -> NDArray[np.float32]:
 
 
 def nice_ticks(low: float, high: float, about: int) -> list[float]:
-    """Return the multiples of 1, 2 or 5 times a power of ten between two limits, both included.
-
-    Parameters
-    ----------
-    low, high
-        Limits.
-    about
-        Approximate number of ticks.
+    """Return about so many multiples of 1, 2 or 5 times a power of ten between two limits, both
+    included.
     """
     if not high > low:
         return [low]

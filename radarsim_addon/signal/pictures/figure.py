@@ -263,22 +263,29 @@ class Sheet:
             label.set_visible(True)
         self._canvas, self._empty = canvas, canvas.copy_from_bbox(figure.bbox)
         self._still = set(self._children())
+        self._last = self._empty
 
     def _children(self) -> list[Artist]:
         """Return all parts, without those of axes that change themselves."""
         still = [axes for axes in self._figure.axes if axes not in self._changing]
         return [child for part in (self._figure, *still) for child in part.get_children()]
 
-    def picture(self) -> NDArray[np.uint8]:
-        """Draw what has changed and what was added, and remove that; (height, width, 3)."""
+    def picture(self, on_top: bool = False) -> NDArray[np.uint8]:
+        """Draw what has changed and what was added, and remove that; (height, width, 3).
+
+        `on_top`: draw what was added over the last picture that was drawn without it.
+        """
         added = [child for child in self._children() if child not in self._still]
-        self._canvas.restore_region(self._empty)
+        self._canvas.restore_region(self._last if on_top else self._empty)
         renderer = self._canvas.get_renderer()
-        for artist in (*self._changing, *sorted(added, key=lambda child: child.get_zorder())):
+        changing = () if on_top else self._changing
+        for artist in (*changing, *sorted(added, key=lambda child: child.get_zorder())):
             artist.draw(renderer)
         pixels = np.array(self._canvas.buffer_rgba())[..., :3]
         for artist in added:
             artist.remove()
+        if not on_top:
+            self._last = self._canvas.copy_from_bbox(self._figure.bbox)
         return pixels
 
 

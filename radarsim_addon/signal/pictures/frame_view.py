@@ -50,47 +50,32 @@ class Target(TypedDict):
 
 @dataclass(frozen=True)
 class FrameView:
-    """What is shown of a frame.
+    """What is shown of a frame."""
 
-    Attributes
-    ----------
-    frame, time_s
-        Number and scene time [s].
-    unit
-        Unit of levels, "dBW" or "dB".
-    wavelength_m
-        Wavelength at the carrier [m].
-    azimuth_deg
-        Direction that the receiver looks in, from the world's +Y clockwise [deg].
-    width_deg
-        Its field of view; 0: not known [deg].
-    objects
-        Objects with an echo, by name.
-    detections
-        Targets that CFAR found, by falling SNR; None: no CFAR.
-    axes
-        Axes of the pictures of levels, by the names of `_AXES`, as JSON.
-    tops
-        Power of the strongest cell of each of these; `noise_power` is that of a cell of the map.
-    arrays
-        Levels in dB and axes, by name.
-    spectrogram_rows
-        Numbers in `targets` of those whose echoes the spectrogram was made of.
-    """
-
+    #: Number and scene time [s].
     frame: int
     time_s: float
+    #: Unit of levels, "dBW" or "dB".
     unit: str
+    #: Wavelength at the carrier [m].
     wavelength_m: float
+    #: Direction that the receiver looks in, from the world's +Y clockwise [deg].
     azimuth_deg: float
+    #: Its field of view; 0: not known [deg].
     width_deg: float
+    #: Objects with an echo, by name.
     objects: dict[str, Target]
+    #: Targets that CFAR found, by falling SNR; None: no CFAR.
     detections: list[Target] | None
+    #: Levels in dB and axes, by name.
     arrays: Mapping[str, Real]
+    #: Axes of the pictures of levels, by the names of `_AXES`, as JSON.
     axes: Mapping[str, Any]
+    #: Power of the strongest cell of each of these; `noise_power` is that of a cell of the map.
     tops: Mapping[str, float]
     noise_power: float = 0.0
     uncertain: str = ""
+    #: Numbers in `targets` of those whose echoes the spectrogram was made of.
     spectrogram_rows: Collection[int] = ()
 
     @property

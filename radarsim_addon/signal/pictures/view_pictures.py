@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 import importlib
 import io
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
@@ -147,12 +148,18 @@ def _empty_levels(kind: str, axes: Any, floor_db: float, width_px: int) -> _Leve
     return _Levels(_Axes.of(figure, axis, _units_of(axes), changing, width_px), image, bar, title)
 
 
+#: What was drawn last into each sheet.
+_drawn: weakref.WeakKeyDictionary[Sheet, _Request] = weakref.WeakKeyDictionary()
+
+
 def _levels(request: _Request) -> _Axes:
     """Put the levels of a frame, and its detections, into axes of their kind."""
     view, kind, name = request.view, request.kind, request.kind.lower()
     cells, power = view.levels(name)
     scale = request.scale(view.tops[name], view.noise_power if kind == "MAP" else 0.0)
     axes, image, bar, title = _empty_levels(kind, cells, scale.floor_db, request.width_px)
+    if _drawn.get(axes.sheet) == request:
+        return axes
     level = power_to_db(power, scale.reference or 1.0, scale.floor_db)
     image.set_data(level if kind == "ECHO" else level.T)
     label_colours(axes.axis, bar, scale)
@@ -206,17 +213,18 @@ def _draw(fields: Mapping[str, Any]) -> Message:
         fields["folder"], tuple(fields["frames"]), fields["kind"], fields["frame"],
         fields["span_db"], fields["width_px"],
     )  # fmt: skip
-    if request.kind in _EMPTY:
-        axes = _levels(request)
-    elif request.kind == "PROFILE":
-        axes = _whole(request)
-    else:  # the same for all frames
-        axes = _whole(request._replace(frame=request.frames[0]))
-    chosen = fields["chosen"]
+    view, chosen = request.view, fields["chosen"]
+    if request.kind in ("RANGE_TIME", "PPI"):  # the same for all frames
+        request = request._replace(frame=request.frames[0])
+    axes = _levels(request) if request.kind in _EMPTY else _whole(request)
+    if _drawn.get(axes.sheet) != request:
+        axes.sheet.picture()
+        _drawn[axes.sheet] = request
     if chosen is not None:
-        _mark(axes, request.view, request.kind, chosen)
+        _mark(axes, view, request.kind, chosen)
+    pixels = axes.sheet.picture(on_top=True)
     dpi = request.width_px / WIDTH_IN
-    png = np.frombuffer(png_bytes(axes.sheet.picture(), dpi), dtype=np.uint8)
+    png = np.frombuffer(png_bytes(pixels, dpi), dtype=np.uint8)
     return Message({"number": fields["number"], "axes": axes.place}, {"png": png})
 
 
