@@ -723,11 +723,11 @@ class RADARSIM_OT_coverage(bpy.types.Operator):
             found = scene_coverage(context.scene, context.view_layer, self._request())
             folder = Path(bpy.path.abspath(self.folder))
             files = write_coverage(found, folder, picture=False)
-            files.append(folder / COVERAGE_PICTURE)
             report_findings(self, list(found.findings))
             self.report({"INFO"}, f"Wrote {', '.join(map(str, files))}")
             fields, arrays = coverage_message(found, coverage_curve(found))
-            draw_image(COVERAGE_IMAGE, {**fields, "file": str(files[-1])}, arrays, _show_coverage)
+            fields["file"] = str(folder / COVERAGE_PICTURE)
+            draw_image(COVERAGE_IMAGE, fields, arrays, _show_coverage)
             return {"FINISHED"}
         return {"CANCELLED"}
 

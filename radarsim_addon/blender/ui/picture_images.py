@@ -127,7 +127,7 @@ def awaited(fields: Mapping[str, Any]) -> Generator[float, None, Message]:
 class _Shown:
     """Axes of an image, and its height over its width."""
 
-    axes: PictureAxes | None
+    axes: PictureAxes
     shape: float
 
 
@@ -173,7 +173,7 @@ def draw_image(
             _fault = found.fields["error"]
         elif "late" not in found.fields:
             _fault, image = "", _put(name, found)
-            axes = found.fields["axes"] and PictureAxes(**found.fields["axes"])
+            axes = PictureAxes(**found.fields["axes"])
             _shown_pictures[name] = _Shown(axes, image.size[1] / image.size[0])
         if then is not None:
             then(image)

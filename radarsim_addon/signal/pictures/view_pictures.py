@@ -102,13 +102,17 @@ class _Axes(NamedTuple):
         """Lay out a figure with finished axes."""
         # a little more than the width, which would else be cut to a whole number below
         sheet = Sheet(figure, changing, (width_px + 0.01) / WIDTH_IN)
-        place = {
-            "box": [float(edge) for edge in axis.get_position().extents],
-            "x": [float(end) * units[0] for end in axis.get_xlim()],
-            "y": [float(end) * units[1] for end in axis.get_ylim()],
-            "log": [axis.get_xscale() == "log", axis.get_yscale() == "log"],
-        }
-        return cls(axis, *units, sheet, place)
+        return cls(axis, *units, sheet, _place(axis, units))
+
+
+def _place(axis: Axes, units: tuple[float, float]) -> dict[str, Any]:
+    """Return the edges of axes as fractions of the picture, and the values there in SI."""
+    return {
+        "box": [float(edge) for edge in axis.get_position().extents],
+        "x": [float(end) * units[0] for end in axis.get_xlim()],
+        "y": [float(end) * units[1] for end in axis.get_ylim()],
+        "log": [axis.get_xscale() == "log", axis.get_yscale() == "log"],
+    }
 
 
 # -- levels over two axes --------------------------------------------------------------------------
@@ -275,7 +279,9 @@ def _coverage(message: Message) -> Message:
     dpi = (fields["width_px"] + 0.01) / figure.get_figwidth()
     figure.savefig(stream, format="png", dpi=dpi)
     png = np.frombuffer(stream.getvalue(), dtype=np.uint8)
-    return Message({"number": fields["number"], "axes": None}, {"png": png})
+    units = range_unit(float(arrays["found range_m"][-1])).size, 1.0
+    place = _place(figure.axes[0], units)
+    return Message({"number": fields["number"], "axes": place}, {"png": png})
 
 
 def coverage_message(found: Coverage, curve: CoverageCurve) -> Message:
