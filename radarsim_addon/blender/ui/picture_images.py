@@ -245,16 +245,28 @@ def show_images(context: Any, images: list[Any]) -> None:
             editors = _new_editors(context, new[0], len(images))
     for area, image in zip(editors, images, strict=False):
         area.spaces.active.image = image
+        _undrawn.add(area.as_pointer())
     if not bpy.app.background:
-        left = [_MAX_FITS]
+        _fit_soon()
 
-        @may_write
-        def fit() -> float | None:
-            left[0] -= 1
-            return None if _fit_images() or not left[0] else _FIT_INTERVAL_S
 
-        # The size of a new editor is known after it was drawn.
-        bpy.app.timers.register(fit, first_interval=_FIT_INTERVAL_S)
+#: Editors whose image was set and that were not drawn since: their size may not be known.
+_undrawn: set[int] = set()
+_fits_left = 0
+
+
+def _fit_soon() -> None:
+    global _fits_left
+    _fits_left = _MAX_FITS
+    if not bpy.app.timers.is_registered(_fit):
+        bpy.app.timers.register(_fit, first_interval=_FIT_INTERVAL_S)
+
+
+@may_write
+def _fit() -> float | None:
+    global _fits_left
+    _fits_left -= 1
+    return None if _fit_images() or _fits_left <= 0 else _FIT_INTERVAL_S
 
 
 def _editors() -> list[tuple[Any, Any, Any]]:
@@ -319,8 +331,13 @@ def _sharpen() -> None:
 
 def _look() -> None:
     """Called when an Image Editor is drawn: see to its image's size once the zoom is calm."""
-    image = bpy.context.space_data.image
-    if image is None or image.name not in _shown_pictures or not _wanted_px():
+    image, pointer = bpy.context.space_data.image, bpy.context.area.as_pointer()
+    if image is None or image.name not in _shown_pictures:
+        return
+    if pointer in _undrawn:
+        _undrawn.discard(pointer)
+        _fit_soon()
+    if not _wanted_px():
         return
     if bpy.app.timers.is_registered(_sharpen):
         bpy.app.timers.unregister(_sharpen)
@@ -342,7 +359,7 @@ def stop_drawing() -> None:
     global _process
     while _handles:
         bpy.types.SpaceImageEditor.draw_handler_remove(_handles.pop(), "WINDOW")
-    for timer in (_sharpen, _receive):
+    for timer in (_sharpen, _receive, _fit):
         if bpy.app.timers.is_registered(timer):
             bpy.app.timers.unregister(timer)
     if _process is not None:
