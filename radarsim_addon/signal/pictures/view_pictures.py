@@ -70,15 +70,20 @@ class _Request(NamedTuple):
     @property
     def profiles(self) -> list[FrameProfile]:
         """Profiles of all frames."""
-        return [profile_of(_view(self.folder, frame)) for frame in self.frames]
+        return [_profile(self.folder, frame) for frame in self.frames]
 
     def scale(self, top: float, noise_power: float = 0.0) -> ColourScale:
         return ColourScale(top, -self.span_db, noise_power, self.view.unit)
 
 
-@functools.lru_cache(maxsize=256)
+@functools.lru_cache(maxsize=8)  # some ten megabytes each
 def _view(folder: str, frame: int) -> FrameView:
     return read_view(Path(folder), frame)
+
+
+@functools.lru_cache(maxsize=4096)
+def _profile(folder: str, frame: int) -> FrameProfile:
+    return profile_of(_view(folder, frame))
 
 
 class _Axes(NamedTuple):

@@ -153,6 +153,25 @@ def test_the_dynamic_range_is_that_of_the_colours(views: Path) -> None:
     np.testing.assert_array_equal(again, wide)
 
 
+@pytest.mark.parametrize("kind", ["MAP", "PROFILE", "ECHO", "SPECTROGRAM", "RANGE_TIME", "PPI"])
+def test_a_frame_without_an_echo_can_be_drawn(views: Path, tmp_path: Path, kind: str) -> None:
+    record = json.loads((views / "view_000001.json").read_text())
+    nothing = {**record, "objects": {}, "tops": dict.fromkeys(record["tops"], 0.0)}
+    (tmp_path / "view_000001.json").write_text(json.dumps(nothing))
+    arrays = dict(np.load(views / "view_000001.npz"))
+    for name, values in arrays.items():
+        if name.endswith("_db") or name == "profile":
+            arrays[name] = np.full_like(values, 0 if name == "profile" else -300)
+    np.savez(tmp_path / "view_000001.npz", **arrays)
+    found = answer(tmp_path, kind, frames=[1])
+    picture, (left, low, right, high) = pixels(found), found.fields["axes"]["box"]
+    height, width = picture.shape[:2]
+    middle = picture[int((1 - high) * height) + 3 : int((1 - low) * height) - 3]
+    middle = middle[:, int(left * width) + 3 : int(right * width) - 3, :3]
+    assert np.abs(middle - YELLOW).max(axis=2).min() > 0.3  # nothing is strong
+    assert middle.std() > 0.001 or kind == "PPI"  # "no echo"
+
+
 @pytest.mark.parametrize("kind", ["PPI", "RANGE_TIME"])
 def test_a_scan_shows_a_target_where_the_radar_looked(kind: str) -> None:
     """A scan of 36 directions; the echo at 40 m in the direction of 90 degrees: east, +X."""
