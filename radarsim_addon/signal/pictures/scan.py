@@ -45,8 +45,8 @@ def draw_range_time(
         edges_s / seconds.size, edges_m / length.size, levels.T,
         vmin=scale.floor_db, vmax=0, cmap="viridis", rasterized=True,
     )  # fmt: skip
-    axis.set_xlim(edges_s[[0, -1]] / seconds.size)
-    axis.set_ylim(edges_m[[0, -1]] / length.size)
+    axis.set_xlim(*(edges_s[[0, -1]] / seconds.size).tolist())
+    axis.set_ylim(*(edges_m[[0, -1]] / length.size).tolist())
     axis.set_xlabel(f"time [{seconds.name}]")
     axis.set_ylabel(f"one-way range [{length.name}]")
     axis.ticklabel_format(useOffset=False)
