@@ -30,7 +30,12 @@ def small_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         wheel.writestr(
             f"{about}/WHEEL", "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
         )
-        wheel.writestr(f"{about}/RECORD", "")
+        # by its record Blender removes a wheel again
+        names = [
+            "radarsim_test.py",
+            *(f"{about}/{name}" for name in ("METADATA", "WHEEL", "RECORD")),
+        ]
+        wheel.writestr(f"{about}/RECORD", "".join(f"{name},,\n" for name in names))
     return path
 
 
