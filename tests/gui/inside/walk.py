@@ -286,7 +286,7 @@ def script(robot: Any) -> Any:
         lambda: {image.name for image in bpy.data.images} - images, "the images", 300
     )
     result["processing"] = robot.stop_watching()
-    yield 3.0  # the editors fit their images once they were drawn
+    yield from robot.wait(robot_module.pictures_fit, "the pictures at their size", 60)
     result["images"] = {
         image.name: list(image.size) for image in bpy.data.images if image.name not in images
     }
