@@ -190,14 +190,15 @@ def inside_blender_program() -> bool:
 
 def exr_backend() -> tuple[str, ModuleType]:
     """Return name ("OpenEXR" or "OpenImageIO") and module of the library for EXR files here."""
-    name = "OpenImageIO" if inside_blender_program() else "OpenEXR"
-    if name == "OpenImageIO" and importlib.util.find_spec(name) is None:
-        raise MissingDependencyError(
-            "This Blender has no OpenImageIO module, which reads and writes EXR files here. "
-            "Install it (Debian: python3-openimageio), or process the run outside Blender with "
-            "'radarsim process DIR'."
-        )
-    return name, importlib.import_module(name)
+    # the Python that Blender brings, which processes for the window, has no OpenEXR either
+    for name in ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO"):
+        if importlib.util.find_spec(name) is not None:
+            return name, importlib.import_module(name)
+    raise MissingDependencyError(
+        "This Blender has no OpenImageIO module, which reads and writes EXR files here. "
+        "Install it (Debian: python3-openimageio), or process the run outside Blender with "
+        "'radarsim process DIR'."
+    )
 
 
 def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, Single]:
