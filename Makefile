@@ -25,7 +25,7 @@ ifeq ($(wildcard $(PY)),)
 $(shell rm -f $(STAMP))
 endif
 
-.PHONY: help install demo test validate lint bench slips fuzz chaos gui-chroot gui-test extension extension-wheels docs \
+.PHONY: help install demo test validate lint bench slips fuzz chaos gui-chroot gui-test extension docs \
 	test-all-blenders validate-all-blenders clean
 
 help:
@@ -41,8 +41,7 @@ help:
 	@echo "make fuzz               2000 changed inputs: each ends in a result or a named error"
 	@echo "make chaos              60 frames by 2 workers while 40 of them and 5 coordinators are killed"
 	@echo "make docs               the documentation site: out/site/index.html"
-	@echo "make extension          dist/radarsim-VERSION.zip, to install in Blender"
-	@echo "make extension-wheels   the same with scipy and finufft in it, one zip a platform"
+	@echo "make extension          dist/radarsim-VERSION-PLATFORM.zip, to install in Blender"
 	@echo "make clean              remove what make made; the chroot of gui-test stays in .cache/"
 	@echo "Variables: PYTHON=$(PYTHON) (interpreter), VENV=$(VENV), OUT=$(OUT), PYTEST_ARGS=$(PYTEST_ARGS), JOBS=$(JOBS)"
 
@@ -89,9 +88,6 @@ gui-chroot:
 
 gui-test: $(STAMP)
 	$(PY) -m pytest tests/gui $(PYTEST_ARGS)
-
-extension-wheels: $(STAMP)
-	@$(PY) scripts/build_extension.py --wheels
 
 test-all-blenders:
 	@scripts/test_all_blenders.sh $(PYTEST_ARGS)

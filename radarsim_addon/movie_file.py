@@ -65,9 +65,12 @@ class MovieWriter:
 
     def add(self, picture: NDArray[np.uint8]) -> None:
         """Take a picture (height, width, 3), sRGB."""
+        self.add_png(png_bytes(picture, 72))
+
+    def add_png(self, png: bytes) -> None:
+        """Take a picture as the bytes of its PNG file."""
         self._count += 1
-        path = Path(self._folder.name, f"{self._count:06d}.png")
-        path.write_bytes(png_bytes(picture, 72))
+        Path(self._folder.name, f"{self._count:06d}.png").write_bytes(png)
 
     def close(self) -> Iterator[None]:
         """Encode the pictures; a step looks whether that has ended. Raises OutputError."""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Build dist/radarsim-VERSION.zip, the extension that Blender 4.3 and later install from disk.
+"""Build dist/radarsim-VERSION-PLATFORM.zip, which Blender 4.3 and later install from disk.
 
-    python scripts/build_extension.py [--out DIR] [--wheels PLATFORM ...]
+    python scripts/build_extension.py [--platforms PLATFORM ...] [--out DIR]
 
-Built and validated by Blender's own extension tool, which lies in bpy's wheel and needs no Blender
-program. The same sources give the same bytes: entries are sorted and carry one fixed time
-(SOURCE_DATE_EPOCH, else 1980), whoever builds it and wherever. With --wheels it builds one zip a
-platform that carries the packages of scripts/extension_wheels.txt, for use without a network.
+One zip a platform: the add-on and the wheels of scripts/extension_wheels.txt. Built and validated
+by Blender's own extension tool, which lies in bpy's wheel and needs no Blender program. The same
+sources give the same bytes: entries are sorted and carry one fixed time (SOURCE_DATE_EPOCH, else
+1980), whoever builds it and wherever.
 
 Exit codes: 0 built and valid, 1 not (the message says why).
 """
@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "radarsim_addon"
 #: What an extension carries; anything else in the package's folder is not the extension's.
 SUFFIXES = {".py", ".toml", ".json", ".txt", ".csv", ".npz", ".png", ".blend", ".osl", ".typed"}
-#: Platforms whose wheels are all on PyPI, and what their names match.
+#: Platforms of the manifest, and what the names of their wheels match.
 PLATFORMS = {
     "linux-x64": r"manylinux.*_x86_64|none-any",
     "windows-x64": r"win_amd64|none-any",
@@ -152,7 +152,7 @@ def fetch_wheel(name: str, digest: str) -> Path:
     path = folder / name
     if not path.exists():
         package, version, python, abi, platforms = name.removesuffix(".whl").split("-")
-        number = python.removeprefix("cp").removeprefix("py")
+        number = python.split(".")[-1].removeprefix("cp").removeprefix("py")
         words = ["--python-version", f"{number[0]}.{number[1:]}" if number[1:] else "3.13"]
         for tag in platforms.split("."):
             words += ["--platform", tag]
@@ -180,33 +180,32 @@ def add_wheels(stage: Path, platform: str) -> None:
     path.write_text(text.replace("\n[", f"\nwheels = [\n{listed}]\n\n[", 1), encoding="utf-8")
 
 
-def build(out: Path, platform: str = "") -> Path:
-    """Build and validate the extension.
+def build(out: Path, platform: str) -> Path:
+    """Build and validate the extension for a platform.
 
     Parameters
     ----------
     out
         Folder for the archive; made when missing.
     platform
-        The one that the archive is for, with wheels; empty: without wheels, for all.
+        One of `PLATFORMS`.
 
     Returns
     -------
     Path
-        ``out/ID-VERSION.zip``, or ``out/ID-VERSION-PLATFORM.zip``.
+        ``out/ID-VERSION-PLATFORM.zip``
     """
     manifest = read_manifest()
     out.mkdir(parents=True, exist_ok=True)
     stem = f"{manifest['id']}-{manifest['version']}"
-    target = out / f"{stem}{platform and '-' + platform.replace('-', '_')}.zip"
+    target = out / f"{stem}-{platform.replace('-', '_')}.zip"
     with tempfile.TemporaryDirectory(prefix="radarsim-build-") as folder:
         stage = Path(folder) / "source"
         for name in package_files():
             (stage / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(PACKAGE / name, stage / name)
         shutil.copyfile(ROOT / "LICENSE", stage / "LICENSE")
-        if platform:
-            add_wheels(stage, platform)
+        add_wheels(stage, platform)
         raw = Path(folder) / "raw.zip"
         run_tool("build", "--source-dir", str(stage), "--output-filepath", str(raw))
         final = Path(folder) / target.name
@@ -220,23 +219,19 @@ def build(out: Path, platform: str = "") -> Path:
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the archive")
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the archives")
     parser.add_argument(
-        "--wheels", nargs="*", choices=PLATFORMS, metavar="PLATFORM",
-        help=f"build zips with wheels instead, for {', '.join(PLATFORMS)} (without names: all)",
+        "--platforms", nargs="+", choices=PLATFORMS, default=list(PLATFORMS), metavar="PLATFORM",
+        help=f"of {', '.join(PLATFORMS)} (default: all)",
     )  # fmt: skip
     arguments = parser.parse_args(argv)
-    wanted = [""] if arguments.wheels is None else arguments.wheels or list(PLATFORMS)
     try:
-        for platform in wanted:
+        for platform in arguments.platforms:
             target = build(arguments.out, platform)
-            print(f"{target}  ({target.stat().st_size / 1024:.0f} KiB, valid)")
+            print(f"{target}  ({target.stat().st_size / 1e6:.1f} MB, valid)")
     except (BuildError, OSError) as error:
         print(f"build_extension: {error}", file=sys.stderr)
         return 1
-    if arguments.wheels is not None:
-        left = sorted(set(read_manifest()["platforms"]) - set(PLATFORMS))  # type: ignore[call-overload]
-        print(f"The plain zip serves {', '.join(left)}: not all wheels exist there.")
     return 0
 
 

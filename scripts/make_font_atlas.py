@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make radarsim_addon/blender/font_atlas.npz: letters and a colour table for pictures in Blender.
+"""Make radarsim_addon/blender/ui/font_atlas.npz: letters and colours for Blender's own panels.
 
     python scripts/make_font_atlas.py
 
-Inside a Blender program there is no matplotlib, and pictures need axes with numbers. The letters
-are DejaVu Sans as matplotlib ships it, drawn once at one size; the colour table is matplotlib's
-viridis (CC0). The licence of the font is written next to the atlas. Needs matplotlib and Pillow.
+Small drawings in panels and views are made by numpy, in Blender's main thread. The letters are
+DejaVu Sans as matplotlib ships it, drawn once at one size; the colour table is matplotlib's viridis
+(CC0). The licence of the font is written next to the atlas. Needs matplotlib and Pillow.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
     live_preview.unregister_live()
     results_panel.ignore_clicks()
-    picture_images.ignore_zoom()
+    picture_images.stop_drawing()
     overlays.hide_overlays()
     material_panel.forget_plots()
     for item in reversed(CLASSES):

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import Real, reals
-from ..errors import ConfigError, MissingDependencyError
+from ..errors import ConfigError
 from .checks import CsvTable, read_csv, real_array
 
 
@@ -375,7 +375,6 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
     Raises
     ------
     ConfigError : unknown name, wrong number of weights, NaN, or a sum of zero
-    MissingDependencyError : 'taylor' or 'chebyshev' without scipy
     """
     if not isinstance(taper, str):
         weights = real_array("Taper", taper)
@@ -391,13 +390,8 @@ def taper_weights(taper: str | tuple[float, ...], count: int) -> Real:
         # Without the zeros at both ends, which would be elements that do nothing.
         weights = np.hanning(count + 2)[1:-1]
     elif taper in ("taylor", "chebyshev"):
-        try:
-            from scipy.signal import windows
-        except ImportError:
-            raise MissingDependencyError(
-                f"Taper {taper!r} needs scipy, which is not installed; use 'hamming', or give the "
-                "weights one by one."
-            ) from None
+        from scipy.signal import windows  # not at import: slow
+
         made = (
             windows.taylor(count, nbar=4, sll=35, norm=False)
             if taper == "taylor"

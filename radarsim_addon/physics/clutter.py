@@ -439,7 +439,7 @@ def texture(points_m: Real, kind: str, shape: float, length_m: float, seed: int)
     if kind == "lognormal":
         return np.asarray(np.exp(shape * field - shape**2 / 2))
     if kind == "k":
-        from scipy.special import gammaincinv  # not at import: some Blenders have no scipy
+        from scipy.special import gammaincinv  # not at import: slow
 
         return np.asarray(gammaincinv(shape, _probability(field)) / shape)
     angle = np.pi * _probability(field)

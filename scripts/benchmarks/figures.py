@@ -117,7 +117,6 @@ def _synthesis(pyplot: Any, synthesis: Any, save: Callable[[Any, str], None]) ->
     rows = synthesis["rows"]
     for engine, label in (
         ("direct", "direct sum (scaled above 3125 paths)"),
-        ("numpy", "numpy gridding"),
         ("finufft", "finufft"),
     ):
         key = f"{engine}_cpu_s"

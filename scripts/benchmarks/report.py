@@ -124,15 +124,11 @@ def _synthesis(part: dict[str, Any]) -> list[str]:
     for row in part["rows"]:
         text = f"   {row['paths']:>8} paths: direct {row['direct_cpu_s']:.3g} s cpu"
         text += "*" if row["direct_paths_timed"] < row["paths"] else " "
-        for engine in ("numpy", "finufft"):
-            if f"{engine}_cpu_s" in row:
-                seconds = row[f"{engine}_cpu_s"]
-                text += (
-                    f", {engine} {1e3 * row[f'{engine}_wall_s']:.3g} ms wall "
-                    f"{1e3 * seconds:.3g} ms cpu "
-                    f"({row['direct_cpu_s'] / seconds:.0f} times less, "
-                    f"error {row[f'{engine}_error']:.1e})"
-                )
+        seconds = row["finufft_cpu_s"]
+        text += (
+            f", finufft {1e3 * row['finufft_wall_s']:.3g} ms wall {1e3 * seconds:.3g} ms cpu "
+            f"({row['direct_cpu_s'] / seconds:.0f} times less, error {row['finufft_error']:.1e})"
+        )
         lines.append(text)
     burst = part["burst"]
     lines += [

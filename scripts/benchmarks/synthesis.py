@@ -13,7 +13,6 @@ import numpy as np
 
 from radarsim_addon.signal.motion import LinearMotion
 from radarsim_addon.signal.spectrum import Backend, FrequencyGrid, Spectrum, SpectrumAccumulator
-from radarsim_addon.signal.spectrum.nufft import has_finufft
 
 from .clock import peak_mib, stopwatch
 
@@ -72,7 +71,7 @@ def _form(
     amplitude: np.ndarray,
     pulses: int,
     frequencies: int,
-    backend: Backend = "auto",
+    backend: Backend = "finufft",
     threads: int | None = None,
 ) -> Spectrum:
     accumulator = SpectrumAccumulator(
@@ -99,17 +98,15 @@ def _one_pulse(count: int, seed: int) -> dict[str, Any]:
     exact = _direct(
         length_m.astype(np.longdouble), amplitude, _grid(FREQUENCIES).frequencies_hz[places]
     )
-    engines: list[Backend] = ["numpy", "finufft"] if has_finufft() else ["numpy"]
-    for engine in engines:
-        walls, cpus = [], []
-        for _ in range(_REPEATS if engine == "finufft" or count < 10**6 else 1):
-            with stopwatch() as cost:
-                found = _form(length_m, still, amplitude, 1, FREQUENCIES, engine)
-            walls.append(cost.wall_s)
-            cpus.append(cost.cpu_s)
-        row[f"{engine}_wall_s"], row[f"{engine}_cpu_s"] = min(walls), min(cpus)
-        error = np.linalg.norm(found.values[0, places] - exact) / np.linalg.norm(exact)
-        row[f"{engine}_error"] = float(error)
+    walls, cpus = [], []
+    for _ in range(_REPEATS):
+        with stopwatch() as cost:
+            found = _form(length_m, still, amplitude, 1, FREQUENCIES)
+        walls.append(cost.wall_s)
+        cpus.append(cost.cpu_s)
+    row["finufft_wall_s"], row["finufft_cpu_s"] = min(walls), min(cpus)
+    error = np.linalg.norm(found.values[0, places] - exact) / np.linalg.norm(exact)
+    row["finufft_error"] = float(error)
     return row
 
 

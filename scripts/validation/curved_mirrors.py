@@ -131,9 +131,10 @@ def _compare(
     source: str,
 ) -> list[Check]:
     """Check the paths over mirrors at some ends, receiver and transmitter, of all places."""
-    options = {"carrier_hz": 10e9, "max_reflections": 3, "max_refinement_level": 0}
+    options: Any = {"carrier_hz": 10e9, "max_reflections": 3, "max_refinement_level": 0}
     rows = acquire(bench, 12, 1, **options).rows
-    _, point = np.unique(rows[["tile", "replicate", "point"]], return_inverse=True)
+    labels = np.stack([rows[name] for name in ("tile", "replicate", "point")])
+    _, point = np.unique(labels, axis=1, return_inverse=True)
     direct = np.flatnonzero(rows["mirrors"] == 0)
     order = direct[np.argsort(point[direct])]
     checks = []

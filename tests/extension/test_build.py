@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 import tomllib
 import zipfile
 from pathlib import Path
@@ -15,6 +13,7 @@ import pytest
 
 import radarsim_addon
 from scripts import build_extension
+from tests.extension.conftest import PLATFORM
 
 
 def names(archive: Path) -> set[str]:
@@ -49,11 +48,11 @@ def test_manifest(archive: Path):
     assert manifest["version"] == radarsim_addon.__version__
     assert manifest["blender_version_min"] == "4.3.0"
     assert manifest["license"] == ["SPDX:GPL-3.0-or-later"]
-    assert archive.name == f"radarsim-{radarsim_addon.__version__}.zip"
+    assert archive.name == f"radarsim-{radarsim_addon.__version__}-{PLATFORM.replace('-', '_')}.zip"
 
 
 def test_the_same_sources_give_the_same_bytes(
-    archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    archive: Path, tmp_path: Path, few_wheels: None, monkeypatch: pytest.MonkeyPatch
 ):
     copy = tmp_path / "elsewhere"
     shutil.copytree(
@@ -63,7 +62,7 @@ def test_the_same_sources_give_the_same_bytes(
     for path in copy.rglob("*"):
         os.utime(path, (1e9, 1e9))
     monkeypatch.setattr(build_extension, "PACKAGE", copy)
-    assert build_extension.build(tmp_path / "dist").read_bytes() == archive.read_bytes()
+    assert build_extension.build(tmp_path / "dist", PLATFORM).read_bytes() == archive.read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -72,17 +71,18 @@ def test_the_same_sources_give_the_same_bytes(
 )
 def test_wheels_are_of_the_platform_and_for_both_pythons(platform: str, mark: str):
     found = build_extension.wheels_of(platform)
-    kinds = sorted("-".join((name.split("-")[0], name.split("-")[2])) for name in found)
-    assert kinds == [
-        "embreex-cp311", "embreex-cp313", "finufft-py3", "packaging-py3", "scipy-cp311",
-        "scipy-cp313",
-    ]  # fmt: skip
-    assert all(mark in name for name in found if not name.startswith("packaging"))
+    kinds = {tuple(name.split("-")[::2][:2]) for name in found}
+    for package in ("contourpy", "embreex", "kiwisolver", "matplotlib", "pillow", "scipy"):
+        assert {(package, "cp311"), (package, "cp313")} <= kinds
+    assert {package for package, python in kinds if "py3" in python} == {
+        "cycler", "finufft", "fonttools", "packaging", "pyparsing", "python_dateutil", "six",
+    }  # fmt: skip
+    assert all(mark in name or name.endswith("-none-any.whl") for name in found)
+    manifest = build_extension.read_manifest()["platforms"]
+    assert platform in manifest and len(manifest) == len(build_extension.PLATFORMS)  # type: ignore[operator, arg-type]
 
 
-def test_a_zip_with_wheels_names_them_and_its_platform(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_a_zip_names_its_wheels_and_its_platform(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def fetch(name: str, digest: str) -> Path:
         path = tmp_path / name
         path.write_bytes(digest.encode())
@@ -115,26 +115,27 @@ def test_a_version_that_differs_is_refused(tmp_path: Path, monkeypatch: pytest.M
     manifest.write_text(manifest.read_text().replace(right, 'version = "9.9.9"'))
     monkeypatch.setattr(build_extension, "PACKAGE", tmp_path / "package")
     with pytest.raises(build_extension.BuildError, match=r"'9\.9\.9'.*write the same in both"):
-        build_extension.build(tmp_path / "dist")
+        build_extension.build(tmp_path / "dist", PLATFORM)
     assert not (tmp_path / "dist").exists()
 
 
-def test_blender_refuses_a_broken_manifest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_blender_refuses_a_broken_manifest(
+    tmp_path: Path, few_wheels: None, monkeypatch: pytest.MonkeyPatch
+):
     """The validation is Blender's own, so it does find what Blender would not install."""
     shutil.copytree(build_extension.PACKAGE, tmp_path / "package")
     manifest = tmp_path / "package/blender_manifest.toml"
     manifest.write_text(manifest.read_text().replace('"add-on"', '"plug-in"'))
     monkeypatch.setattr(build_extension, "PACKAGE", tmp_path / "package")
     with pytest.raises(build_extension.BuildError, match="plug-in"):
-        build_extension.build(tmp_path / "dist")
+        build_extension.build(tmp_path / "dist", PLATFORM)
 
 
-def test_the_command_says_where_it_is(root: Path, tmp_path: Path):
-    done = subprocess.run(
-        [sys.executable, str(root / "scripts/build_extension.py"), "--out", str(tmp_path / "a b")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert str(tmp_path / "a b" / f"radarsim-{radarsim_addon.__version__}.zip") in done.stdout
+def test_the_command_says_where_they_are(
+    tmp_path: Path, few_wheels: None, capsys: pytest.CaptureFixture[str]
+):
+    assert build_extension.main(["--out", str(tmp_path / "a b")]) == 0
+    said = capsys.readouterr().out
+    for platform in ("linux_x64", "windows_x64", "macos_arm64"):
+        path = tmp_path / "a b" / f"radarsim-{radarsim_addon.__version__}-{platform}.zip"
+        assert path.is_file() and str(path) in said

@@ -33,7 +33,7 @@ ROOMS = (
 ENTRIES = ("radarsim_addon", "radarsim_addon.__main__", "radarsim_addon.frame_worker")
 #: Rooms of signal that the Blender half may use; the last ones only where results are shown.
 FOR_BLENDER = {"scene", "radar", "motion", "paths", "decoding", "runs"}
-FOR_WINDOWS = {"pipeline", "detection", "draft"}
+FOR_WINDOWS = {"pipeline", "detection", "draft", "pictures"}
 BLENDER_MODULES = {"bpy", "bpy_extras", "mathutils", "bmesh", "gpu", "blf"}
 
 

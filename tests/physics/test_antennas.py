@@ -2,13 +2,12 @@
 """Patterns against directivity integrals, closed-form beamwidths, and each other."""
 
 import math
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from radarsim_addon.errors import ConfigError, MissingDependencyError
+from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.antennas import (
     TAPERS,
     Antenna,
@@ -369,13 +368,6 @@ def test_bad_tables(tmp_path: Path, text: str, message: str) -> None:
 def test_bad_input(call, message) -> None:
     with pytest.raises(ConfigError, match=message):
         call()
-
-
-def test_tapers_from_scipy_are_missed_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "scipy.signal", None)
-    with pytest.raises(MissingDependencyError, match="'taylor' needs scipy"):
-        taper_weights("taylor", 8)
-    assert taper_weights("hamming", 8).shape == (8,)
 
 
 @pytest.mark.parametrize("sides", [(40_000_000, 2), (300, 300), (5000, 1), (10**400, 1)])

@@ -7,11 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.clutter import bragg_velocity_mps, clutter_velocities, texture
-
-stats = pytest.importorskip("scipy.stats")
 
 SEEDS = 400
 

@@ -16,7 +16,6 @@ a file of their own.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -389,12 +388,10 @@ def _spheres(pose: Real, box: Real) -> _Spheres:
 
 
 def _tree(places: Real) -> Any:
-    """Return a search tree of places; None without scipy, as some Blender programs are."""
-    with contextlib.suppress(ImportError):
-        from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
+    """Return a search tree of places."""
+    from scipy.spatial import cKDTree  # a second of processor time: most scenes need none
 
-        return cKDTree(places, balanced_tree=False)
-    return None
+    return cKDTree(places, balanced_tree=False)
 
 
 def _pairs_in_groups(spheres: _Spheres, points: Real, margin_m: float) -> Iterator[Pairs]:

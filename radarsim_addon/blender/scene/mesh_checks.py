@@ -76,8 +76,8 @@ def check_meshes(depsgraph: Any) -> list[Finding]:
     surfaces = surfaces_of(snapshot)
     rows = rendered_rows(snapshot)
     rows = rows[snapshot.of_shapes([shape.kind == "MESH" for shape in shapes])[rows]]
-    inside = [any(s.has_interior for s in surfaces.of(shape.materials)) for shape in shapes]
-    entered = snapshot.of_shapes(inside)[rows]
+    of_shapes = [any(s.has_interior for s in surfaces.of(shape.materials)) for shape in shapes]
+    entered = snapshot.of_shapes(of_shapes)[rows]
     if not entered.any():
         return []
     solid = [shape.kind == "MESH" and snapshot.face_count(shape) > 0 for shape in shapes]

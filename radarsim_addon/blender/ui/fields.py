@@ -44,10 +44,7 @@ def tr(text: str, /, **values: Any) -> str:
 def read_dictionaries(folder: Path = LOCALES) -> dict[str, dict[tuple[str, str], str]]:
     """Return the translations of all locales by context and text, as Blender takes them.
 
-    Raises
-    ------
-    ConfigError
-        A file is not a JSON object of texts, or a translation has other {names} than its text.
+    ConfigError: a file is no JSON object of texts, or a translation lacks {names} of its text.
     """
     found = {}
     for path in sorted(folder.glob("*.json")):

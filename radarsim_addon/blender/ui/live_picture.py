@@ -15,9 +15,9 @@ from gpu_extras.batch import batch_for_shader
 from numpy.typing import NDArray
 
 from ...arrays import Int32, Real, Single
-from ...signal.draft import Message
+from ...messages import Message
 from .fields import tr
-from .pictures import FINE, cell_edges, draw_curve, nice_ticks, resample_max, viridis
+from .small_drawings import FINE, cell_edges, draw_curve, nice_ticks, resample_max, viridis
 
 #: Decibels from the top of the profile to its bottom, and over all colours.
 SPAN_DB = 60.0

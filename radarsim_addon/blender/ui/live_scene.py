@@ -13,11 +13,11 @@ import numpy as np
 
 from ...arrays import Real
 from ...errors import SceneError
+from ...messages import Message
 from ...signal.draft import (
     DraftPolygons,
     DraftScene,
     DraftSurface,
-    Message,
     mesh_message,
     scene_message,
 )

@@ -31,7 +31,7 @@ from ..nodes.physical_material import CLUTTER_ROW
 from ..nodes.radar_material import EXTINCTION, INDEX
 from ..rig_settings import MATERIAL_PROPERTY, beyond_band, carrier_hz, choose_medium
 from .fields import draw_findings, reported, tr, wrapped
-from .pictures import FINE, draw_curve, nice_ticks, text_mask
+from .small_drawings import FINE, draw_curve, nice_ticks, text_mask
 
 # -------------------------------------------------------------------------------------------------
 # Plot of sigma0 against grazing angle for a panel, drawn by numpy. Does not import bpy.
@@ -56,19 +56,8 @@ def plot_angles_rad() -> Real:
 
 
 def draw_sigma0(levels_db: Real, valid: Mask) -> Single:
-    """Draw sigma0 of HH and VV at `plot_angles_rad`.
-
-    Parameters
-    ----------
-    levels_db
-        (2, columns) [dB].
-    valid
-        Columns at which the model holds: the rest stays dark, (columns,).
-
-    Returns
-    -------
-    ndarray
-        RGBA from 0 to 1, (SIDE, SIDE, 4), top row first.
+    """Draw sigma0 of HH and VV, (2, columns) [dB], at `plot_angles_rad`; columns at which the model
+    does not hold stay dark. Return RGBA from 0 to 1, (SIDE, SIDE, 4), top row first.
     """
     canvas = np.full((SIDE, SIDE, 4), _BACK, dtype=np.float32)
     canvas[..., 3] = 1.0

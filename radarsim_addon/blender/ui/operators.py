@@ -15,7 +15,9 @@ from mathutils import Euler, Vector
 
 from ...errors import ConfigError, OutputError, RadarSimError, RenderError
 from ...findings import Finding
+from ...signal.pictures import COVERAGE_PICTURE, coverage_message
 from ...signal.pipeline import write_coverage
+from ...signal.radar import coverage_curve
 from ...terminal import ProgressLine, progress_text
 from ..headless import make_job, quiet_blender, scene_coverage
 from ..materials import SURFACE_TYPES
@@ -33,8 +35,7 @@ from ..scene import active_radar, setup_rig
 from ..state import SettingsRestorer
 from .fields import findings_text, report_findings, reported, tr
 from .panels import preset_choice
-from .picture_images import COVERAGE_IMAGE, as_image, show_images
-from .result_pictures import draw_coverage
+from .picture_images import COVERAGE_IMAGE, draw_image, show_images, start_drawing
 from .results_panel import chosen_processing
 from .scene_reading import redraw_panels
 from .shown_results import ProcessingJob, check_own_run, note_measured, show_run
@@ -175,14 +176,9 @@ def _evaluate_shown(scene_name: str) -> None:
 
 
 class InteractiveRender:
-    """A prepared `MeasurementJob` that renders in steps.
+    """A prepared `MeasurementJob` that renders in steps; `close` restores the scene.
 
-    Parameters
-    ----------
-    job
-        Prepared job; `close` restores the scene.
-    preferences : bpy.types.Preferences
-        Blender's render window is off during the measurement.
+    Blender's render window is off meanwhile.
     """
 
     def __init__(self, job: MeasurementJob, preferences: Any) -> None:
@@ -235,17 +231,9 @@ class InteractiveRender:
         self.stop_reason = self.stop_reason or reason
 
     def tick(self) -> bool:
-        """Do the next step without waiting.
+        """Do the next step without waiting; return whether the run has ended.
 
-        Returns
-        -------
-        bool
-            Whether the run has ended.
-
-        Raises
-        ------
-        RadarSimError
-            A render failed, or a file cannot be written. Call `close` then.
+        RadarSimError: a render failed, or a file cannot be written. Call `close` then.
         """
         if self.closed:
             return True
@@ -600,6 +588,7 @@ class RADARSIM_OT_process_last_run(TimedOperator):
         self._job.result.fingerprint = fingerprint
         self._job.result.scene_uid = context.scene.session_uid
         self._images = []
+        start_drawing()
         return []
 
     def _tick(self) -> bool:
@@ -607,7 +596,7 @@ class RADARSIM_OT_process_last_run(TimedOperator):
             if self._job.step():
                 self._drawing = show_run(bpy.context, self._job.result)
             return False
-        drawn = next(self._drawing, None)  # a picture takes some hundredths of a second
+        drawn = next(self._drawing, None)
         self._images += drawn or []
         return drawn is None
 
@@ -732,15 +721,13 @@ class RADARSIM_OT_coverage(bpy.types.Operator):
                     "saved. Save the file, or choose an absolute folder."
                 )
             found = scene_coverage(context.scene, context.view_layer, self._request())
-            files = write_coverage(found, Path(bpy.path.abspath(self.folder)))
-            with np.errstate(divide="ignore"):
-                level_db = 10 * np.log10(found.factor)
-            picture = draw_coverage(found.range_m, found.height_m, level_db, found.title)
+            folder = Path(bpy.path.abspath(self.folder))
+            files = write_coverage(found, folder, picture=False)
             report_findings(self, list(found.findings))
             self.report({"INFO"}, f"Wrote {', '.join(map(str, files))}")
-            image = as_image(COVERAGE_IMAGE, picture)
-            if not bpy.app.background:
-                show_images(context, [image])
+            fields, arrays = coverage_message(found, coverage_curve(found))
+            fields["file"] = str(folder / COVERAGE_PICTURE)
+            draw_image(COVERAGE_IMAGE, fields, arrays, _show_coverage)
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -758,6 +745,11 @@ class RADARSIM_OT_coverage(bpy.types.Operator):
             np.linspace(self.nearest, self.farthest, self.steps + 1),
             flat=self.flat,
         )
+
+
+def _show_coverage(image: Any) -> None:
+    if image is not None and not bpy.app.background:
+        show_images(bpy.context, [image])
 
 
 COVERAGE_CLASSES: tuple[type, ...] = (RADARSIM_OT_coverage,)

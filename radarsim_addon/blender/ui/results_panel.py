@@ -7,6 +7,7 @@ from typing import Any
 
 import bpy
 
+from ...signal.pictures import Target
 from ..rig_settings import PROGRESS_PROPERTY, settings
 from ..scene import active_radar
 from .fields import (
@@ -20,8 +21,8 @@ from .fields import (
     tr,
     unregister_timer_writes,
 )
-from .pictures import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH
-from .result_pictures import KINDS, Shown, Target, nearest_frame, nearest_target
+from .picture_images import axes_of, fault_of_pictures
+from .result_pictures import KINDS, nearest_frame, nearest_target
 from .shown_results import (
     RESULTS_PROPERTY,
     age_of_results,
@@ -324,7 +325,8 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
         mouse = event.mouse_region_x, event.mouse_region_y
         self.kind = kind
         self.x, self.y = x, y = context.region.view2d.region_to_view(*mouse)
-        if not (LEFT <= x * WIDTH < WIDTH - RIGHT and BOTTOM <= y * HEIGHT < HEIGHT - TOP):
+        axes = axes_of(KINDS[kind].image)
+        if axes is None or not axes.holds(x, y):
             return {"PASS_THROUGH"}
         done = self.execute(context)
         return done if done == {"FINISHED"} else {*done, "PASS_THROUGH"}  # for Blender's own tools
@@ -332,11 +334,16 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
     def execute(self, context: Any) -> set[str]:
         run, view = shown_run(), shown_view()
         assert run is not None and view is not None
-        # half a pixel: places of the axes are the centres of pixels
-        place = self.x * WIDTH - 0.5, (1 - self.y) * HEIGHT - 0.5
+        if bpy.app.background:
+            draw_pictures(context, {self.kind})
+        axes = axes_of(KINDS[self.kind].image)
+        if axes is None:
+            self.report({"INFO"}, "The picture is not drawn yet. Try again in a moment.")
+            return {"CANCELLED"}
         if self.kind == "RANGE_TIME":  # each frame has its own targets
-            view = run.view(run.frames[nearest_frame(run.profiles, place[0])])
-        row, away_px = nearest_target(self.kind, Shown(view, run.profiles), *place)
+            time_s, _ = axes.value(self.x, self.y)
+            view = run.view(run.frames[nearest_frame(run.profiles, time_s)])
+        row, away_px = nearest_target(self.kind, axes, view, self.x, self.y)
         if away_px > _REACH_PX:
             self.report({"INFO"}, "No target of the list is near the mouse. Click on a target.")
             return {"CANCELLED"}
@@ -462,7 +469,10 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
         age = age_of_results()
         if age:
             layout.label(text=age, icon="ERROR")
+        fault = fault_of_pictures()
         if run is not None and view is not None:
+            if fault:
+                layout.label(text=fault, icon="ERROR")
             if len(run.frames) > 1:
                 row = layout.row(align=True)
                 row.operator("radarsim.step_frame", text="", icon="TRIA_LEFT").step = -1

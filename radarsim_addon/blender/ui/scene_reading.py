@@ -55,38 +55,25 @@ _CALM_S = 0.2
 
 @dataclass(frozen=True)
 class SceneRecord:
-    """What the checklist, the time estimate and the overlays read.
+    """What the checklist, the time estimate and the overlays read."""
 
-    Attributes
-    ----------
-    extent
-        How far the scene reaches.
-    speeds_mps
-        Largest |range rate| of what F-curves move, in a burst at this frame, by object [m/s].
-    moving
-        Place and velocity of these objects, by name, each (2, 3) [m, m/s].
-    surfaces
-        Number of objects with a surface that renders; all instances of an object are one.
-    measured
-        How many of them can return a direct echo.
-    assigned
-        How many of the measured ones have a Radar Material.
-    bare
-        Names of the objects without a Radar Material; empty where these are measured, too.
-    visibility
-        Findings about objects that some kinds of rays do not meet.
-    pixels
-        What pixels span of the flat surfaces in view; None without a perspective.
-    """
-
+    #: How far the scene reaches.
     extent: Extent
+    #: Largest |range rate| of what F-curves move, in a burst at this frame, by object [m/s].
     speeds_mps: Mapping[str, float]
+    #: Place and velocity of these objects, by name, each (2, 3) [m, m/s].
     moving: Mapping[str, Real]
+    #: Number of objects with a surface that renders; all instances of an object are one.
     surfaces: int
+    #: How many of them can return a direct echo.
     measured: int
+    #: How many of the measured ones have a Radar Material.
     assigned: int
+    #: Names of the objects without a Radar Material; empty where these are measured, too.
     bare: tuple[str, ...]
+    #: Findings about objects that some kinds of rays do not meet.
     visibility: tuple[Finding, ...]
+    #: What pixels span of the flat surfaces in view; None without a perspective.
     pixels: PixelSpans | None = None
 
 

@@ -9,7 +9,7 @@ import queue
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,29 +17,19 @@ from typing import Any
 import bpy
 
 from ... import errors
-from ...arrays import Single
 from ...contract import RUN_FILE, RunRecord
 from ...errors import OutputError, SceneError
 from ...findings import Finding, from_json
 from ...processes import own_folder
 from ...signal.paths import MOST_UNCERTAIN
+from ...signal.pictures import FrameProfile, FrameView, Target, profile_of, read_view
 from ...typed_json import read_record
 from ..rig_settings import PROGRESS_PROPERTY, settings
 from ..run import scene_text
 from ..scene import active_radar, antennas_of
 from .fields import tr
-from .picture_images import as_image, show_images
-from .result_pictures import (
-    KINDS,
-    FrameProfile,
-    FrameView,
-    Kind,
-    Shown,
-    Target,
-    processing_records,
-    profile_of,
-    read_view,
-)
+from .picture_images import draw_image, forget_requests, show_images
+from .result_pictures import KINDS, WIDTH, processing_records
 from .scene_reading import redraw_panels
 from .worker_process import python_program, start_worker
 
@@ -298,10 +288,11 @@ def chosen_row() -> int:
 
 
 def show_run(context: Any, run: ProcessedRun) -> Iterator[list[Any]]:
-    """Show a run in place of the one before, the same frame if it has it; one picture a step.
+    """Show a run in place of the one before, the same frame if it has it; picture by picture.
 
     Image Editors with pictures of ours keep their kinds, and one gets the chosen picture. Without
-    any the steps yield the images to be shown, the chosen picture first.
+    any the steps yield the images to be shown, the chosen picture first. A step does not wait for a
+    picture.
     """
     frame = _state.frame if _state.frame in run.frames else run.frames[-1]
     forget_run()
@@ -311,12 +302,15 @@ def show_run(context: Any, run: ProcessedRun) -> Iterator[list[Any]]:
     picture = getattr(context.window_manager, RESULTS_PROPERTY).picture
     seen = _seen_kinds(context)
     for name in dict.fromkeys((picture, *(seen or ("MAP", "PROFILE")))):
-        if seen and name == picture:
-            show_picture(context, name)
+        found: list[Any] = []
+        if not draw_pictures(context, {name}, found.append):
+            continue
+        while not found:
             yield []
-        else:
-            images = draw_pictures(context, {name})
-            yield [] if seen else images
+        images = [image for image in found if image is not None]
+        if seen and name == picture:
+            _show_image(images)
+        yield [] if seen else images
 
 
 def forget_run() -> None:
@@ -336,24 +330,31 @@ def show_frame(context: Any, frame: int) -> None:
     _choose(context, None if not name else _of_object(name))
 
 
-def draw_pictures(context: Any, kinds: set[str] | None = None) -> list[Any]:
-    """Draw kinds of pictures; None: all that an Image Editor shows. Return their images."""
-    view = shown_view()
-    if _state.run is None or view is None:
-        return []
+def draw_pictures(
+    context: Any,
+    kinds: Collection[str] | None = None,
+    then: Callable[[Any], None] | None = None,
+) -> list[str]:
+    """Draw kinds of pictures; None: all that an Image Editor shows. Return those that can be drawn.
+
+    `then` is called with the image of each, later; with None where it failed.
+    """
     if kinds is None:
         kinds = set(_seen_kinds(context))
         if bpy.app.background:
             kinds.add(getattr(context.window_manager, RESULTS_PROPERTY).picture)
-    drawn = {kind.image: picture_of(context, kind) for name, kind in KINDS.items() if name in kinds}
-    images = [as_image(name, pixels) for name, pixels in drawn.items() if pixels is not None]
-    for area in _editors(context):
-        area.tag_redraw()
-    return images
+    asked = []
+    for name in KINDS:
+        fields = picture_fields(context, name) if name in kinds and shown_run() else None
+        if fields is not None:
+            asked.append(name)
+            draw_image(KINDS[name].image, fields, then=then)
+    return asked
 
 
-def picture_of(context: Any, kind: Kind, frame: int | None = None) -> Single | None:
-    """Draw a picture of a frame (None: the one that is shown); None where it lacks what it needs.
+def picture_fields(context: Any, name: str, frame: int | None = None) -> dict[str, Any] | None:
+    """Return what a picture of a frame (None: the one that is shown) is drawn from, as of
+    `signal.pictures.worker`; None where the frame lacks what it needs.
 
     The chosen target is marked where it is in the frame that is shown.
     """
@@ -361,11 +362,18 @@ def picture_of(context: Any, kind: Kind, frame: int | None = None) -> Single | N
     if run is None:
         return None
     view = run.view(_state.frame if frame is None else frame)
-    if kind.needs not in view.arrays:
+    if KINDS[name].needs not in view.arrays:
         return None
-    span_db = getattr(context.window_manager, RESULTS_PROPERTY).span_db
     chosen = _state.chosen if frame in (None, _state.frame) else None
-    return kind.draw(Shown(view, run.profiles, span_db, chosen))
+    return {
+        "folder": run.folder.name,
+        "frames": run.frames,
+        "kind": name,
+        "frame": view.frame,
+        "span_db": getattr(context.window_manager, RESULTS_PROPERTY).span_db,
+        "chosen": chosen and {key: value for key, value in chosen.items() if key != "lines_m"},
+        "width_px": WIDTH,
+    }
 
 
 def _editors(context: Any) -> list[Any]:
@@ -389,12 +397,15 @@ def _seen_kinds(context: Any) -> list[str]:
 
 def show_picture(context: Any, name: str) -> None:
     """Show a kind of picture in the first editor with one of ours; without any in a new window."""
-    images = draw_pictures(context, {name})
-    editors = _editors(context)
+    draw_pictures(context, {name}, lambda image: _show_image([image] if image else []))
+
+
+def _show_image(images: list[Any]) -> None:
     if not images or bpy.app.background:
         return
+    editors = _editors(bpy.context)
     if not editors:
-        show_images(context, images)
+        show_images(bpy.context, images)
     elif not any(area.spaces.active.image == images[0] for area in editors):
         editors[0].spaces.active.image = images[0]
 
@@ -471,6 +482,7 @@ def uncertain_text(item: Target) -> str:
 @bpy.app.handlers.persistent
 def _forget_at_load(*_: Any) -> None:
     forget_run()
+    forget_requests()
     _state.measured, _state.own, _state.edited = "", set(), False
     _subscribe()
 

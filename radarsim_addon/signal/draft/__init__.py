@@ -11,12 +11,9 @@ from .draft import (
     FAULT,
     LEVELS,
     DraftLevel,
-    Message,
     make_draft,
     mesh_message,
-    read_message,
     scene_message,
-    write_message,
 )
 from .scene import (
     Angles,
@@ -37,11 +34,8 @@ __all__ = [
     "DraftPolygons",
     "DraftScene",
     "DraftSurface",
-    "Message",
     "SceneTriangles",
     "make_draft",
     "mesh_message",
-    "read_message",
     "scene_message",
-    "write_message",
 ]

@@ -4,24 +4,21 @@
 The rays of a draft become a path table in memory, so footprints, antennas, weather, tapers and
 standard errors are those of the processing. Only the paths differ: one reflection, seen without
 refraction, by few rays.
-
-Between the window and the process that drafts go messages: a JSON object and arrays.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import IO, Any, NamedTuple, NoReturn, cast
+from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Real
 from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
+from ...messages import Message
 from ...typed_json import from_json
 from ..decoding import FrameInput, FrameTable
 from ..detection import FrameBudget
@@ -35,8 +32,6 @@ from .scene import DraftMesh, DraftPolygons, DraftScene, DraftSurface, SceneTria
 MOST_CELLS = 1 << 19
 #: Cells of range per sample of the echo.
 _CELLS_PER_SAMPLE = 2
-#: Bytes that hold the length of the JSON text.
-_LENGTH_BYTES = 8
 #: Kinds of messages: the field "kind".
 MESH, SCENE, DRAFT, FAULT = "mesh", "scene", "draft", "fault"
 
@@ -138,44 +133,6 @@ def _frame(scene: DraftScene, radar: Radar, table: PathRows, replicates: int) ->
 
 def _no_images(ring: int, snapshot: int) -> NoReturn:
     raise AssertionError("a draft has no ring images")
-
-
-class Message(NamedTuple):
-    """A JSON object, and arrays of numbers by name."""
-
-    fields: dict[str, Any]
-    arrays: dict[str, NDArray[Any]]
-
-
-def write_message(
-    stream: IO[bytes], fields: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
-) -> None:
-    """Write a message to the other process."""
-    shapes = [(name, item.dtype.str, item.shape) for name, item in arrays.items()]
-    text = json.dumps([dict(fields), shapes]).encode()
-    stream.write(len(text).to_bytes(_LENGTH_BYTES, "little") + text)
-    for item in arrays.values():
-        stream.write(np.ascontiguousarray(item).tobytes())
-    stream.flush()
-
-
-def read_message(stream: IO[bytes]) -> Message | None:
-    """Read a message; None where the other process has ended, or ended within a message."""
-    length = stream.read(_LENGTH_BYTES)
-    if len(length) < _LENGTH_BYTES:
-        return None
-    text = stream.read(int.from_bytes(length, "little"))
-    arrays = {}
-    try:
-        fields, shapes = json.loads(text)
-        for name, kind, shape in shapes:
-            dtype = np.dtype(kind)
-            count = int(np.prod(shape, dtype=np.int64))
-            data = stream.read(count * dtype.itemsize)
-            arrays[name] = np.frombuffer(data, dtype, count).reshape(shape)
-    except ValueError:  # cut off
-        return None
-    return Message(fields, arrays)
 
 
 def mesh_message(key: int, mesh: DraftPolygons) -> Message:

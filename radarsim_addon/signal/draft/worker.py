@@ -16,17 +16,15 @@ import time
 from typing import IO
 
 from ...errors import RadarSimError
+from ...messages import Message, read_message, write_message
 from .draft import (
     FAULT,
     LEVELS,
     MESH,
-    Message,
     draft_message,
     make_draft,
     mesh_of,
-    read_message,
     scene_of,
-    write_message,
 )
 from .scene import DraftMesh, DraftScene, SceneTriangles
 

@@ -165,7 +165,7 @@ class EchoOptions:
     receiver_gain
         G_r, linear.
     nufft_backend
-        "auto" (finufft where installed), "finufft", "numpy" or "direct" (term by term, for checks).
+        "finufft", or "direct" for the sum term by term, as a check.
     tolerance
         Relative L2 error of the spectrum S(f) against the direct sum.
     slow_time_transform
@@ -186,7 +186,7 @@ class EchoOptions:
 
     amplitude_model: AmplitudeModel = "radar-equation"
     receiver_gain: float = 1.0
-    nufft_backend: Backend = "auto"
+    nufft_backend: Backend = "finufft"
     tolerance: float = TOLERANCE
     slow_time_transform: Method = "auto"
     range_folding: bool = True

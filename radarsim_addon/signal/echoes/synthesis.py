@@ -489,7 +489,7 @@ def synthesize(
     range_limits_m: tuple[float, float],
     amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
-    nufft_backend: Backend = "auto",
+    nufft_backend: Backend = "finufft",
     tolerance: float = TOLERANCE,
     slow_time_transform: Method = "auto",
     range_folding: bool = True,

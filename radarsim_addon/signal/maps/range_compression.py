@@ -267,7 +267,7 @@ def expected_power_profile(
     amplitude_model: AmplitudeModel = "radar-equation",
     receiver_gain: float = 1.0,
     oversample: int = 4,
-    nufft_backend: Backend = "auto",
+    nufft_backend: Backend = "finufft",
 ) -> PowerProfile:
     """Return the profile of the matched filter, averaged over the speckle.
 
@@ -326,7 +326,7 @@ class ProfileAccumulator:
         amplitude_model: AmplitudeModel = "radar-equation",
         receiver_gain: float = 1.0,
         oversample: int = 4,
-        nufft_backend: Backend = "auto",
+        nufft_backend: Backend = "finufft",
     ) -> None:
         if oversample < 2:
             raise ConfigError(

@@ -19,7 +19,6 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ...arrays import Real, Single
-from ...errors import MissingDependencyError
 from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
 from .motion_file import VertexSeries
 
@@ -480,13 +479,8 @@ def cubic_spline(known_s: Real, values: Real) -> Callable[[Real], Real]:
     """Return the cubic spline through values (n, ...) at ascending times; it takes times and gives
     (times, ...).
     """
-    try:
-        from scipy.interpolate import CubicSpline
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"Smooth motion of simulations and mesh caches needs scipy ({error}). Install scipy "
-            "for Blender's Python, or choose the motion between frames: Linear (--motion linear)."
-        ) from None
+    from scipy.interpolate import CubicSpline  # not at import: slow
+
     spline: Callable[[Real], Real] = CubicSpline(known_s, values)
     return spline
 

@@ -33,7 +33,9 @@ from .figure import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
 
 #: Name of the start of a row of samples by kind of waveform.
@@ -66,12 +68,12 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
     """
     scale = _Scale.of(echoes)
     if echoes.plane.shape[0] > 1:
-        burst = _Burst(_axes_of(echoes))
+        burst = _Burst(echo_axes(echoes))
         burst.show(echoes, scale, title)
         return burst.figure
     figure = new_figure(10, 6)
     first, second = figure.subplots(2, 1, sharex=True)
-    samples, clock = echoes.plane[0], _axes_of(echoes)
+    samples, clock = echoes.plane[0], echo_axes(echoes)
     time = echoes.fast_time_s / clock.time.size
     power = np.abs(samples) ** 2
     first.plot(time, power_to_db(power, scale.top**2 or 1.0, -_SPAN_DB), lw=0.8)
@@ -93,13 +95,13 @@ def draw_echo(echoes: Echoes, title: str) -> NDArray[np.uint8] | None:
     """Return the picture of `plot_echo` of a burst, (height, width, 3); None for a single pulse."""
     if echoes.plane.shape[0] == 1:
         return None
-    burst, sheet = _sheet(_axes_of(echoes))
+    burst, sheet = _sheet(echo_axes(echoes))
     burst.show(echoes, _Scale.of(echoes), title)
     return sheet.picture()
 
 
 @dataclass(frozen=True)
-class _Axes:
+class EchoAxes:
     """Parts of the axes of a picture: time, its unit, kind of waveform, rows."""
 
     across: CellAxis
@@ -110,14 +112,14 @@ class _Axes:
     row_text: str
 
 
-def _axes_of(echoes: Echoes) -> _Axes:
+def echo_axes(echoes: Echoes) -> EchoAxes:
     unit = time_unit(float(np.abs(echoes.fast_time_s).max()))
     waveform = echoes.radar.waveform
     prf_hz = echoes.radar.burst.prf_hz
     hertz = frequency_unit(prf_hz)
     rate = f"PRF {prf_hz / hertz.size:.6g} {hertz.name}"
     rows = echoes.samples.shape[1] // echoes.radar.burst.pulses
-    return _Axes(
+    return EchoAxes(
         cell_axis(echoes.fast_time_s, _MOST_SAMPLES, unit.size),
         cell_axis(np.arange(echoes.plane.shape[0], dtype=np.float64), _MOST_PULSES),
         unit,
@@ -126,6 +128,21 @@ def _axes_of(echoes: Echoes) -> _Axes:
         range_unit(float(echoes.fast_time_s[-1]) * SPEED_OF_LIGHT_MPS / 2),
         f"pulse ({rate})" if rows == 1 else f"code ({rows} per pulse, {rate})",
     )
+
+
+def empty_echo(figure: Figure, axes: EchoAxes, floor_db: float) -> tuple[Axes, AxesImage, Colorbar]:
+    """Draw the axes of levels into an empty figure; return them with image and colour bar."""
+    axis = figure.subplots()
+    image = axis.imshow(
+        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
+        extent=(axes.across.low, axes.across.high, axes.along.low, axes.along.high),
+        vmin=floor_db, vmax=0,
+    )  # fmt: skip
+    axis.set_xlim(axes.across.low, axes.across.end)
+    axis.set_ylim(axes.along.low, axes.along.end)
+    axis.set_ylabel(axes.row_text)
+    _label_times(axis, axis, axes)
+    return axis, image, figure.colorbar(image, ax=axis, pad=0.02)
 
 
 @dataclass(frozen=True)
@@ -161,7 +178,7 @@ class _Scale:
 class _Burst:
     """Figure of a burst: magnitude above, real part below, each with its colour bar."""
 
-    def __init__(self, axes: _Axes) -> None:
+    def __init__(self, axes: EchoAxes) -> None:
         self.figure = new_figure(10, 6)
         first, second = self.axes = self.figure.subplots(2, 1, sharex=True)
         self._steps = axes.along.step, axes.across.step
@@ -204,7 +221,7 @@ class _Burst:
 
 
 @functools.lru_cache(maxsize=4)
-def _sheet(axes: _Axes) -> tuple[_Burst, Sheet]:
+def _sheet(axes: EchoAxes) -> tuple[_Burst, Sheet]:
     burst = _Burst(axes)
     first, second = burst.bars
     first.ax.set_ylabel(f"$|s|$ {TALL_TEXT}")
@@ -225,7 +242,7 @@ def _say_empty(*axes: Axes) -> None:
         )  # fmt: skip
 
 
-def _label_times(first: Axes, second: Axes, axes: _Axes) -> None:
+def _label_times(first: Axes, second: Axes, axes: EchoAxes) -> None:
     second.ticklabel_format(axis="x", useOffset=False)
     if axes.line_begins:
         second.set_xlabel(f"time since the {axes.line_begins} began [{axes.time.name}]")

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.util
 import io
 import math
 import re
@@ -28,7 +27,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...arrays import Real
 from ...atomic_files import replaced
-from ...errors import MissingDependencyError
 from ...movie_file import png_bytes
 
 if TYPE_CHECKING:
@@ -40,6 +38,8 @@ if TYPE_CHECKING:
     from matplotlib.transforms import Bbox
 
 
+#: Most cells along an axis of a picture of levels; more are joined.
+MOST_CELLS = 640
 #: Maximum number of decimals: float64 holds no more of a range of metres.
 _MOST_DIGITS = 12
 #: Pixels per inch of files.
@@ -173,18 +173,8 @@ def strongest(values: Real, steps: Sequence[int]) -> Real:
     return values
 
 
-def has_matplotlib() -> bool:
-    """Return whether matplotlib is installed."""
-    return importlib.util.find_spec("matplotlib") is not None
-
-
 def new_figure(width_in: float, height_in: float) -> Figure:
     """Return an empty figure with constrained layout that does not belong to pyplot."""
-    if not has_matplotlib():
-        raise MissingDependencyError(
-            "matplotlib is not installed, so no pictures can be drawn. Install it with "
-            "'pip install matplotlib', or process without plots."
-        )
     # A Figure of its own: no window system, no state shared with the caller's pyplot.
     figure = _figure_class()(figsize=(width_in, height_in), layout="constrained")
     importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
@@ -255,7 +245,7 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = DPI) -> Path:
 class Sheet:
     """A figure that is laid out and drawn once, except what changes, in the order of drawing."""
 
-    def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: int = DPI) -> None:
+    def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: float = DPI) -> None:
         figure.set_dpi(dpi)
         lay_out(figure)
         self._figure, self._changing = figure, changing
@@ -273,22 +263,29 @@ class Sheet:
             label.set_visible(True)
         self._canvas, self._empty = canvas, canvas.copy_from_bbox(figure.bbox)
         self._still = set(self._children())
+        self._last = self._empty
 
     def _children(self) -> list[Artist]:
         """Return all parts, without those of axes that change themselves."""
         still = [axes for axes in self._figure.axes if axes not in self._changing]
         return [child for part in (self._figure, *still) for child in part.get_children()]
 
-    def picture(self) -> NDArray[np.uint8]:
-        """Draw what has changed and what was added, and remove that; (height, width, 3)."""
+    def picture(self, on_top: bool = False) -> NDArray[np.uint8]:
+        """Draw what has changed and what was added, and remove that; (height, width, 3).
+
+        `on_top`: draw what was added over the last picture that was drawn without it.
+        """
         added = [child for child in self._children() if child not in self._still]
-        self._canvas.restore_region(self._empty)
+        self._canvas.restore_region(self._last if on_top else self._empty)
         renderer = self._canvas.get_renderer()
-        for artist in (*self._changing, *sorted(added, key=lambda child: child.get_zorder())):
+        changing = () if on_top else self._changing
+        for artist in (*changing, *sorted(added, key=lambda child: child.get_zorder())):
             artist.draw(renderer)
         pixels = np.array(self._canvas.buffer_rgba())[..., :3]
         for artist in added:
             artist.remove()
+        if not on_top:
+            self._last = self._canvas.copy_from_bbox(self._figure.bbox)
         return pixels
 
 

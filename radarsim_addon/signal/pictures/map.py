@@ -22,6 +22,7 @@ from ..detection import Detection, Peak, target_count, velocity_before_folding_m
 from ..maps import ExpectedPower, RangeDopplerMap, Spectrogram, power_to_db
 from ..radar import Radar
 from .figure import (
+    MOST_CELLS,
     TALL_TEXT,
     CellAxis,
     Sheet,
@@ -65,8 +66,6 @@ SPAN_DB = 80.0
 BELOW_NOISE_DB = 10.0
 #: Smallest span of the colours [dB].
 LEAST_SPAN_DB = 20.0
-#: Most cells along an axis of a picture; more are joined.
-MOST_CELLS = 640
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ def draw_range_doppler(
     lines = [_label_text(item, rd_map, axes).count("\n") for item in chosen]
     parts = _sheet(axes, scale.floor_db, len(lines), max(lines, default=0))
     parts.image.set_data(joined_level(rd_map.plane_power, axes, scale))
-    _label_colours(parts.axis, parts.bar, scale)
+    label_colours(parts.axis, parts.bar, scale)
     parts.axis.title.set_text(title)  # it keeps its place above the upper scale
     _mark_targets(parts.axis, axes, targets, left_out)
     _number_targets(parts.figure, parts.axis, rd_map, axes, chosen)
@@ -200,13 +199,17 @@ def _of_map(
     rd_map: RangeDopplerMap, noise_power: float, unit: str, floor_db: float | None = None
 ) -> tuple[MapAxes, ColourScale]:
     """Return axes and colours of a map's picture."""
-    power, radar = rd_map.plane_power, rd_map.radar
+    power = rd_map.plane_power
     top = float(power.max(initial=0.0))
     floor_db = picture_floor_db(power, noise_power) if floor_db is None else floor_db
-    axes = map_axes(
-        rd_map.doppler_hz, rd_map.range_m, -radar.waveform.wavelength_m / 2, radar.burst.prf_hz
-    )
-    return axes, ColourScale(top, floor_db, noise_power, unit)
+    return axes_of_map(rd_map), ColourScale(top, floor_db, noise_power, unit)
+
+
+def axes_of_map(rd_map: RangeDopplerMap) -> MapAxes:
+    """Return the axes of a map's picture."""
+    radar = rd_map.radar
+    factor = -radar.waveform.wavelength_m / 2
+    return map_axes(rd_map.doppler_hz, rd_map.range_m, factor, radar.burst.prf_hz)
 
 
 def _mark_targets(axis: Axes, axes: MapAxes, targets: Sequence[Detection], left_out: int) -> None:
@@ -354,7 +357,7 @@ def draw_map(
     """Draw a map (Doppler, ranges) into an empty figure; return its axes and image."""
     axis, image, bar = empty_map(figure, axes, scale.floor_db)
     image.set_data(joined_level(power, axes, scale))
-    _label_colours(axis, bar, scale)
+    label_colours(axis, bar, scale)
     return axis, image
 
 
@@ -373,7 +376,7 @@ def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, Axe
     return axis, image, bar
 
 
-def _label_colours(axis: Axes, bar: Colorbar, scale: ColourScale) -> None:
+def label_colours(axis: Axes, bar: Colorbar, scale: ColourScale) -> None:
     if not scale.reference > 0:
         bar.set_label("power [dB]")
         axis.text(
@@ -452,33 +455,67 @@ def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str =
     matplotlib.figure.Figure
         The picture.
     """
+    axes, power = spectrogram_axes(shown), shown.power
+    scale = ColourScale(float(power.max(initial=0.0)), picture_floor_db(power), unit=unit)
+    figure = new_figure(8, 5.5)
+    axis, image, bar = empty_spectrogram(figure, axes, scale.floor_db)
+    cells = strongest(power, (axes.across.step, axes.up.step))
+    image.set_data(power_to_db(cells, scale.reference or 1.0, scale.floor_db).T)
+    label_colours(axis, bar, scale)
+    axis.set_title(title, fontsize=10)
+    return figure
+
+
+@dataclass(frozen=True)
+class SpectrogramAxes:
+    """Cells of a spectrogram's picture in time and Doppler, and the units of its axes."""
+
+    across: CellAxis
+    up: CellAxis
+    time_unit: Unit
+    doppler_unit: Unit
+    rate_unit: Unit
+    #: Range rate over Doppler [m].
+    rate_per_hz: float
+
+
+def spectrogram_axes(shown: Spectrogram) -> SpectrogramAxes:
+    """Return the axes of a spectrogram's picture."""
     fastest_hz = float(np.abs(shown.doppler_hz).max())
     rate_per_hz = -shown.radar.waveform.wavelength_m / 2
-    hertz, speed = frequency_unit(fastest_hz), speed_unit(fastest_hz * rate_per_hz)
-    burst_s = shown.radar.burst.pulses / shown.radar.burst.prf_hz
-    seconds = time_unit(burst_s)
-    window_s = shown.options.window_pulses / shown.radar.burst.prf_hz
-    across = cell_axis(shown.time_s, MOST_CELLS, seconds.size, window_s)
-    up = cell_axis(shown.doppler_hz, MOST_CELLS, hertz.size)
-    power = shown.power
-    top, floor_db = float(power.max(initial=0.0)), picture_floor_db(power)
-    figure = new_figure(8, 5.5)
+    hertz, burst = frequency_unit(fastest_hz), shown.radar.burst
+    seconds = time_unit(burst.pulses / burst.prf_hz)
+    window_s = shown.options.window_pulses / burst.prf_hz
+    return SpectrogramAxes(
+        cell_axis(shown.time_s, MOST_CELLS, seconds.size, window_s),
+        cell_axis(shown.doppler_hz, MOST_CELLS, hertz.size),
+        seconds,
+        hertz,
+        speed_unit(fastest_hz * abs(rate_per_hz)),
+        rate_per_hz,
+    )
+
+
+def empty_spectrogram(
+    figure: Figure, axes: SpectrogramAxes, floor_db: float
+) -> tuple[Axes, AxesImage, Colorbar]:
+    """Draw the axes of a spectrogram into an empty figure; return them with image and colour bar.
+
+    The image has a row for each cell of Doppler.
+    """
+    across, up = axes.across, axes.up
     axis = figure.subplots()
-    level = power_to_db(strongest(power, (across.step, up.step)), top or 1.0, floor_db)
     image = axis.imshow(
-        level.T, aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
+        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
         extent=(across.low, across.high, up.low, up.high), vmin=floor_db, vmax=0,
     )  # fmt: skip
     axis.set_xlim(across.low, across.end)
     axis.set_ylim(up.low, up.end)
-    axis.set_xlabel(f"time [{seconds.name}]")
-    axis.set_ylabel(f"Doppler [{hertz.name}] (receding: negative)")
-    factor = rate_per_hz * hertz.size / speed.size
+    axis.set_xlabel(f"time [{axes.time_unit.name}]")
+    axis.set_ylabel(f"Doppler [{axes.doppler_unit.name}] (receding: negative)")
+    factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
     right = axis.secondary_yaxis(
         "right", functions=(lambda y: np.multiply(y, factor), lambda y: np.divide(y, factor))
     )
-    right.set_ylabel(f"range rate [{speed.name}]")
-    bar = figure.colorbar(image, ax=axis, pad=0.12)
-    bar.set_label(f"power [dB re strongest cell{reference_text(top, unit)}]")
-    axis.set_title(title, fontsize=10)
-    return figure
+    right.set_ylabel(f"range rate [{axes.rate_unit.name}]")
+    return axis, image, figure.colorbar(image, ax=axis, pad=0.12)

@@ -31,7 +31,7 @@ from .figure import (
     reference_text,
     with_minus,
 )
-from .map import BELOW_NOISE_DB, SPAN_DB
+from .map import BELOW_NOISE_DB, SPAN_DB, ColourScale
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,6 +109,17 @@ def draw_range_profile(
     axis.title.set_text(title)
     shown.draw(figure, axis)
     return sheet.picture()
+
+
+def draw_expected_profile(figure: Figure, range_m: Real, power: Real, scale: ColourScale) -> Axes:
+    """Draw one curve of expected power (ranges,) into an empty figure; return its axes."""
+    own = _Scale(scale.reference or 1.0, scale.floor_db, range_unit(float(range_m[-1])))
+    low, high = range_m[[0, -1]] / own.length.size
+    curve = _Curve(range_m, power, "expected power, no speckle, no noise", 1.2, "C0")
+    shown = _Shown([curve], own, None, scale.reference, [], [], None, 0.0, scale.unit, ())
+    axis = _empty_axes(figure, own, (float(low), float(high)) if high > low else None)
+    shown.draw(figure, axis)
+    return axis
 
 
 class _Curve(NamedTuple):

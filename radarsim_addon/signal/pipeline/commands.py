@@ -45,7 +45,6 @@ from ..paths import frame_motion, open_frame_table
 from ..pictures import (
     ANTENNA_PICTURE,
     COVERAGE_PICTURE,
-    has_matplotlib,
     plot_antennas,
     plot_coverage,
     save_figure,
@@ -433,13 +432,15 @@ def _put(root: Path, folder: Path, files: Iterable[Path]) -> None:
             raise cannot_write(target, error) from error
 
 
-def write_coverage(found: Coverage, folder: Path, curve_m: float | None = None) -> list[Path]:
-    """Write a diagram as npz, its curve over height as CSV, and, with matplotlib, the picture.
+def write_coverage(
+    found: Coverage, folder: Path, curve_m: float | None = None, picture: bool = True
+) -> list[Path]:
+    """Write a diagram as npz, its curve over height as CSV, and the picture.
 
     The curve is at the range `curve_m`; None: the last one of the diagram.
     """
     curve = coverage_curve(found, curve_m)
     files = write_coverage_files(found, curve, make_folder(folder))
-    if has_matplotlib():
+    if picture:
         files.append(save_figure(plot_coverage(found, curve), folder / COVERAGE_PICTURE))
     return files

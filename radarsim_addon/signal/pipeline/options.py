@@ -73,7 +73,8 @@ class ProcessOptions:
         MAX_RANGE_RATE_MPS, unit="m/s", minimum=0.0,
     )  # fmt: skip
     nufft_backend: Backend = setting(
-        "NUFFT backend", "Choose the library of the non-uniform FFT", "auto",
+        "NUFFT backend",
+        "Choose how echoes are summed: by finufft, or term by term (slow) as a check", "finufft",
         choices=choices_from(get_args(Backend)),
     )  # fmt: skip
     tolerance: float = setting(
@@ -93,9 +94,7 @@ class ProcessOptions:
         None, unit="m", above=0.0,
     )  # fmt: skip
     products: bool = setting("Products", "Write the four EXR products", True)
-    plots: bool | None = setting(
-        "Plots", "Draw pictures. None: where matplotlib is installed", None
-    )
+    plots: bool = setting("Plots", "Draw pictures", True)
     animate: bool | None = setting(
         "Animate", "Write an animation of all frames' maps. None: with several frames", None
     )

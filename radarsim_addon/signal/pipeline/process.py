@@ -47,7 +47,6 @@ from ..pictures import (
     plot_antennas,
     save_figure,
 )
-from ..pictures import figure as figures
 from ..products import SUMMARY_ENDING
 from ..radar import make_system
 from ..results import FrameResult, frame_file, remove_stale, write_result
@@ -55,12 +54,10 @@ from ..runs import RadarFrame, Run, open_run, shared_plan
 from .frame import frame_steps
 from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
-#: Packages besides numpy whose versions change products.
-_PACKAGES = ("finufft", "matplotlib")
 #: Fields of a run's plan that change where frames are added to it.
 _OF_ALL_FRAMES = ("frames", "frame_times_s")
-#: Options that change no file of a frame; `plots` is settled by who draws.
-_OF_NO_FRAME = ("animate", "animation_format", "plots")
+#: Options that change no file of a frame.
+_OF_NO_FRAME = ("animate", "animation_format")
 _MOST_BYTES = 1 << 26
 #: In a frame's record: no product depends on it, and the record's digest does.
 _RENDER_TIME = re.compile(rb'"(render_time_s|record_sha256)": *[^,}\s]*')
@@ -233,13 +230,7 @@ class Products:
 
     @functools.cached_property
     def _fingerprints(self) -> Fingerprints:
-        return Fingerprints(self.run, self.options, self.draws)
-
-    @property
-    def draws(self) -> bool:
-        """Whether pictures are drawn."""
-        plots = self.options.plots
-        return figures.has_matplotlib() if plots is None else plots
+        return Fingerprints(self.run, self.options)
 
     def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
         """Open, process and write a frame; yield what was done, the result in the end."""
@@ -251,7 +242,7 @@ class Products:
         try:
             files = write_result(result, folder, options.writers)
             yield f"frame {number}: products"
-            if self.draws:
+            if self.options.plots:
                 files += write_result(result, folder, ["png"])
             yield f"frame {number}: pictures"
             remove_stale(folder, number, [*files, summary])
@@ -294,10 +285,10 @@ class Products:
                 "radarsim render resumes where it stopped."
             )
         options, path = self.options, self.folder / _ANIMATION_NAME
-        if self.draws and options.link_budget is not None:
+        if options.plots and options.link_budget is not None:
             system = make_system(options.link_budget, options.radar.waveform.wavelength_m)
             save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
-        wanted = options.animate or (options.animate is None and self.draws and len(maps) > 1)
+        wanted = options.animate or (options.animate is None and options.plots and len(maps) > 1)
         for kind in get_args(AnimationFormat):
             if not wanted or kind != options.animation_format:
                 remove_file(path.with_suffix(f".{kind}"))
@@ -308,9 +299,9 @@ class Products:
 
 
 class Fingerprints:
-    """Fingerprints of a run's frames, processed with these options; `draws`: with pictures."""
+    """Fingerprints of a run's frames, processed with these options."""
 
-    def __init__(self, run: Run, options: ResolvedOptions, draws: bool) -> None:
+    def __init__(self, run: Run, options: ResolvedOptions) -> None:
         plan = shared_plan(run.record)
         settings = {
             field.name: getattr(options, field.name) for field in dataclasses.fields(options)
@@ -321,7 +312,6 @@ class Fingerprints:
             "settings": {key: v for key, v in settings.items() if key not in _OF_NO_FRAME},
             # patterns that are read from files
             "antennas": budget and make_system(budget, options.radar.waveform.wavelength_m),
-            "draws": draws,
             "software": _software(),
         }
         self._shared = hashlib.sha256(json.dumps(_plain(shared), sort_keys=True).encode())
@@ -385,9 +375,8 @@ def _software() -> dict[str, str]:
     """Return versions, and the hash of the source: a checkout changes without its version."""
     root = Path(__file__).resolve().parents[2]
     found = {"radarsim": __version__, "numpy": np.__version__}
-    for name in _PACKAGES:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
+    for name in ("finufft", "matplotlib"):
+        found[name] = importlib.metadata.version(name)
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         if path.relative_to(root).parts[0] != "blender":

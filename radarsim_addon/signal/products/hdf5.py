@@ -51,8 +51,8 @@ _UNITS = {
 def _h5py() -> ModuleType:
     if importlib.util.find_spec("h5py") is None:
         raise MissingDependencyError(
-            "h5py is not installed; it writes HDF5. Install it with 'pip install h5py' (outside "
-            "Blender: radarsim process reads the same folder), or write no HDF5."
+            "h5py is not installed in Blender's Python; it writes HDF5. Process the run outside "
+            "Blender with 'radarsim process DIR', or write no HDF5."
         )
     return importlib.import_module("h5py")
 

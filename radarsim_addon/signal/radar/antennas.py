@@ -230,8 +230,8 @@ _TAPER: dict[str, Any] = {
         ("uniform", "Uniform", "All elements alike: -13.3 dB sidelobes"),
         ("hamming", "Hamming", "-42.7 dB sidelobes"),
         ("hann", "Hann", "-31.5 dB sidelobes, falling"),
-        ("taylor", "Taylor", "-35 dB sidelobes (needs scipy)"),
-        ("chebyshev", "Chebyshev", "-50 dB sidelobes (needs scipy)"),
+        ("taylor", "Taylor", "-35 dB sidelobes"),
+        ("chebyshev", "Chebyshev", "-50 dB sidelobes"),
     ),
     "lists": True,
 }

@@ -190,19 +190,14 @@ def inside_blender_program() -> bool:
 
 def exr_backend() -> tuple[str, ModuleType]:
     """Return name ("OpenEXR" or "OpenImageIO") and module of the library for EXR files here."""
-    names = ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO")
-    for name in names:
+    # the Python that Blender brings, which processes for the window, has no OpenEXR either
+    for name in ("OpenImageIO",) if inside_blender_program() else ("OpenEXR", "OpenImageIO"):
         if importlib.util.find_spec(name) is not None:
             return name, importlib.import_module(name)
-    if inside_blender_program():
-        raise MissingDependencyError(
-            "This Blender has no OpenImageIO module, which reads and writes EXR files here. "
-            "Install it (Debian: python3-openimageio), or process the run outside Blender with "
-            "'radarsim process DIR'."
-        )
     raise MissingDependencyError(
-        "Neither OpenEXR nor OpenImageIO is installed; one of them reads and writes EXR files. "
-        "Install it with 'pip install OpenEXR'."
+        "This Blender has no OpenImageIO module, which reads and writes EXR files here. "
+        "Install it (Debian: python3-openimageio), or process the run outside Blender with "
+        "'radarsim process DIR'."
     )
 
 
@@ -226,7 +221,7 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
     FrameFileError
         Missing, truncated or oversized file, other channels, half float, NaN or Inf.
     MissingDependencyError
-        No EXR library is installed.
+        This Blender has no OpenImageIO.
     """
     path = Path(path)
     header = read_header(path)
@@ -309,7 +304,7 @@ def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
     ValueError
         No channel, or channels of unequal shape.
     MissingDependencyError
-        No EXR library is installed.
+        This Blender has no OpenImageIO.
     """
     path = Path(path)
     planes = {k: np.ascontiguousarray(v, dtype=np.float32) for k, v in sorted(images.items())}

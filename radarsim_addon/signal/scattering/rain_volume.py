@@ -103,7 +103,7 @@ def _draws(count: int, seed: int) -> list[Real]:
 
 def _open_to_m(frame_input: FrameInput, direction: Real, solid_sr: Real) -> Real:
     """Ranges up to which each direction is open, (directions,) [m]."""
-    from scipy.spatial import cKDTree  # not at import: some Blenders have no scipy
+    from scipy.spatial import cKDTree  # not at import: slow
 
     table = frame_input.table
     every = max(1, -(-table.rows.size // _LOOKED_AT))

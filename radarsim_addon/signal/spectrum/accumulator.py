@@ -58,7 +58,7 @@ from .grid import (
     check_finite,
 )
 from .moving import MovingPathAccumulator, VaryingPathAccumulator
-from .nufft import Backend, choose_backend
+from .nufft import Backend, check_backend
 from .pulse_sums import Method, OrderedExecutor, PulseBlock, TransformPool, available_threads
 from .transform import ErrorSum, PulseTransform, SynthesisReport, Transform
 
@@ -130,7 +130,7 @@ class SpectrumAccumulator:
         "auto" chooses by bound and cost. "type3": constant rates by type 3 whatever the cost.
         "per-pulse": lengths sampled at every pulse. "direct": the same, term by term; for checks.
     backend
-        Engine of the type-1 transforms; "numpy" has no type 3 and goes pulse by pulse.
+        "finufft", or "direct" for the sum term by term, pulse by pulse.
     extra_cycles
         Further phase, in cycles, as a function of delay [s] (vectorised); see the module.
     listening
@@ -153,8 +153,6 @@ class SpectrumAccumulator:
     ------
     ConfigError
         Numbers out of their range.
-    MissingDependencyError
-        finufft is asked for and not installed.
     """
 
     def __init__(
@@ -164,7 +162,7 @@ class SpectrumAccumulator:
         *,
         tolerance: float = TOLERANCE,
         method: Method = "auto",
-        backend: Backend = "auto",
+        backend: Backend = "finufft",
         extra_cycles: ExtraCycles | None = None,
         listening: ReceiveWindow | None = None,
         ramp: Ramp | None = None,
@@ -188,7 +186,7 @@ class SpectrumAccumulator:
         )
         self._tolerance = tolerance
         self._method: Method = method
-        self._backend = choose_backend("direct" if method == "direct" else backend)
+        self._backend = check_backend("direct" if method == "direct" else backend)
         self._chunk = chunk
         # a transform of few paths is all FFT
         self._block = max(chunk, 2 * grid.count) if chunk > 1 << 10 else chunk

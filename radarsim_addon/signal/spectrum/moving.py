@@ -24,7 +24,6 @@ from ..motion import LinearMotion, PathMotion
 from .amplitudes import AmplitudeHistory, fit_amplitudes, used_terms
 from .grid import Weights, check_finite, repeat_orders
 from .linear_motion import LinearPlan, LinearRows, linear_block, plan_linear
-from .nufft import RowsType1
 from .pulse_sums import AmplitudesAt, CommonMotion, PulseSums, common_motions
 from .transform import ErrorSum
 
@@ -94,7 +93,7 @@ class MovingPathAccumulator(PulseSums):
     def _type3_possible(self) -> bool:
         sums = self._sums
         alone = sums.ramp is not None or sums.extra_cycles is None
-        return self._backend == "finufft" and alone and RowsType1.possible()
+        return self._backend == "finufft" and alone
 
     def _count_fast(self, rate_mps: Real) -> int:
         return int(np.count_nonzero(rate_mps > self._fast_mps))

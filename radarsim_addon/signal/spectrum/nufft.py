@@ -3,9 +3,8 @@
 
     F[k] = sum_i c_i exp(-j k x_i),    k = -N//2 ... (N-1)//2
 
-finufft does it where it is installed; else gridding in numpy with the same kernel, the "exponential
-of semicircle" of Barnett, Magland and af Klinteberg (SIAM J. Sci. Comput. 41, C479, 2019), to the
-same tolerance. Either agrees with the direct sum, which is here as well.
+finufft does it (Barnett, Magland and af Klinteberg, SIAM J. Sci. Comput. 41, C479, 2019). The
+direct sum is here as well, as the check.
 
 `RowsType1` does many small sums in one call. `nufft_lines` adds a second axis of any frequencies u:
 
@@ -21,7 +20,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.util
 import math
 from typing import Any, Literal, get_args
 
@@ -29,16 +27,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Complex, Real
-from ...errors import ConfigError, MissingDependencyError
+from ...errors import ConfigError
 
-Backend = Literal["auto", "finufft", "numpy", "direct"]
+Backend = Literal["finufft", "direct"]
 
 #: Default tolerance, relative to sum |c_i|.
 TOLERANCE = 1e-9
 #: What float64 leaves of a transform: tighter tolerances than this are not asked of the engines.
 TIGHTEST = 1e-14
-#: Points spread at a time by the numpy engine: its temporaries stay near 30 MB.
-_CHUNK = 1 << 15
 #: Up to this many frequencies the fine grid stays in the cache: sorting the points costs more (23
 #: of 45 ms for a million) than it saves.
 _UNSORTED = 1 << 14
@@ -50,16 +46,12 @@ _MARGIN = 16
 _SHIFTS = 32
 
 
-def has_finufft() -> bool:
-    return importlib.util.find_spec("finufft") is not None
-
-
 def nufft1(
     points: Real,
     values: NDArray[np.complex128] | Real,
     size: int,
     tolerance: float = TOLERANCE,
-    backend: Backend = "auto",
+    backend: Backend = "finufft",
 ) -> Complex:
     """Sum c_i exp(-j k x_i) for k = -size//2 ... (size-1)//2.
 
@@ -74,7 +66,7 @@ def nufft1(
     tolerance
         Largest error relative to sum |c_i|, 1e-13 to 1e-2.
     backend
-        "auto" takes finufft where it is installed, else "numpy"; "direct" sums term by term.
+        "finufft", or "direct" for the sum term by term.
 
     Returns
     -------
@@ -91,26 +83,17 @@ def nufft1(
     engine = Type1(size, tolerance, backend)
     if points.size == 0:
         return np.zeros(size, dtype=np.complex128)
-    # into [-pi, pi]: neither engine takes points far outside without losing digits
+    # into [-pi, pi]: finufft takes no points far outside without losing digits
     wrapped = points - 2 * np.pi * np.round(points / (2 * np.pi))
     if points.size * size <= _FEW_TERMS:
         return _direct(wrapped, values.astype(np.complex128), size)
     return engine(wrapped, np.ascontiguousarray(values, dtype=np.complex128))
 
 
-def choose_backend(backend: Backend) -> Literal["finufft", "numpy", "direct"]:
-    """The backend that "auto" stands for. Raises for an unknown one, and for finufft that is not
-    installed.
-    """
+def check_backend(backend: Backend) -> Backend:
+    """Return the backend. Raises ConfigError for an unknown one."""
     if backend not in get_args(Backend):
         raise ConfigError(f"NUFFT backend {backend!r}; expected one of {get_args(Backend)}.")
-    if backend == "auto":
-        return "finufft" if has_finufft() else "numpy"
-    if backend == "finufft" and not has_finufft():
-        raise MissingDependencyError(
-            "finufft is not installed. Install it with 'pip install finufft', or use the "
-            "numpy backend, which has the same accuracy."
-        )
     return backend
 
 
@@ -119,30 +102,26 @@ class Type1:
     then the same from run to run. For one thread at a time.
     """
 
-    def __init__(self, size: int, tolerance: float, backend: Backend = "auto") -> None:
+    def __init__(self, size: int, tolerance: float, backend: Backend = "finufft") -> None:
         self._size = size
         self._tolerance = tolerance
-        self.backend = choose_backend(backend)
+        self.backend = check_backend(backend)
         self._plan: Any = None
-        self._gridding: _Gridding | None = None
 
     def __call__(self, points: Real, values: Complex) -> Complex:
         """F[k] of points within [-pi, pi] and complex values (n,), or of several sets of them,
         (sets, n).
         """
-        if values.ndim > 1 and self.backend == "finufft":
+        if self.backend == "finufft":
             self._set(points)
-            return np.stack([self._plan.execute(own) for own in values])
         if values.ndim > 1:
-            return np.stack([self(points, own) for own in values])
+            return np.stack([self._sum(points, own) for own in values])
+        return self._sum(points, np.ascontiguousarray(values))
+
+    def _sum(self, points: Real, values: Complex) -> Complex:
         if self.backend == "direct":
             return _direct(points, values, self._size)
-        if self.backend == "numpy":
-            if self._gridding is None:
-                self._gridding = _Gridding(self._size, self._tolerance)
-            return self._gridding(points, values)
-        self._set(points)
-        result: Complex = self._plan.execute(np.ascontiguousarray(values))
+        result: Complex = self._plan.execute(values)
         return result
 
     def _set(self, points: Real) -> None:
@@ -167,14 +146,6 @@ class RowsType1:
         self._kept = (np.arange(size) - size // 2) % self._fine
         self._plans: dict[tuple[int, int], Any] = {}
         self._divisor = _kernel_spectrum(size, self._fine, tolerance)
-
-    @staticmethod
-    def possible() -> bool:
-        """Whether finufft is installed, of a version that can spread without a transform."""
-        if not has_finufft():
-            return False
-        version = importlib.import_module("finufft").__version__
-        return tuple(int(part) for part in version.split(".")[:2]) >= (2, 4)
 
     def __call__(self, points: Real, values: Complex) -> Complex:
         """F[k] of points (rows, n) within [-pi, pi] and complex values (sets, rows, n), (sets,
@@ -232,49 +203,6 @@ def _direct(points: Real, values: Complex, size: int) -> Complex:
     return total
 
 
-class _Gridding:
-    """Spread onto a grid twice as fine, FFT, divide by the kernel's transform."""
-
-    def __init__(self, size: int, tolerance: float) -> None:
-        self._width = max(4, math.ceil(-math.log10(tolerance)) + 2)
-        self._beta = 2.30 * self._width
-        self._grid_size = 2 * smooth_size(max(size, self._width))
-        k = np.arange(size) - size // 2
-        self._kept = k % self._grid_size
-        self._divisor = _kernel_transform(np.asarray(k / self._grid_size), self._width, self._beta)
-
-    def __call__(self, points: Real, values: Complex) -> Complex:
-        width, grid_size = self._width, self._grid_size
-        real, imaginary = np.zeros(grid_size), np.zeros(grid_size)
-        offsets = np.arange(width)
-        for start in range(0, points.size, _CHUNK):
-            part = slice(start, start + _CHUNK)
-            position = points[part] * (grid_size / (2 * np.pi))
-            first = np.ceil(position - width / 2)
-            # distance of each grid point from the path, in half widths: -1 to 1
-            distance = ((first - position)[:, None] + offsets) * (2 / width)
-            kernel = np.exp(self._beta * (np.sqrt(np.maximum(1 - distance**2, 0.0)) - 1))
-            cells = (first.astype(np.int64)[:, None] + offsets) % grid_size
-            flat = cells.ravel()
-            c = values[part]
-            real += np.bincount(flat, (kernel * c.real[:, None]).ravel(), grid_size)
-            imaginary += np.bincount(flat, (kernel * c.imag[:, None]).ravel(), grid_size)
-        spectrum = np.fft.fft(real + 1j * imaginary)
-        return np.asarray(spectrum[self._kept] / self._divisor, dtype=np.complex128)
-
-
-def _kernel_transform(frequency: Real, width: int, beta: float) -> Real:
-    """Fourier transform of the kernel at cycles per grid step, by Gauss-Legendre quadrature."""
-    nodes, weights = np.polynomial.legendre.leggauss(4 * width + 20)
-    nodes, weights = nodes[nodes > 0], weights[nodes > 0]  # the kernel is even
-    kernel = weights * np.exp(beta * (np.sqrt(1 - nodes**2) - 1))
-    total = np.zeros(frequency.size)
-    for node, value in zip(nodes, kernel, strict=True):
-        total += value * np.cos(np.pi * width * node * frequency)
-    result: Real = total * width
-    return result
-
-
 def smooth_size(number: int) -> int:
     """Smallest product of 2, 3 and 5 that is at least a number: its FFTs are fast."""
     best = 1 << max(0, (number - 1).bit_length())
@@ -302,7 +230,7 @@ _MIXED_SHIFTS, _SLOT, _DEGREE = 32, 32, 32
 
 
 def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance: float) -> Complex:
-    """The sum F[l, k] by finufft 2.4 or later, (sets, lines, size). Points x within [-pi, pi] and y
+    """The sum F[l, k], (sets, lines, size). Points x within [-pi, pi] and y
     are (n,), `values` (sets, n), u (lines, size) in radians per unit of y.
     """
     widest, farthest = max(float(np.abs(y).max()), 1e-300), float(np.abs(u).max())

@@ -342,7 +342,7 @@ class RampTransform(EachPulse):
         self._half = float(self._square.max()) / 2
         self._bases: dict[int, tuple[Real, Real]] = {}
         self._rows: RowsType1 | None = None
-        if self._engines[0][1].backend == "finufft" and RowsType1.possible():
+        if self._engines[0][1].backend == "finufft":
             self._rows = RowsType1(count, self._engines[0][0])
 
     def __call__(
@@ -567,7 +567,7 @@ class SynthesisReport:
     Attributes
     ----------
     backend
-        "finufft", "numpy" or "direct".
+        "finufft" or "direct".
     tolerance
         Relative L2 error that was asked for.
     paths

@@ -20,6 +20,7 @@ from radarsim_addon.blender import headless
 from radarsim_addon.blender.headless import scripting
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.plan import CoverageRequest, parse_axis
+from radarsim_addon.blender.ui.picture_images import axes_of
 from radarsim_addon.errors import ConfigError, SceneError
 from tests.blender import radar_scenes as rs
 
@@ -185,9 +186,14 @@ def test_operator_draws_the_diagram(sea: Any, tmp_path: Path) -> None:
     image = bpy.data.images["Radar coverage"]
     pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], 4)[..., :3]
     # the first null: dark purple; the first lobe: yellow
-    inner = pixels[90:700, 600]
+    axes = axes_of("Radar coverage")
+    assert axes is not None and axes.y == pytest.approx([-0.3, 30.3])  # cells of 0.6 m
+    range_m = 1500.0
+    (across, low), (_, high) = (axes.place(range_m, height) for height in (0.0, 30.0))
+    rows = slice(*(round(at * image.size[1]) for at in (low, high)))
+    inner = pixels[rows, round(across * image.size[0])]
     heights = np.linspace(0, 30, inner.shape[0])
-    level = conductor_lobes(heights, range_m=1000 + 1000 * (600 - 110) / 900)
+    level = conductor_lobes(heights, range_m=range_m)
     assert inner[np.argmax(level)][0] > 0.8 and inner[np.argmin(level[200:]) + 200][0] < 0.5
 
 

@@ -81,7 +81,6 @@ def test_what_changes_is_found_where_it_is(change: Callable[[Real, Real], None])
 
 
 def test_trees_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("scipy")
     points, pose, box = scene()
     kept_by = layout(COUNT)
     made: list[int] = []

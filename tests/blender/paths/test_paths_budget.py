@@ -44,7 +44,7 @@ def test_shifts_fill_the_pixel() -> None:
     assert np.abs(replicates[:64].mean(axis=0)).max() < 0.02
 
 
-def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> np.ndarray:
+def rows_at(lengths: list[float], powers: list[float], objects: list[int]) -> PathRows:
     rows = PathRows.zeros(len(lengths))
     rows["length_m"], rows["power_w"], rows["last_object"] = lengths, powers, objects
     return rows

@@ -20,7 +20,7 @@ from radarsim_addon.blender.ui.live_picture import (
     picture_quads,
     pixels,
 )
-from radarsim_addon.blender.ui.pictures import viridis
+from radarsim_addon.blender.ui.small_drawings import viridis
 
 RANGE_M = np.arange(0.0, 100.5, 0.5)
 RATES = np.linspace(-20.0, 19.0, 40)

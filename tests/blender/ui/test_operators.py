@@ -12,8 +12,8 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.addon import CLASSES
-from radarsim_addon.blender.ui import pictures, scene_panel
-from radarsim_addon.blender.ui.result_pictures import KINDS
+from radarsim_addon.blender.ui import scene_panel
+from radarsim_addon.blender.ui.result_pictures import HEIGHT, KINDS, WIDTH
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
@@ -82,7 +82,7 @@ def test_render_and_process_operators(
     assert bpy.ops.radarsim.process_last_run() == {"FINISHED"}
     for kind in (KINDS["MAP"], KINDS["PROFILE"]):
         image = bpy.data.images[kind.image]
-        assert tuple(image.size) == (pictures.WIDTH, pictures.HEIGHT)
+        assert tuple(image.size) == (WIDTH, HEIGHT)
         assert image.packed_file is not None
         pixels = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)
         image.pixels.foreach_get(pixels)

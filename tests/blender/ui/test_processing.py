@@ -15,10 +15,12 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.ui import worker_process
-from radarsim_addon.blender.ui.result_pictures import KINDS, Shown
+from radarsim_addon.blender.ui.result_pictures import KINDS
 from radarsim_addon.blender.ui.shown_results import ProcessingJob
 from radarsim_addon.errors import FrameFileError, OutputError
+from radarsim_addon.messages import Message
 from radarsim_addon.signal import pipeline
+from radarsim_addon.signal.pictures import answer_request
 from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
@@ -30,9 +32,18 @@ def scene(addon: Any) -> Any:
 
 
 def pictures(job: ProcessingJob) -> list[np.ndarray]:
-    shown = Shown(job.result.view(job.frames[-1]), job.result.profiles)
+    view = job.result.view(job.frames[-1])
+    fields = {
+        "number": 1, "folder": job.result.folder.name, "frames": job.frames, "frame": view.frame,
+        "span_db": 80.0, "width_px": 600, "chosen": None,
+    }  # fmt: skip
+    found = [
+        answer_request(Message({**fields, "kind": name}, {})).arrays["png"]
+        for name, kind in KINDS.items()
+        if kind.needs in view.arrays
+    ]
     job.result.close()
-    return [kind.draw(shown) for kind in KINDS.values() if kind.needs in shown.view.arrays]
+    return found
 
 
 def test_nothing_is_processed_here_and_the_pictures_are_the_same(

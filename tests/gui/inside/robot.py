@@ -378,6 +378,17 @@ def thread_time_of(state: Any, name: str, value: Any) -> float:
     return time.thread_time() - start_s
 
 
+def pictures_fit() -> bool:
+    """Return whether all Image Editors show their images whole, pixel by pixel."""
+    areas = [a for w in bpy.context.window_manager.windows for a in w.screen.areas]
+    shown = [a for a in areas if a.type == "IMAGE_EDITOR" and a.spaces.active.image is not None]
+    return bool(shown) and all(
+        abs(area.spaces.active.zoom[0] - 1) < 2e-3
+        and area.spaces.active.image.size[0] <= area.width
+        for area in shown
+    )
+
+
 def ring_in(image: Any) -> tuple[float, float]:
     """Place of the white ring in the plotting area of a map: fractions from below."""
     width, height = image.size

@@ -13,7 +13,7 @@ from typing import Any
 import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from robot import Robot
+from robot import Robot, pictures_fit
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 #: Letters of the screenshots: readable where the page shows them at half their size.
@@ -66,7 +66,8 @@ def script(robot: Any) -> Any:
     yield from robot.wait(
         lambda: len({image.name for image in bpy.data.images} - images) >= 2, "the images", 300
     )
-    yield 3.0  # the editors fit their images once they were drawn
+    yield from robot.wait(pictures_fit, "the pictures at their size", 60)
+    yield 1.0
     yield from robot.shot("tutorial_5_map")
     result["frame"] = scene.frame_current
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -285,7 +286,7 @@ def script(robot: Any) -> Any:
         lambda: {image.name for image in bpy.data.images} - images, "the images", 300
     )
     result["processing"] = robot.stop_watching()
-    yield 3.0  # the editors fit their images once they were drawn
+    yield from robot.wait(robot_module.pictures_fit, "the pictures at their size", 60)
     result["images"] = {
         image.name: list(image.size) for image in bpy.data.images if image.name not in images
     }
@@ -336,6 +337,7 @@ def script(robot: Any) -> Any:
                     bpy.ops.view2d.scroll_down(page=True)
     region_3d = robot.view.spaces.active.region_3d
     region_3d.view_distance, region_3d.view_location = 120.0, (0.0, 25.0, 0.0)
+    result["pictures_s"] = []
     result["steps_s"] = [robot_module.thread_time_of(shown, "row", 0)]
     yield from robot.settle()
     target = shown.rows[0].name
@@ -344,11 +346,22 @@ def script(robot: Any) -> Any:
     yield from robot.wait(lambda: shown.rows[shown.row].name == objects[2].name, "its row", 10)
     yield from robot.settle()
     yield from robot.shot("10_targets")
-    for name in ("ECHO", "RANGE_TIME", "MAP"):
+    editor = next(a for a in robot.window.screen.areas if a.type == IMAGES)
+    for name, image in (
+        ("ECHO", "Radar echo"),
+        ("RANGE_TIME", "Radar range-time"),
+        ("MAP", "Radar range-Doppler map"),
+    ):
         result["steps_s"].append(robot_module.thread_time_of(shown, "picture", name))
+        began = time.perf_counter()
+        yield from robot.wait(
+            lambda image=image: editor.spaces.active.image.name == image, "the picture", 20
+        )
+        result["pictures_s"].append(time.perf_counter() - began)
         yield from robot.settle()
+        yield from robot.shot(f"10_{name.lower()}")
     # A click into the map, where the ring of another target was.
-    chosen, editor = shown.row, next(a for a in robot.window.screen.areas if a.type == IMAGES)
+    chosen = shown.row
     place = robot_module.ring_in(editor.spaces.active.image)
     shown.row = 1 if chosen == 0 else 0
     yield from robot.settle()

@@ -232,7 +232,8 @@ def test_lists_and_files_have_the_names(tmp_path: Path) -> None:
     with open(table, encoding="utf-8", newline="") as lines:
         assert {line["name"] for line in csv.DictReader(lines)} >= set(names)
     assert {one["name"] for one in json.loads(record.read_text("utf-8"))["targets"]} >= set(names)
-    h5py = pytest.importorskip("h5py")
+    import h5py
+
     (path,) = write_hdf5(result, tmp_path)
     with h5py.File(path) as file:
         assert {one.decode() for one in file["detections/name"][:]} >= set(names)

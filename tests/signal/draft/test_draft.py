@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import LinkBudget, ReceiverRecord, TransmitterRecord
+from radarsim_addon.messages import read_message, write_message
 from radarsim_addon.physics.radar_equation import (
     lambert_plate_rcs_m2,
     monostatic_power_w,
@@ -33,9 +34,7 @@ from radarsim_addon.signal.draft import (
     SceneTriangles,
     make_draft,
     mesh_message,
-    read_message,
     scene_message,
-    write_message,
 )
 from radarsim_addon.signal.draft.draft import scene_of
 from radarsim_addon.signal.draft.worker import serve

@@ -58,7 +58,6 @@ def test_beat_of_a_path_is_that_of_the_two_ramps(rate_mps: float) -> None:
 @pytest.mark.parametrize("fastest_mps", [3.0, 30.0, 300.0])
 def test_many_moving_targets_are_one_transform(fastest_mps: float, tolerance: float) -> None:
     """The residual video phase, which ties delay and rate together, of each of them."""
-    pytest.importorskip("finufft")
     rng = np.random.default_rng(1)
     radar = burst_of(FMCW, 64)
     range_m, rate_mps = rng.uniform(5, 35, 60), rng.uniform(-1, 1, 60) * fastest_mps
@@ -78,7 +77,6 @@ def test_many_moving_targets_are_one_transform(fastest_mps: float, tolerance: fl
 
 def test_targets_beyond_the_adc_are_filtered_alike_in_one_transform() -> None:
     """By where the ramp shows them: the beat's frequency holds the Doppler shift as well."""
-    pytest.importorskip("finufft")
     radar = burst_of(FMCW, 16)
     limit_m = FMCW.unambiguous_range_m
     range_m = limit_m + np.linspace(-3, 3, 13)

@@ -25,7 +25,6 @@ from radarsim_addon.signal.echoes import line_times_s, synthesizer_for
 from radarsim_addon.signal.radar import AnyWaveform, LineWaveform, range_limit
 from radarsim_addon.signal.spectrum import FrequencyGrid, Ramp, ReceiveWindow, SpectrumAccumulator
 from radarsim_addon.signal.spectrum.grid import nodes_for
-from radarsim_addon.signal.spectrum.nufft import has_finufft
 from tests.signal.oracle import unit_paths
 from tests.signal.spectrum_oracle import LIGHT, Function, relative
 
@@ -33,7 +32,6 @@ FMCW = FmcwWaveform(77e9, 1e9, 64, 5e6, adc_start_s=2e-6, idle_s=4e-6)
 STEPPED = SteppedWaveform(10e9, 2e6, 48, 50e-6)
 PMCW = PmcwWaveform(79e9, 1e-9, 6, code_repeats=3)
 KINDS = pytest.mark.parametrize("waveform", [FMCW, STEPPED, PMCW], ids=lambda w: w.kind)
-needs_finufft = pytest.mark.skipif(not has_finufft(), reason="finufft is not installed")
 
 
 def radar_of(waveform: AnyWaveform, pulses: int) -> Radar:
@@ -102,8 +100,7 @@ def ways(echoes: Echoes) -> set[tuple[str, str]]:
 
 @KINDS
 @pytest.mark.parametrize("synthesis", ["auto", "type3", "per-pulse", "direct"])
-@pytest.mark.parametrize("backend", ["auto", "numpy"])
-def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
+def test_samples_are_within_the_tolerance(waveform, synthesis) -> None:
     radar = radar_of(waveform, 5)
     paths, length_m, rate_mps = many(radar)
     found = synthesize(
@@ -111,7 +108,6 @@ def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
         radar,
         range_limits_m=(0.0, 60.0),
         slow_time_transform=synthesis,
-        nufft_backend=backend,
         tolerance=1e-7,
     )
     if isinstance(waveform, PmcwWaveform):
@@ -124,7 +120,7 @@ def test_samples_are_within_the_tolerance(waveform, synthesis, backend) -> None:
     assert report.paths == 40 and report.error_estimate <= 1e-7
     expected_way = "direct sum" if synthesis == "direct" else "once"
     assert ("still", expected_way) in ways(found)
-    if synthesis == "type3" and backend == "auto" and has_finufft():
+    if synthesis == "type3":
         assert ("linear", "type 3") in ways(found)
 
 
@@ -152,7 +148,7 @@ def test_direct_agrees_with_auto_for_curved_motion(waveform) -> None:
         motions = {step.motion for step in auto.report.steps}
         if pulses == 40:
             # a constant rate is of use to the 2-D transform alone
-            assert motions == {"still", "smooth"} | ({"linear"} if has_finufft() else set())
+            assert motions == {"still", "smooth", "linear"}
             assert ("sampled", "direct sum") in ways(direct)
         else:
             assert motions == {"still", "sampled"}

@@ -114,10 +114,8 @@ def test_sidelobes_of_a_shifted_code_are_no_targets() -> None:
     assert found.range_m == pytest.approx(1500.0, abs=0.1)
 
 
-@pytest.mark.parametrize("backend", ["numpy", "finufft"])
+@pytest.mark.parametrize("backend", ["finufft", "direct"])
 def test_one_pulse_has_the_doppler_shift_in_it(backend: Any) -> None:
-    if backend == "finufft":
-        pytest.importorskip("finufft")
     radar = Radar(smooth_chirp(), Burst(5000.0, 1))
     paths = moving_paths(radar)
     found = synthesize(paths, radar, range_limits_m=WINDOW_M, nufft_backend=backend)

@@ -16,12 +16,9 @@ from radarsim_addon.signal import Burst, Radar, Waveform, open_run
 from radarsim_addon.signal.decoding import FrameInput, open_frame
 from radarsim_addon.signal.detection import FrameBudget
 from radarsim_addon.signal.maps import ExpectedPower, expected_power
-from radarsim_addon.signal.pictures import has_matplotlib
 from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_frame, process_run
 from radarsim_addon.signal.radar import Weather
 from tests.signal import path_runs as pr
-
-pytest.importorskip("scipy")
 
 PRF_HZ, PULSES = 400.0, 32
 RADAR = Radar(Waveform(5.3e9, 10e6, 4e-6, 12e6), Burst(PRF_HZ, PULSES))
@@ -232,7 +229,6 @@ def test_rain_is_clutter(tmp_path: Path) -> None:
     assert rain_w.max() > 100 * slack_w
 
 
-@pytest.mark.skipif(not has_matplotlib(), reason="matplotlib is not installed")
 def test_products_hold_clutter(tmp_path: Path) -> None:
     scene(tmp_path / "run", system=BUDGET, ground_mps=BIN_MPS / 4)
     options = ProcessOptions(radar=RADAR, range_limits_m=LIMITS_M, products=False)

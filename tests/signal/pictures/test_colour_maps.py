@@ -37,7 +37,8 @@ def test_there_are_some() -> None:
 @pytest.mark.parametrize("name", sorted(USED))
 def test_lightness_tells_the_order(name: str) -> None:
     """Of a map of two signs, in each half."""
-    colormaps = pytest.importorskip("matplotlib").colormaps
+    from matplotlib import colormaps
+
     light = lab(colormaps[name](np.linspace(0, 1, 256))[:, :3])[:, 0]
     halves = [light[:128], light[:127:-1]] if name == "RdBu_r" else [light]
     for half in halves:
@@ -47,7 +48,8 @@ def test_lightness_tells_the_order(name: str) -> None:
 
 def largest_over_smallest_step(name: str) -> float:
     """Of 255 equal steps along a colour map, in L*a*b*."""
-    colormaps = pytest.importorskip("matplotlib").colormaps
+    from matplotlib import colormaps
+
     colours = lab(colormaps[name](np.linspace(0, 1, 256))[:, :3])
     steps = np.linalg.norm(np.diff(colours, axis=0), axis=1)
     return float(steps.max() / max(steps.min(), 1e-9))

@@ -69,7 +69,7 @@ def test_no_picture_uses_another_map() -> None:
 
 
 def test_the_window_has_the_same_colours() -> None:
-    """Blender has no matplotlib: the colours of its pictures are in the font atlas."""
+    """The live preview draws without matplotlib: its colours are in the font atlas."""
     (atlas,) = [path for path in PACKAGE.rglob("*.npz") if "viridis" in np.load(path).files]
     expected = np.round(colormaps["viridis"](np.linspace(0, 1, 256))[:, :3] * 255)
     assert np.abs(np.load(atlas)["viridis"][:, :3].astype(int) - expected).max() <= 1

@@ -40,8 +40,6 @@ from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor
 from radarsim_addon.signal.pipeline.console import detection_lines, map_digits
 from tests.signal.synthetic import Setup, points, write_run
 
-pytest.importorskip("matplotlib")
-
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))
 NEGATIVE_ZERO = re.compile(r"[-\N{MINUS SIGN}]0+(\.0+)?(?![\d.])")
 
@@ -80,7 +78,8 @@ def numbers(figure: Any) -> list[Any]:
 
 def boxes_of_numbers(figure: Any) -> list[Any]:
     """Where the letters of the numbers are in the finished picture."""
-    matplotlib_text = pytest.importorskip("matplotlib.text").Text
+    from matplotlib.text import Text as matplotlib_text
+
     figure.canvas.draw()
     return [matplotlib_text.get_window_extent(note) for note in numbers(figure)]
 
@@ -334,7 +333,8 @@ def test_one_pulse_has_no_doppler_axis() -> None:
 
 
 def test_animation_has_one_scale(tmp_path: Path) -> None:
-    image_module = pytest.importorskip("PIL.Image")
+    from PIL import Image as image_module
+
     maps = []
     for number, strength in enumerate((1e-9, 1e-12), start=1):
         rd_map, noise_w = map_of(

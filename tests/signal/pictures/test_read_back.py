@@ -40,8 +40,6 @@ from radarsim_addon.signal.radar import (
 from tests.signal import synthetic
 from tests.signal import unequal as u
 
-pytest.importorskip("matplotlib")
-
 WAVELENGTH_M = u.WAVELENGTH_M
 RADAR = Radar(u.FMCW.waveform, Burst(900.0, 9))
 #: Nine Doppler cells of 100 Hz and seven ranges of 2 m; one cell for each quadrant.

@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("matplotlib")
-
 from radarsim_addon.movie_file import png_bytes
 from radarsim_addon.signal import (
     Burst,
@@ -149,7 +147,8 @@ def test_what_was_added_is_gone(results: list[FrameResult]) -> None:
 
 def test_png_holds_the_pixels() -> None:
     """Any reader sees them, and their size in print."""
-    image = pytest.importorskip("PIL.Image")
+    from PIL import Image as image
+
     pixels = np.random.default_rng(3).integers(0, 256, (5, 7, 3), dtype=np.uint8)
     with image.open(io.BytesIO(png_bytes(pixels, 120))) as found:
         found.verify()

@@ -173,7 +173,6 @@ def test_a_table_is_hashed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         return file_sha256(path)
 
     monkeypatch.setattr(table_files, "file_sha256", counting)
-    pytest.importorskip("matplotlib")
     list(process_run(folder, dataclasses.replace(OPTIONS, plots=True)))
     assert hashed == [contract.PATHS_TABLE]
 

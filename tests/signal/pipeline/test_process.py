@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon import contract, errors
-from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
+from radarsim_addon.errors import FrameFileError, OutputError
 from radarsim_addon.findings import finding
 from radarsim_addon.signal import (
     Burst,
@@ -25,7 +25,7 @@ from radarsim_addon.signal import (
     process_run,
     read_exr,
 )
-from radarsim_addon.signal.pictures import figure, frame_pictures
+from radarsim_addon.signal.pictures import frame_pictures
 from radarsim_addon.signal.pipeline import cli, main
 from radarsim_addon.signal.pipeline.console import frame_lines
 from tests.signal import path_runs
@@ -67,7 +67,6 @@ def test_run_to_map(folder: Path) -> None:
 
 
 def test_files_of_a_frame(folder: Path) -> None:
-    pytest.importorskip("matplotlib")
     (result,) = results(folder, None)
     names = sorted(p.name for p in (folder / "products").iterdir())
     assert names == sorted(path.name for path in result.files)
@@ -125,7 +124,6 @@ def test_empty_scene_gives_an_empty_map(tmp_path: Path) -> None:
 
 
 def test_empty_scene_can_be_drawn(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
     setup = Setup(rings=2)
     folder = write_run(tmp_path / "run", setup, lambda *_: empty(setup))
     (result,) = results(folder, ProcessOptions(plots=True))
@@ -196,31 +194,13 @@ def test_output_folder_that_cannot_be(folder: Path) -> None:
         results(folder, out=folder / "file" / "sub")
 
 
-def test_without_matplotlib(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(figure, "has_matplotlib", lambda: False)
-    (result,) = results(folder, ProcessOptions(products=False))
-    assert not [p for p in result.files if p.suffix == ".png"]
-    with pytest.raises(MissingDependencyError, match="pip install matplotlib"):
-        results(folder, ProcessOptions(products=False, plots=True))
-
-
-def test_numpy_engine_gives_the_same_map(folder: Path) -> None:
-    pytest.importorskip("finufft")
-    maps = [
-        results(folder, ProcessOptions(products=False, plots=False, nufft_backend=method))[0].rd_map
-        for method in ("finufft", "numpy")  # type: ignore[arg-type]
-    ]
-    scale = np.abs(maps[0].plane).max()
-    np.testing.assert_allclose(maps[0].plane, maps[1].plane, atol=1e-8 * scale)
-
-
 def test_memory_does_not_grow_with_the_number_of_frames(tmp_path: Path) -> None:
     radar = Radar(SETUP.radar.waveform, Burst(1000.0, 8))
     setup = Setup(radar=radar, rings=2, frames=tuple(range(1, 13)), width_px=64, height_px=64)
     picture = points(setup, [(r, c, 300.0, 0, 1.0) for r in range(64) for c in range(64)])
     folder = write_run(tmp_path / "run", setup, picture)
     run = open_run(folder)
-    options = ProcessOptions(plots=False, nufft_backend="numpy")
+    options = ProcessOptions(plots=False)
 
     def peak_bytes(frames: list[int]) -> int:
         tracemalloc.start()

@@ -66,7 +66,6 @@ class Written:
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Written:
-    pytest.importorskip("h5py")
     folder = tmp_path_factory.mktemp("fields")
     run = u.write_run(folder / "run", FRAME, TIME_S)
     results = [e for e in process_run(run, OPTIONS, out=folder / "out") if hasattr(e, "rd_map")]
@@ -177,7 +176,8 @@ def test_arrays(written: Written) -> None:
 
 def test_detections(written: Written) -> None:
     """CSV, JSON and HDF5 hold the same; the first three are the echoes."""
-    h5py = pytest.importorskip("h5py")
+    import h5py
+
     record = written.json("_detections.json")
     targets = record["targets"]
     with open(written.file("_detections.csv"), encoding="utf-8", newline="") as file:
@@ -218,7 +218,8 @@ def test_detections(written: Written) -> None:
 
 
 def test_hdf5(written: Written) -> None:
-    h5py = pytest.importorskip("h5py")
+    import h5py
+
     with h5py.File(written.file(".h5")) as file, np.load(written.file("_map.npz")) as rd_map:
         assert (file.attrs["frame"], file.attrs["time_s"]) == (FRAME, TIME_S)
         assert (file.attrs["prf_hz"], file.attrs["pulses"]) == (1000.0, 15)
@@ -262,7 +263,8 @@ def test_hdf5(written: Written) -> None:
 
 
 def test_places_of_the_channels(tmp_path: Path) -> None:
-    h5py = pytest.importorskip("h5py")
+    import h5py
+
     places = {"transmitter": [[0.01, 0, 0], [0.03, 0, 0]], "receiver": [[0, 0.02, 0], [0, 0, 0.04]]}
     channels = tuple(
         Channel(tx=Element(position_m=tuple(tx)), rx=Element(position_m=tuple(rx)))

@@ -8,13 +8,12 @@ import types
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from radarsim_addon.errors import FrameFileError, MissingDependencyError, OutputError
 from radarsim_addon.signal.runs import exr
 from radarsim_addon.signal.runs.exr import read_header
-
-OpenEXR = pytest.importorskip("OpenEXR")
 
 
 def some_channels(height: int = 37, width: int = 50) -> dict[str, np.ndarray]:
@@ -184,9 +183,19 @@ def test_inside_blender_only_its_own_library_is_tried(monkeypatch: pytest.Monkey
         exr.exr_backend()
     assert asked == ["OpenImageIO"]
     app.binary_path = ""  # a bpy wheel in a plain Python
-    with pytest.raises(MissingDependencyError, match="pip install OpenEXR"):
+    with pytest.raises(MissingDependencyError, match="OpenImageIO"):
         exr.exr_backend()
     assert asked == ["OpenImageIO", "OpenEXR", "OpenImageIO"]
+
+
+def test_a_python_without_openexr_takes_openimageio(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of Blender, which processes a run of rings for the window."""
+    there = types.ModuleType("OpenImageIO")
+    monkeypatch.setitem(sys.modules, "OpenImageIO", there)
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name == "OpenEXR" else there
+    )
+    assert exr.exr_backend() == ("OpenImageIO", there)
 
 
 _OIIO_TWIN = """

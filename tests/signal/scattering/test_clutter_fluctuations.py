@@ -17,8 +17,6 @@ from radarsim_addon.signal.paths.paths import path_power_w
 from radarsim_addon.signal.scattering import FrameSpeckle
 from tests.signal import path_runs as pr
 
-pytest.importorskip("scipy")
-
 WAVELENGTH_M = pr.WAVEFORM.wavelength_m
 WAVENUMBER = 2 * math.pi / WAVELENGTH_M
 PRF_HZ, PULSES = 100.0, 128

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
@@ -21,8 +22,6 @@ from radarsim_addon.signal.scattering.frame_speckle import kirchhoff_findings
 from radarsim_addon.typed_json import write_record
 from tests.signal import path_runs as pr
 from tests.signal.scattering.speckle_scenes import WAVELENGTH_M, scene, speckle
-
-stats = pytest.importorskip("scipy.stats")
 
 
 def test_frames_know_the_roughness_of_their_objects(tmp_path: Path) -> None:

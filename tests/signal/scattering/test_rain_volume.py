@@ -26,8 +26,6 @@ from radarsim_addon.signal.radar import Weather
 from radarsim_addon.signal.scattering import rain_rows
 from tests.signal import path_runs as pr
 
-pytest.importorskip("scipy")
-
 EIRP_W, HALF_DEG, WALL_M = 1e6, 2.0, 800.0
 WAVELENGTH_M = pr.WAVEFORM.wavelength_m
 CARRIER_HZ = pr.WAVEFORM.carrier_hz

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from radarsim_addon import contract
 from radarsim_addon.signal import synthesize
@@ -33,8 +34,6 @@ from tests.signal.scattering.speckle_scenes import (
     scene,
     speckle,
 )
-
-stats = pytest.importorskip("scipy.stats")
 
 
 @pytest.mark.parametrize("count", [0, 1, 3000])

@@ -1,29 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The spectrum engine against the sum it stands for, in extended precision."""
 
-import importlib.util
 import itertools
 import math
 
 import numpy as np
 import pytest
 
-from radarsim_addon.errors import ConfigError, MissingDependencyError, PathDataError
+from radarsim_addon.errors import ConfigError, PathDataError
 from radarsim_addon.signal.motion import LinearMotion, join_motion
 from radarsim_addon.signal.spectrum import (
     FrequencyGrid,
     ReceiveWindow,
     Spectrum,
     SpectrumAccumulator,
-    nufft,
 )
 from radarsim_addon.signal.spectrum import linear_motion as synthesis_linear
 from tests.signal.spectrum_oracle import Function, direct_sum, relative
 
-needs_finufft = pytest.mark.skipif(
-    importlib.util.find_spec("finufft") is None, reason="finufft is not installed"
-)
-BACKENDS = [pytest.param("finufft", marks=needs_finufft), "numpy"]
 TOLERANCES = [1e-4, 1e-6, 1e-8, 1e-10, 1e-12]
 
 #: 512 MHz at 5.3 GHz, 60 m of unambiguous path; 40 pulses at 1 kHz.
@@ -60,29 +54,17 @@ def ways(spectrum: Spectrum) -> set[tuple[str, str]]:
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
 @pytest.mark.parametrize("method", ["auto", "type3", "per-pulse"])
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_tolerance_holds(backend, method, tolerance) -> None:
-    found = sum_up(MOTION, AMPLITUDE, backend=backend, method=method, tolerance=tolerance)
+def test_tolerance_holds(method, tolerance) -> None:
+    found = sum_up(MOTION, AMPLITUDE, method=method, tolerance=tolerance)
     error = relative(found.values, EXPECTED)
     assert error <= tolerance
     # what the report says of the error is true, and not said to be safe
     assert error <= found.report.error_bound
     assert found.report.error_estimate <= tolerance
     assert ("still", "once") in ways(found)
-    way = "type 3" if method == "type3" and backend == "finufft" else "pulse by pulse"
+    way = "type 3" if method == "type3" else "pulse by pulse"
     if method != "auto":
         assert ("linear", way) in ways(found)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_an_older_finufft_sums_pulse_by_pulse(
-    monkeypatch: pytest.MonkeyPatch, backend: nufft.Backend
-) -> None:
-    """One that cannot spread alone, or none: to the same tolerance."""
-    monkeypatch.setattr(nufft.RowsType1, "possible", staticmethod(lambda: False))
-    found = sum_up(MOTION, AMPLITUDE, backend=backend, method="type3", tolerance=1e-8)
-    assert relative(found.values, EXPECTED) <= 1e-8
-    assert ways(found) == {("still", "once"), ("linear", "pulse by pulse")}
 
 
 def test_direct_method_is_the_sum() -> None:
@@ -93,8 +75,7 @@ def test_direct_method_is_the_sum() -> None:
 
 
 @pytest.mark.parametrize("tolerance", TOLERANCES)
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_curved_and_oscillating_motion(backend, tolerance) -> None:
+def test_curved_and_oscillating_motion(tolerance) -> None:
     """Straight, bent, and shaken faster than any fit can follow."""
     rng = np.random.default_rng(1)
     length, rate, bend = rng.uniform(5, 50, 60), rng.uniform(-20, 20, 60), rng.uniform(0, 9, 60)
@@ -108,7 +89,7 @@ def test_curved_and_oscillating_motion(backend, tolerance) -> None:
     # the direct sum of the motion's own float64 lengths
     expected = direct_sum(GRID, TIMES_S, lambda t: lengths(float(t)), amplitude)
     moving = (rate != 0) | (bend != 0) | (shake != 0)
-    found = sum_up(Function(lengths, moving), amplitude, backend=backend, tolerance=tolerance)
+    found = sum_up(Function(lengths, moving), amplitude, tolerance=tolerance)
     assert relative(found.values, expected) <= tolerance
     kinds = {motion for motion, _ in ways(found)}
     if tolerance >= 1e-8:
@@ -118,7 +99,6 @@ def test_curved_and_oscillating_motion(backend, tolerance) -> None:
     assert [s.paths for s in found.report.steps if s.motion == "still"] == [5]
 
 
-@needs_finufft
 def test_choice_by_cost(monkeypatch: pytest.MonkeyPatch) -> None:
     times_s = np.arange(64) * 1e-3
     many, amplitude = linear_paths(20_000)
@@ -130,7 +110,6 @@ def test_choice_by_cost(monkeypatch: pytest.MonkeyPatch) -> None:
     assert ("linear", "pulse by pulse") in ways(sum_up(few, amplitude))
 
 
-@needs_finufft
 @pytest.mark.parametrize("largest", [1 << 23, 2_000])
 def test_type3_in_blocks_of_pulses(largest, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(synthesis_linear, "_MAX_GRID", largest)
@@ -140,10 +119,9 @@ def test_type3_in_blocks_of_pulses(largest, monkeypatch: pytest.MonkeyPatch) -> 
     assert transforms > 10 if largest == 2_000 else transforms < 10
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_parts_chunks_and_threads_change_nothing_beyond_the_tolerance(backend) -> None:
+def test_parts_chunks_and_threads_change_nothing_beyond_the_tolerance() -> None:
     def form(parts: int, **options) -> Spectrum:
-        accumulator = SpectrumAccumulator(GRID, TIMES_S, backend=backend, **options)
+        accumulator = SpectrumAccumulator(GRID, TIMES_S, **options)
         for part in np.array_split(np.arange(AMPLITUDE.size), parts):
             accumulator.add(MOTION.select(part), AMPLITUDE[part])
         return accumulator.result()
@@ -165,20 +143,18 @@ def test_joined_motion_is_taken_apart() -> None:
     assert relative(sum_up(both, amplitude).values, expected) <= 1e-6
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_phase_of_a_hundred_million_wavelengths(backend) -> None:
+def test_phase_of_a_hundred_million_wavelengths() -> None:
     """400 km at 77 GHz, r/lambda 1e8: the phase is that of the float64 length."""
     rng = np.random.default_rng(2)
     length = 8e5 + rng.uniform(0, 20, 50)
     grid = FrequencyGrid(77e9, 5e6, 40)
     expected = direct_sum(grid, np.zeros(1), lambda t: length, np.ones(50))
     motion = LinearMotion(length, np.zeros(50))
-    found = sum_up(motion, np.ones(50), grid, np.zeros(1), backend=backend, tolerance=1e-10)
+    found = sum_up(motion, np.ones(50), grid, np.zeros(1), tolerance=1e-10)
     assert relative(found.values, expected) <= 1e-10
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_extra_cycles_as_of_a_residual_video_phase(backend) -> None:
+def test_extra_cycles_as_of_a_residual_video_phase() -> None:
     rate = 2e13
 
     def extra(delay):
@@ -186,16 +162,15 @@ def test_extra_cycles_as_of_a_residual_video_phase(backend) -> None:
 
     expected = direct_sum(GRID, TIMES_S, exact_lengths(MOTION), AMPLITUDE, extra)
     assert relative(expected, EXPECTED) > 0.5
-    found = sum_up(MOTION, AMPLITUDE, extra_cycles=extra, backend=backend, tolerance=1e-8)
+    found = sum_up(MOTION, AMPLITUDE, extra_cycles=extra, tolerance=1e-8)
     assert relative(found.values, expected) <= 1e-8
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("count", [1, 2, 7])
-def test_small_and_descending_grids(backend, count) -> None:
+def test_small_and_descending_grids(count) -> None:
     grid = FrequencyGrid(5.3e9, -3.3e6, count)
     expected = direct_sum(grid, TIMES_S[:3], exact_lengths(MOTION), AMPLITUDE)
-    found = sum_up(MOTION, AMPLITUDE, grid, TIMES_S[:3], backend=backend)
+    found = sum_up(MOTION, AMPLITUDE, grid, TIMES_S[:3])
     assert relative(found.values, expected) <= 1e-6
 
 
@@ -215,8 +190,7 @@ def test_special_sets_of_paths() -> None:
     assert not silent.values.any()
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_cancellation_is_noticed_and_overcome(backend) -> None:
+def test_cancellation_is_noticed_and_overcome() -> None:
     """Weights chosen to cancel in the band: the transform's own error does not cancel."""
     rng = np.random.default_rng(3)
     length = np.sort(rng.uniform(0, 55, 80))
@@ -227,11 +201,11 @@ def test_cancellation_is_noticed_and_overcome(backend) -> None:
     quiet = rows[24:].conj().T @ rng.normal(size=56) + 1e-5 * rng.normal(size=80)
     still = np.zeros(80)
     expected = direct_sum(grid, np.zeros(1), lambda t: length, quiet)
-    found = sum_up(LinearMotion(length, still), quiet, grid, np.zeros(1), backend=backend)
+    found = sum_up(LinearMotion(length, still), quiet, grid, np.zeros(1))
     assert (found.report.cancellation_db or 0) < -80
     assert relative(found.values, expected) <= 1e-6
     # the same from two parts of which each is strong: nothing can be done then but to say so
-    accumulator = SpectrumAccumulator(grid, np.zeros(1), backend=backend, tolerance=1e-4)
+    accumulator = SpectrumAccumulator(grid, np.zeros(1), tolerance=1e-4)
     for part in (slice(0, 40), slice(40, 80)):
         accumulator.add(LinearMotion(length[part], still[part]), quiet[part])
         accumulator.result()
@@ -289,10 +263,6 @@ def test_bad_requests(monkeypatch: pytest.MonkeyPatch) -> None:
         ReceiveWindow(period_s=1e-3)
     with pytest.raises(PathDataError, match="149 amplitudes for 150"):
         sum_up(MOTION, AMPLITUDE[1:])
-    monkeypatch.setattr(nufft, "has_finufft", lambda: False)
-    assert SpectrumAccumulator(GRID, TIMES_S).result().report.backend == "numpy"
-    with pytest.raises(MissingDependencyError, match="pip install finufft"):
-        SpectrumAccumulator(GRID, TIMES_S, backend="finufft")
 
 
 def folded_oracle(listening: ReceiveWindow, lengths, amplitude, times_s=TIMES_S) -> np.ndarray:
