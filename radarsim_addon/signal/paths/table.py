@@ -219,8 +219,11 @@ class PathRows:
         if values is not column:  # it is, where `rows[name] += ...`
             column[...] = values
 
-    def __iter__(self) -> Iterator[Any]:
-        raise TypeError("Iterate over columns, or over parts of the rows (`iter_rows`).")
+    def __iter__(self) -> Iterator[Mapping[str, Any]]:
+        return (self[number] for number in range(self.size))
+
+    def __array__(self, *_: object, **__: object) -> NDArray[Any]:
+        raise TypeError("Rows of paths are no array: take a column, or copy().")
 
     def copy(self, *names: str) -> PathRows:
         """Return the same rows, of these columns alone [all], in arrays of their own."""

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
@@ -15,6 +14,7 @@ bpy = pytest.importorskip("bpy")
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.state import snapshot
+from radarsim_addon.signal.paths import PathRows
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -59,7 +59,7 @@ def test_each_mesh_is_read_once_and_never_evaluated_again(
 def test_cycles_hears_of_walls_in_a_later_run(tmp_path: Path) -> None:
     """A wall that was no layer for the user in one run is one in the next of the same Blender."""
 
-    def look(name: str) -> np.ndarray:
+    def look(name: str) -> PathRows:
         run = ph.run_paths(tmp_path / name, width_px=8, height_px=8)
         rows = run.table()
         return rows[rows["last_scatterer_m"][:, 1] > 9.0]
@@ -81,9 +81,9 @@ def test_cycles_hears_of_walls_in_a_later_run(tmp_path: Path) -> None:
     alone = look("alone")
     wall = build()
     wall[attributes.OBJECT_LAYER_NORMAL] = [0.0, 0.0, 0.0]
-    np.testing.assert_array_equal(look("as other"), other)
+    assert look("as other").equals(other)
     del wall[attributes.OBJECT_LAYER_NORMAL]
     found = look("after")
-    np.testing.assert_array_equal(found, alone)
+    assert found.equals(alone)
     loss_db = 10 * math.log10(other["power_w"].sum() / found["power_w"].sum())
     assert abs(loss_db) > 0.5

@@ -280,7 +280,7 @@ def measured_by_two(folder: Path, kind: str, go: Path) -> list[list[str]]:
     return [tasks(text) for text in texts]
 
 
-@pytest.mark.parametrize(("kind", "files"), [("rings", "*.exr"), ("paths", "*.npy")])
+@pytest.mark.parametrize(("kind", "files"), [("rings", "*.exr"), ("paths", "paths.npz")])
 def test_two_processes_measure_what_one_would(
     tmp_path: Path,
     kind: str,

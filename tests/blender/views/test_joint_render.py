@@ -6,13 +6,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.views.joint_render import MOST_TOGETHER
 from radarsim_addon.blender.views.view_scene import PathScene
+from radarsim_addon.signal.paths import PathRows
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.state.test_settings_restore import difference, snapshot
@@ -34,7 +34,7 @@ def moving_plate() -> Any:
 
 def measured(
     folder: Path, monkeypatch: pytest.MonkeyPatch, joint: bool = True, **changes: Any
-) -> tuple[list[np.ndarray], int]:
+) -> tuple[list[PathRows], int]:
     """Tables of two frames, and how often Blender rendered."""
     made: list[int] = []
     render = PathScene._render
@@ -50,7 +50,7 @@ def measured(
         options = {"max_reflections": 1, "replicates": 3, **changes.pop("options", {})}
         size = {"width_px": 20, "height_px": 16, **changes}
         run = ph.run_paths(folder, options=options, frames=(1, 3), **size)
-    tables = [np.array(run.table(frame)) for frame in (1, 3)]
+    tables = [run.table(frame) for frame in (1, 3)]
     return tables, len(made)
 
 

@@ -111,7 +111,8 @@ def paths_of(moving: bool) -> tuple:
     receiver, transmitter = (RECEIVER, TRANSMITTER) if moving else STILL
     scene = FrameMotion(SPAN_S, receiver, transmitter, False, BODIES)
     rows = PathRows.zeros(len(PATHS))
-    for row, (points, numbers) in zip(rows, PATHS, strict=True):
+    for at, (points, numbers) in enumerate(PATHS):
+        row = rows[at : at + 1]
         way = [receiver.pose[:3, 3], *map(np.array, points), transmitter.pose[:3, 3]]
         row["length_m"] = sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))
         row["order"] = len(points)

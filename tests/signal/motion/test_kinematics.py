@@ -76,7 +76,8 @@ EMITTER = body((-0.2, 0, 2), (1, 30, 0))
 def rows_of(*paths: tuple[list[tuple[float, float, float]], list[int]], excess: float = 0.0):  # type: ignore[no-untyped-def]
     """Rows whose vertices lie on bodies (numbers); `excess` is an optical delay."""
     rows = PathRows.zeros(len(paths))
-    for row, (points, numbers) in zip(rows, paths, strict=True):
+    for at, (points, numbers) in enumerate(paths):
+        row = rows[at : at + 1]
         way = [RECEIVER.pose[:3, 3], *map(np.array, points), EMITTER.pose[:3, 3]]
         row["length_m"] = excess + sum(np.linalg.norm(b - a) for a, b in itertools.pairwise(way))
         row["order"] = len(points)

@@ -174,7 +174,7 @@ def test_points_move_with_what_they_lie_on(ground: FrameInput, joined: bool) -> 
     half_m, cell_m = np.array([0.0, 1.0, 0.0]), 0.01
     radar = BodyMotion(pose, (Segment(0.0, 0.1, np.stack([pose[:3, 3] + half_m, half_m])),))
     scene = FrameMotion(0.1, radar, radar, False, [BodyMotion(np.eye(4), ())])
-    rows = np.array(ground.table.rows)
+    rows = ground.table.rows.copy()
     rows["last_body"] = rows["first_body"] = 1
     motion: PathMotion = motion_of_rows(rows, scene)
     if joined:  # as of a table that comes in several chunks
