@@ -29,8 +29,9 @@ SETTINGS = {
         "A bandwidth of {bandwidth_hz:frequency} resolves {range_resolution_m:length} (c / 2B), "
         "but ranges end at {farthest_m:length}.",
         "All echoes lie in one range cell.",
-        "Raise the bandwidth, and check its unit: hertz and seconds in radar files, MHz, kHz, us "
-        "and ns in the panel. If the ranges are wrong, set Scene > Units > Unit Scale.",
+        "Raise the bandwidth (a wider sweep, more frequency steps, or shorter chips), and check "
+        "its unit: hertz and seconds in radar files, MHz, kHz, us and ns in the panel. If the "
+        "ranges are wrong, set Scene > Units > Unit Scale.",
     ),
     "low-time-bandwidth-product": Kind(
         "caution",

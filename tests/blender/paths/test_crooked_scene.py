@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("bpy")
 
 from radarsim_addon import contract
-from radarsim_addon.signal.paths import PathRows
+from radarsim_addon.signal.paths import PathRows, open_table
 from radarsim_addon.signal.radar import Burst
 from radarsim_addon.typed_json import read_record
 from tests.blender import crooked_scene as cs
@@ -71,7 +71,7 @@ def run(
         for number in RENDERS:
             at = folder / contract.burst_dir(frame, number)
             time = frame + number * BURST.pulses / BURST.prf_hz * cs.FPS
-            rows = np.load(at / contract.PATHS_TABLE)
+            rows = open_table(at / contract.PATHS_TABLE)
             record = read_record(at / contract.PATHS_FILE, contract.PathsRecord)
             views[frame, number] = View(time, rows, record, at)
     yield views
