@@ -250,15 +250,10 @@ class PathRows:
 
     def widened(self, dtype: np.dtype[np.void]) -> PathRows:
         """Return the rows with the further columns of a type, which are 0."""
-        more = [name for name in dtype.names or () if name not in self.names]
-        return PathRows(
-            {
-                **{name: self[name] for name in self.names},
-                **PathRows.zeros(self.size, dtype[more])._columns,
-            }
-            if more
-            else {name: self[name] for name in self.names}
-        )
+        columns = {name: self[name] for name in self.names}
+        if more := [name for name in dtype.names or () if name not in columns]:
+            columns |= PathRows.zeros(self.size, dtype[more])._columns
+        return PathRows(columns)
 
     def write(self, stream: IO[bytes], digest: Digest) -> None:
         """Write the rows to a file of parts, for `read`."""
