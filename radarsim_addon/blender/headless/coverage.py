@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ...errors import ConfigError, RadarSimError
@@ -51,8 +52,8 @@ from .session import leave_blender, open_scene
 
 
 def scene_coverage(
-    scene: Any,
-    view_layer: Any,
+    scene: bpy.types.Scene,
+    view_layer: bpy.types.ViewLayer,
     request: CoverageRequest,
     radar: Any = None,
     *,

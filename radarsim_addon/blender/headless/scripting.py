@@ -197,7 +197,7 @@ def simple_material(
     return preset_material(str(preset))
 
 
-def assign_material(objects: Any, material: Any) -> list[Any]:
+def assign_material(objects: Any, material: bpy.types.Material) -> list[Any]:
     """Give objects a material, in all their material slots.
 
     Parameters
@@ -223,7 +223,7 @@ def assign_material(objects: Any, material: Any) -> list[Any]:
     return assign_to(chosen, material)
 
 
-def assign_by_name(scene: Any = None) -> dict[str, str]:
+def assign_by_name(scene: bpy.types.Scene | None = None) -> dict[str, str]:
     """Put radar materials in the place of the optical ones whose names are known.
 
     Parameters
@@ -253,7 +253,7 @@ def add_radar(
     *,
     field_of_view_deg: float | None = None,
     preset: str = DEFAULT_PRESET,
-    scene: Any = None,
+    scene: bpy.types.Scene | None = None,
     **values: Any,
 ) -> Any:
     """Add a radar to a scene: an empty that carries a transmitter and a receiver.
@@ -411,7 +411,7 @@ def measure(
     frames: Iterable[int] | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
-    scene: Any = None,
+    scene: bpy.types.Scene | None = None,
     **values: Any,
 ) -> Run:
     """Render the radar frames into a run folder; no window is needed.

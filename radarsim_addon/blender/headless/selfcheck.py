@@ -192,13 +192,13 @@ def _foreign(folder: Path) -> Iterator[Fact]:
         yield from look.encoding("the world", one, length_m, one.blue > 0)
 
 
-def _wall(material: Any) -> None:
+def _wall(material: bpy.types.Material) -> None:
     corners = [(-30.0, _WALL_M, -30.0), (30.0, _WALL_M, -30.0), (30.0, _WALL_M, 30.0),
                (-30.0, _WALL_M, 30.0)]  # fmt: skip
     _mesh("Wall", corners, material)
 
 
-def _floor(material: Any) -> None:
+def _floor(material: bpy.types.Material) -> None:
     corners = [(x, y, _FLOOR_M) for x, y in ((-30, -30), (30, -30), (30, 30), (-30, 30))]
     _mesh("Floor", corners, material)
 
@@ -212,7 +212,9 @@ def _glass(foot_m: float) -> None:
     _mesh("Pane", corners, glass, faces)
 
 
-def _mesh(name: str, corners: list[Any], material: Any, faces: Any = ((0, 1, 2, 3),)) -> None:
+def _mesh(
+    name: str, corners: list[Any], material: bpy.types.Material, faces: Any = ((0, 1, 2, 3),)
+) -> None:
     mesh = bpy.data.meshes.new(name)
     mesh.from_pydata(corners, [], faces)
     mesh.materials.append(material)

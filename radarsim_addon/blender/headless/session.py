@@ -63,7 +63,7 @@ def before_sorting(function: Callable[[], None]) -> Iterator[None]:
         bpy.app.handlers.load_post.remove(call)
 
 
-def add_early_camera(scene: Any, radar: Any) -> ViewCamera | None:
+def add_early_camera(scene: bpy.types.Scene, radar: Any) -> ViewCamera | None:
     """Add the camera that renders paths, if nothing notices it before they are measured.
 
     Blender sorts all objects of a scene after it has opened a file, and again when the scene gets
@@ -87,8 +87,8 @@ def add_early_camera(scene: Any, radar: Any) -> ViewCamera | None:
 
 
 def make_job(
-    scene: Any,
-    view_layer: Any,
+    scene: bpy.types.Scene,
+    view_layer: bpy.types.ViewLayer,
     folder: Path,
     *,
     radar: Any = None,
@@ -182,7 +182,7 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     keep_freed_memory()
     cameras: list[ViewCamera | None] = [None]
 
-    def add_camera(scene: Any, radar: Any) -> None:
+    def add_camera(scene: bpy.types.Scene, radar: Any) -> None:
         if sampling_mode(radar, given_settings(arguments)) == "paths":
             cameras.append(add_early_camera(scene, radar))
 

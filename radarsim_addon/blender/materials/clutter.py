@@ -45,7 +45,7 @@ PATH = "radarsim_clutter_path"
 NO_CLUTTER = "none"
 
 
-def clutter_of(material: Any) -> Clutter | None:
+def clutter_of(material: bpy.types.Material) -> Clutter | None:
     """Return the clutter model of a material or None. Raises ConfigError for an unknown model."""
     name = None if material is None else material.get(CLUTTER)
     if not isinstance(name, str) or name in ("", NO_CLUTTER):
@@ -69,14 +69,16 @@ def clutter_name(materials: Iterable[Any]) -> str | None:
     return None
 
 
-def table_files(material: Any) -> list[Path]:
+def table_files(material: bpy.types.Material) -> list[Path]:
     """Return the CSV files that a material takes its medium and its clutter from."""
     keys = ((MEDIUM, TABLE, MEDIUM_PATH), (CLUTTER, CLUTTER_TABLE, PATH))
     names = [material.get(path) for key, table, path in keys if material.get(key) == table]
     return [Path(bpy.path.abspath(name)) for name in names if isinstance(name, str) and name]
 
 
-def set_clutter(material: Any, name: str, *, path: str | None = None, **parameters: float) -> None:
+def set_clutter(
+    material: bpy.types.Material, name: str, *, path: str | None = None, **parameters: float
+) -> None:
     """Give a physical material a clutter model.
 
     Parameters
@@ -120,7 +122,7 @@ PREFIX = "radarsim_fluctuation_"
 _FIELDS = {item.name: item.default for item in dataclasses.fields(FluctuationRecord)}
 
 
-def set_clutter_fluctuation(material: Any, **values: Any) -> None:
+def set_clutter_fluctuation(material: bpy.types.Material, **values: Any) -> None:
     """Give the echoes of a material's surfaces a texture, and scatterers that move.
 
     Parameters

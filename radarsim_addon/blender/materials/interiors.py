@@ -19,6 +19,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
+import bpy
 import numpy as np
 
 from ...arrays import Mask, Real, dots, norms
@@ -82,11 +83,11 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
     return [finding("opaque-without-volume", *names)] if names else []
 
 
-def _transmissions(material: Any) -> list[Any]:
+def _transmissions(material: bpy.types.Material) -> list[Any]:
     return [socket for socket in transmission_inputs(material) if socket is not None]
 
 
-def _unlink(recorder: SettingsRestorer, material: Any, link: Any) -> None:
+def _unlink(recorder: SettingsRestorer, material: bpy.types.Material, link: Any) -> None:
     links, source, target = material.node_tree.links, link.from_socket, link.to_socket
     links.remove(link)
     recorder.on_restore(f"Volume of {material.name}", lambda: links.new(source, target))
@@ -102,7 +103,7 @@ _TRIANGLES = 500
 _POINTS, _MOST_FACES = 64, 64
 
 
-def overlapping_shells(depsgraph: Any) -> list[Finding]:
+def overlapping_shells(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Find meshes with an interior that consist of parts which reach into one another."""
     found = []
     surfaces = surfaces_of(take_snapshot(depsgraph))
@@ -137,7 +138,7 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
     return triangles[chosen].mean(axis=1), across[chosen] / double[chosen, None], double[chosen] / 2
 
 
-def found_inside(depsgraph: Any, antennas: Sequence[Real]) -> list[Finding]:
+def found_inside(depsgraph: bpy.types.Depsgraph, antennas: Sequence[Real]) -> list[Finding]:
     """Find what is inside the material of walls and other interiors, in the evaluated frame.
 
     One ``inside-a-wall`` names each object and antenna with its wall, of the walls whose absorption
@@ -277,7 +278,7 @@ class _Rounding(NamedTuple):
 
 def settle_interiors_far_away(
     recorder: SettingsRestorer,
-    depsgraph: Any,
+    depsgraph: bpy.types.Depsgraph,
     antennas: Sequence[Sequence[float]],
     reach: float,
     wavelength: float,
@@ -368,7 +369,7 @@ def _rounding(
     return _Rounding(power * both_ways, length * both_ways, by_absorption)
 
 
-def _middle_of_plate(item: Any, depsgraph: Any) -> float:
+def _middle_of_plate(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> float:
     """Return the place of a plate's middle along its normal, in own units; NaN for others."""
     if attributes.OBJECT_LAYER_THICKNESS not in item:
         return math.nan
@@ -377,7 +378,7 @@ def _middle_of_plate(item: Any, depsgraph: Any) -> float:
     return float(low[0] + high[0]) / 2
 
 
-def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
+def _echoes_from_its_rim(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether a rough wall has a rim that counts: waves inside it come back from there."""
     roughness = (read_surface(slot.material).roughness or 0.0 for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
@@ -386,7 +387,7 @@ def _echoes_from_its_rim(item: Any, depsgraph: Any) -> bool:
     )
 
 
-def _is_flat(item: Any) -> bool:
+def _is_flat(item: bpy.types.Object) -> bool:
     """Whether an object lies in one plane, normal to an axis of its own."""
     return bool(min(item.dimensions) <= _FLAT * max(item.dimensions))
 
@@ -394,7 +395,7 @@ def _is_flat(item: Any) -> bool:
 class _Boxes:
     """Bounding boxes of all surfaces and their instances at the depsgraph's moment."""
 
-    def __init__(self, depsgraph: Any) -> None:
+    def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
         poses, boxes, owners = [], [], []
         for one in evaluated_objects(depsgraph):
             if one.visible and one.original.type in SURFACE_TYPES and not one.original.hide_render:
@@ -408,7 +409,7 @@ class _Boxes:
         self._centres = self._corners.mean(axis=1)
         self._radii = np.linalg.norm(self._corners - self._centres[:, None], axis=2).max(axis=1)
 
-    def empty_inside(self, item: Any, antennas: Sequence[Sequence[float]]) -> bool:
+    def empty_inside(self, item: bpy.types.Object, antennas: Sequence[Sequence[float]]) -> bool:
         """Whether no other object and no antenna reaches into an object's box, in any instance."""
         places = np.asarray(antennas, dtype=np.float64)[:, None]
         for mine in np.flatnonzero(self._owners == item.as_pointer()):
@@ -426,7 +427,7 @@ class _Boxes:
                 return False
         return True
 
-    def nothing_behind(self, item: Any, antennas: Sequence[Sequence[float]]) -> bool:
+    def nothing_behind(self, item: bpy.types.Object, antennas: Sequence[Sequence[float]]) -> bool:
         """Whether an object is flat, with all others and the antennas on one side of it."""
         if not _is_flat(item):
             return False

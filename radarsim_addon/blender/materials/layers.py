@@ -37,7 +37,7 @@ from .wall_faces import (
 _NAME = "radarsim walls"
 
 
-def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> bool:
+def store_thickness(recorder: SettingsRestorer, item: bpy.types.Object, thickness: Real) -> bool:
     """Give the faces of an object's evaluated mesh the thickness of their walls, until restored.
 
     `thickness` is in the object's own units, by polygon. Returns False for a linked object whose
@@ -57,7 +57,7 @@ def store_thickness(recorder: SettingsRestorer, item: Any, thickness: Real) -> b
     return True
 
 
-def _store_in_mesh(recorder: SettingsRestorer, mesh: Any, thickness: Real) -> bool:
+def _store_in_mesh(recorder: SettingsRestorer, mesh: bpy.types.Mesh, thickness: Real) -> bool:
     """Give the faces of a linked mesh their thickness, in memory; False if others are there.
 
     One by one: foreach_set leaves linked data as it is.
@@ -74,7 +74,7 @@ def _store_in_mesh(recorder: SettingsRestorer, mesh: Any, thickness: Real) -> bo
     return True
 
 
-def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> None:
+def sharpen_edges(recorder: SettingsRestorer, item: bpy.types.Object, angle_deg: float) -> None:
     """Have an object's normals end at edges of more than an angle, until restored.
 
     Normals of its own that a mesh was imported with are left out. Objects that a scale by axes
@@ -112,13 +112,13 @@ def sharpen_edges(recorder: SettingsRestorer, item: Any, angle_deg: float) -> No
         tree.links.new(source, target)
 
 
-def _is_distorted(item: Any) -> bool:
+def _is_distorted(item: bpy.types.Object) -> bool:
     """Whether a scale by axes changes the angles of an object."""
     scale = item.matrix_world.to_scale()
     return bool(max(scale) > 1.01 * min(scale))
 
 
-def _sharpen_mesh(recorder: SettingsRestorer, mesh: Any, angle_deg: float) -> None:
+def _sharpen_mesh(recorder: SettingsRestorer, mesh: bpy.types.Mesh, angle_deg: float) -> None:
     """Mark the edges of a linked mesh with more than this angle as sharp, in memory."""
     name = "sharp_edge"
     edge = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
@@ -137,7 +137,7 @@ def _sharpen_mesh(recorder: SettingsRestorer, mesh: Any, angle_deg: float) -> No
     mesh.update_tag()
 
 
-def _add_modifier(recorder: SettingsRestorer, item: Any) -> Any:
+def _add_modifier(recorder: SettingsRestorer, item: bpy.types.Object) -> Any:
     """Give an object a modifier until restored; returns its tree, with sockets for geometry."""
     tree = bpy.data.node_groups.new(_NAME, "GeometryNodeTree")
     recorder.on_restore(_NAME, lambda: bpy.data.node_groups.remove(tree))
@@ -149,7 +149,7 @@ def _add_modifier(recorder: SettingsRestorer, item: Any) -> Any:
     return tree
 
 
-def _draw_thickness(tree: Any, holder: Any) -> None:
+def _draw_thickness(tree: bpy.types.NodeTree, holder: Any) -> None:
     """Copy the values of the holder's points to the faces, by their number."""
     kinds = (
         "NodeGroupInput",
@@ -191,7 +191,7 @@ _MOST_ACROSS = 0.01
 _WALL_SHARE = 0.75
 
 
-def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Finding]:
+def set_layer_normals(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Set what is known of the walls of each object with a penetrable physical material.
 
     That is normal and thickness of a layer, or the common thickness of walls in several directions.
@@ -242,8 +242,8 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: Any) -> list[Findin
 
 def _set_what_is_found(
     recorder: SettingsRestorer,
-    item: Any,
-    depsgraph: Any,
+    item: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
     normal: Real | None,
     walls: WallFaces | None,
 ) -> bool:
@@ -264,18 +264,20 @@ def _set_what_is_found(
     return normal is not None and not several
 
 
-def _set_layer(recorder: SettingsRestorer, item: Any, normal: Real, thickness: float) -> None:
+def _set_layer(
+    recorder: SettingsRestorer, item: bpy.types.Object, normal: Real, thickness: float
+) -> None:
     recorder.set_item(item, attributes.OBJECT_LAYER_NORMAL, [float(x) for x in normal])
     _set_thickness(recorder, item, thickness)
 
 
-def _set_thickness(recorder: SettingsRestorer, item: Any, thickness: float) -> None:
+def _set_thickness(recorder: SettingsRestorer, item: bpy.types.Object, thickness: float) -> None:
     """Set the thickness of a plate, NaN for others, unless the user has."""
     if attributes.OBJECT_LAYER_THICKNESS not in item and not math.isnan(thickness):
         recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
 
 
-def thinnest(item: Any, depsgraph: Any) -> float:
+def thinnest(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> float:
     """Return the least depth behind the largest faces of an object, across them [Blender units].
 
     0 for a mesh that is open behind all of them.
@@ -286,7 +288,7 @@ def thinnest(item: Any, depsgraph: Any) -> float:
     return float(depths.depth.min())
 
 
-def interior_losses_db(wavelength: float, depsgraph: Any) -> dict[str, float]:
+def interior_losses_db(wavelength: float, depsgraph: bpy.types.Depsgraph) -> dict[str, float]:
     """Return the two-way absorption [dB] of objects of physical materials, by full name.
 
     It is across each where it is thinnest; `wavelength` is in Blender units.
@@ -338,7 +340,7 @@ _NEAR = 10.0
 _LEAST_FRACTION = 0.1
 
 
-def doubled_panes(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
+def doubled_panes(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> list[Finding]:
     """Find objects whose thin sheets have another face right behind them: they count twice."""
     named, surfaces = [], surfaces_of(take_snapshot(depsgraph))
     for item, materials in assigned_materials(depsgraph):

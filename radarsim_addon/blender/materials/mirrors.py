@@ -16,7 +16,10 @@ from .surfaces import surface_at
 
 
 def ground_mirror(
-    material: Any, carrier_hz: float, beyond_band: str, rms_height_m: float | None = None
+    material: bpy.types.Material,
+    carrier_hz: float,
+    beyond_band: str,
+    rms_height_m: float | None = None,
 ) -> MirrorMaterial:
     """Return the coherent reflection of a ground at a carrier, whose material may be rough.
 
@@ -57,13 +60,13 @@ MIRROR_CHOICES = (
 _NAMES = tuple(name for name, _, _ in MIRROR_CHOICES)
 
 
-def mirror_choice(item: Any) -> str:
+def mirror_choice(item: bpy.types.Object) -> str:
     """Return whether an object gets images of the transmitter: 'auto', 'first' or 'never'."""
     found = item.get(MIRROR)
     return found if found in _NAMES else _NAMES[0]
 
 
-def set_mirror(item: Any, choice: str = "first") -> None:
+def set_mirror(item: bpy.types.Object, choice: str = "first") -> None:
     """Mark an object as a mirror for paths to the transmitter, or as none.
 
     Parameters
@@ -84,7 +87,7 @@ def set_mirror(item: Any, choice: str = "first") -> None:
     item[MIRROR] = choice
 
 
-def set_mirrors(scene: Any, patterns: str, choice: str) -> None:
+def set_mirrors(scene: bpy.types.Scene, patterns: str, choice: str) -> None:
     """Mark the objects of a scene that a command line names, as `set_mirror` does.
 
     `patterns` are names, which may contain * and ?, separated by commas. Raises ConfigError for a
@@ -105,10 +108,10 @@ def set_mirrors(scene: Any, patterns: str, choice: str) -> None:
 def mirror_property() -> Any:
     """Return the choice as a property of objects, for the window."""
 
-    def read(item: Any) -> int:
+    def read(item: bpy.types.Object) -> int:
         return _NAMES.index(mirror_choice(item))
 
-    def write(item: Any, number: int) -> None:
+    def write(item: bpy.types.Object, number: int) -> None:
         set_mirror(item, _NAMES[number])
 
     return bpy.props.EnumProperty(

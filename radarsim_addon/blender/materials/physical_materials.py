@@ -82,7 +82,7 @@ class MaterialAssignment(NamedTuple):
     Materials of instances that it makes follow.
     """
 
-    item: Any
+    item: bpy.types.Object
     materials: tuple[Any, ...]
 
 
@@ -90,7 +90,7 @@ class MaterialAssignment(NamedTuple):
 _of_snapshots: WeakKeyDictionary[Snapshot, list[MaterialAssignment]] = WeakKeyDictionary()
 
 
-def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
+def assigned_materials(depsgraph: bpy.types.Depsgraph) -> list[MaterialAssignment]:
     """Return the materials of each rendered object with a surface, in the order of the depsgraph.
 
     A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The
@@ -111,7 +111,9 @@ def assigned_materials(depsgraph: Any) -> list[MaterialAssignment]:
     return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
 
 
-def foreign_objects(depsgraph: Any, is_known: Callable[[Any], bool]) -> Iterator[Any]:
+def foreign_objects(
+    depsgraph: bpy.types.Depsgraph, is_known: Callable[[Any], bool]
+) -> Iterator[Any]:
     """Yield rendered objects with faces of a material that is not known, or of none (None).
 
     Faces decide, not slots: an object that only holds instances has none, and Set Material of
@@ -137,7 +139,7 @@ def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
     return used
 
 
-def has_no_faces(item: Any) -> bool:
+def has_no_faces(item: bpy.types.Object) -> bool:
     """Return whether an object is a mesh of points or edges, to which modifiers add no faces."""
     return bool(item.type == "MESH" and not item.modifiers and not len(item.data.polygons))
 
@@ -176,7 +178,7 @@ EXACT_FACETS = bpy.app.version >= (5, 0, 0)
 """Whether Cycles evaluates Fresnel's equations at each facet; see `ATTR_FACET_FRESNEL`."""
 
 
-def medium_of(material: Any) -> Medium | None:
+def medium_of(material: bpy.types.Material) -> Medium | None:
     """Return the medium of a material; None for a simple or foreign one."""
     name = material.get(MEDIUM)
     if not isinstance(name, str) or not name:
@@ -191,7 +193,7 @@ def medium_of(material: Any) -> Medium | None:
     return Medium(name, parameters)
 
 
-def rough_surface_of(material: Any) -> RoughSurface:
+def rough_surface_of(material: bpy.types.Material) -> RoughSurface:
     """Return the heights of a material's surface, zeros without any of the three properties.
 
     Without a slope, that of the Roughness of a Radar Material is used.
@@ -207,12 +209,12 @@ def rough_surface_of(material: Any) -> RoughSurface:
     return replace(rough, rms_slope=float(slope_from_roughness(roughness.default_value)))
 
 
-def is_physical(material: Any) -> bool:
+def is_physical(material: bpy.types.Material) -> bool:
     """Return whether a material has one of the physical groups: the material's, or the sheet's."""
     return group_kind(material) in (PHYSICAL_KIND, SHEET_KIND)
 
 
-def is_sheet(material: Any) -> bool:
+def is_sheet(material: bpy.types.Material) -> bool:
     return group_kind(material) == SHEET_KIND
 
 
@@ -272,7 +274,7 @@ def make_physical_material(
     return material
 
 
-def make_physical(material: Any, penetrable: bool = True) -> None:
+def make_physical(material: bpy.types.Material, penetrable: bool = True) -> None:
     """Replace the nodes of a material by the physical group; with a thickness, by the sheet's."""
     if float(material.get(SHEET_THICKNESS, 0.0)) > 0:
         link_group(material, ensure_group(SHEET_KIND), False)
@@ -280,7 +282,9 @@ def make_physical(material: Any, penetrable: bool = True) -> None:
         link_group(material, ensure_group(PHYSICAL_KIND), penetrable)
 
 
-def inputs_at(material: Any, carrier_hz: float, beyond_band: str = "hold") -> dict[str, float]:
+def inputs_at(
+    material: bpy.types.Material, carrier_hz: float, beyond_band: str = "hold"
+) -> dict[str, float]:
     """Return the group's inputs at a carrier by socket name. A ConfigError names the material."""
     medium = medium_of(material)
     if medium is None:
@@ -307,7 +311,9 @@ def inputs_at(material: Any, carrier_hz: float, beyond_band: str = "hold") -> di
     }
 
 
-def update_material(material: Any, carrier_hz: float, beyond_band: str = "hold") -> None:
+def update_material(
+    material: bpy.types.Material, carrier_hz: float, beyond_band: str = "hold"
+) -> None:
     """Set the inputs of a physical material for a carrier; linked sockets do not change.
 
     Raises ConfigError as `inputs_at`, or for a linked file with a group of an older radarsim.
@@ -316,14 +322,16 @@ def update_material(material: Any, carrier_hz: float, beyond_band: str = "hold")
         _put(socket, value, None)
 
 
-def _put(socket: Any, value: float, recorder: SettingsRestorer | None) -> None:
+def _put(socket: bpy.types.NodeSocket, value: float, recorder: SettingsRestorer | None) -> None:
     if recorder is not None:
         recorder.set(socket, "default_value", value)
     elif socket.default_value != value:
         socket.default_value = value
 
 
-def _inputs_to_set(material: Any, carrier_hz: float, beyond_band: str) -> list[tuple[Any, float]]:
+def _inputs_to_set(
+    material: bpy.types.Material, carrier_hz: float, beyond_band: str
+) -> list[tuple[Any, float]]:
     node = group_node(material)
     if node is None or not is_physical(material):
         return []
@@ -392,7 +400,7 @@ def _shared(first: Any, second: Any) -> str:
     )
 
 
-def _keeps_numbers(material: Any) -> bool:
+def _keeps_numbers(material: bpy.types.Material) -> bool:
     """Return whether a material with a medium has our group, but not at its output."""
     return (
         material.node_tree is not None
@@ -537,7 +545,9 @@ def suggest_material(*names: str) -> str | None:
 # Where the models of a material do not hold: bands of media, and Kirchhoff's surfaces.
 
 
-def _beyond_its_band(material: Any, carrier_hz: float, beyond_band: str) -> list[Finding]:
+def _beyond_its_band(
+    material: bpy.types.Material, carrier_hz: float, beyond_band: str
+) -> list[Finding]:
     medium = medium_of(material) if is_physical(material) else None
     if medium is None or beyond_band == "refuse":
         return []
@@ -578,7 +588,7 @@ def media_beyond_their_band(
     return found
 
 
-def limits_of(material: Any, carrier_hz: float) -> tuple[Finding, ...]:
+def limits_of(material: bpy.types.Material, carrier_hz: float) -> tuple[Finding, ...]:
     """Find why the model of a material's rough surface does not hold at a carrier."""
     surface = rough_surface_of(material)
     if surface.rms_height_m == 0 or surface.correlation_length == 0:

@@ -39,7 +39,7 @@ from .clutter import clutter_of
 from .surfaces import LOBE_EXPONENT, read_surface
 
 
-def set_scattered_lobe(material: Any, exponent: int | None) -> None:
+def set_scattered_lobe(material: bpy.types.Material, exponent: int | None) -> None:
     """Make a material scatter around the direction of the mirrored wave.
 
     Parameters
@@ -134,7 +134,9 @@ def _set_image(recorder: SettingsRestorer, rows_db: np.ndarray[Any, np.dtype[np.
             recorder.set(node, "image", image)
 
 
-def _limits_of(material: Any, model: ClutterModel, carrier_hz: float, db: Real) -> list[Finding]:
+def _limits_of(
+    material: bpy.types.Material, model: ClutterModel, carrier_hz: float, db: Real
+) -> list[Finding]:
     """Find where a model does not hold at a carrier, and where its lobe is lost."""
     found, grazing_rad = [], table_angles_rad()
     if not model.is_valid(carrier_hz, model.grazing_rad[0]):

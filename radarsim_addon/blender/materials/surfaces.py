@@ -8,6 +8,8 @@ from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import bpy
+
 from ...errors import ConfigError
 from ...signal.scene import Clutter, Kind, Shader, Surface
 from ..nodes.groups import (
@@ -52,7 +54,7 @@ _KINDS: dict[str, Kind] = {KIND: "simple", PHYSICAL_KIND: "physical", SHEET_KIND
 _COLOURS = ("Base Color", "Color")
 
 
-def read_surface(material: Any) -> Surface:
+def read_surface(material: bpy.types.Material) -> Surface:
     """Return what a material is, or an empty slot (None), by its numbers as they are set now."""
     if material is None:
         return Surface(is_default=True)
@@ -89,7 +91,7 @@ def read_surface(material: Any) -> Surface:
     )
 
 
-def surface_at(material: Any, carrier_hz: float, beyond_band: str) -> Surface:
+def surface_at(material: bpy.types.Material, carrier_hz: float, beyond_band: str) -> Surface:
     """Return what a material will be at a carrier; its nodes are not changed.
 
     Raises ConfigError if its medium cannot be evaluated there.
@@ -105,18 +107,18 @@ def surface_at(material: Any, carrier_hz: float, beyond_band: str) -> Surface:
 
 
 def _number(found: FoundGroup, name: str) -> float | None:
-    socket: Any = input_socket(found, name)
+    socket: bpy.types.NodeSocket = input_socket(found, name)
     return None if socket is None else float(socket.default_value)
 
 
-def _clutter(material: Any) -> Clutter | None:
+def _clutter(material: bpy.types.Material) -> Clutter | None:
     try:
         return clutter_of(material)
     except ConfigError:  # a run refuses it by name; its model is unknown until then
         return Clutter(str(material[CLUTTER]))
 
 
-def _shader(node: Any) -> Shader:
+def _shader(node: bpy.types.Node) -> Shader:
     inputs: dict[str, float | None] = {}
     for socket in node.inputs:
         value: Any = getattr(socket, "default_value", None)
@@ -137,7 +139,7 @@ def _shader(node: Any) -> Shader:
 class Surfaces(dict[Any, Surface]):
     """The surfaces of materials at one moment, each read when it is first asked for."""
 
-    def __missing__(self, material: Any) -> Surface:
+    def __missing__(self, material: bpy.types.Material) -> Surface:
         self[material] = found = read_surface(material)
         return found
 

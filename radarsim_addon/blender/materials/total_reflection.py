@@ -21,6 +21,7 @@ from collections.abc import Callable, Collection, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
+import bpy
 import numpy as np
 
 from ...arrays import Indices, Mask, Real, crosses, dots, norms
@@ -64,7 +65,7 @@ class _Body(NamedTuple):
 
 
 def total_reflections(
-    depsgraph: Any,
+    depsgraph: bpy.types.Depsgraph,
     antennas: Sequence[Sequence[float]],
     wavelength: float,
     extinction_length: float,
@@ -122,7 +123,9 @@ def _inside(surface: Surface, wavelength: float, extinction_length: float) -> tu
     return max(1.0, surface.index.real), 4 * math.pi * surface.index.imag / per
 
 
-def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> _Body:
+def _body(
+    item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, mediums: Sequence[tuple[float, float]]
+) -> _Body:
     """What rays meet in an object: the greatest index of its materials, the least absorption."""
     indices, absorptions = zip(*mediums, strict=True)
     shell = attributes.OBJECT_SHELL_THICKNESS in item
@@ -137,7 +140,10 @@ def _body(item: Any, depsgraph: Any, mediums: Sequence[tuple[float, float]]) -> 
 
 
 def _reflected(
-    item: Any, depsgraph: Any, body: _Body, antennas: Sequence[Sequence[float]]
+    item: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    body: _Body,
+    antennas: Sequence[Sequence[float]],
 ) -> tuple[float, float]:
     """Return the fractions of the entering power that arrive where they are totally reflected, or
     seem to leave; and that leave by a face across the one where they entered, if faces stand for
@@ -303,7 +309,7 @@ def _spread(triangles: int) -> Real:
     return np.stack([1 - steps.sum(axis=1), *steps.T], axis=1)
 
 
-def straight_interiors(depsgraph: Any, metres_per_unit: float) -> list[Finding]:
+def straight_interiors(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> list[Finding]:
     """Find objects that waves cross at the delay of the straight line, whatever its angle.
 
     One ``interior-not-refracted`` has all of them, and what the one with the largest error adds to
@@ -336,7 +342,7 @@ def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
 
-def averaging_objects(depsgraph: Any) -> dict[str, complex]:
+def averaging_objects(depsgraph: bpy.types.Depsgraph) -> dict[str, complex]:
     """Return the objects that let waves through in the mean of both polarisations, by name, with
     their largest index.
     """
@@ -349,7 +355,7 @@ def averaging_objects(depsgraph: Any) -> dict[str, complex]:
     return found
 
 
-def average_in_a_row(depsgraph: Any, objects: Collection[str]) -> bool:
+def average_in_a_row(depsgraph: bpy.types.Depsgraph, objects: Collection[str]) -> bool:
     """Return whether waves may pass several walls of these objects, by name, one after the other.
 
     Also for one object that consists of several walls, or has several instances; layer normals are

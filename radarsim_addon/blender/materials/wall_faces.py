@@ -21,6 +21,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
+import bpy
 import numpy as np
 
 from ...arrays import Indices, Int32, Mask, Real, crosses, dots, norms
@@ -86,12 +87,12 @@ class WallFaces(NamedTuple):
         return float(self.area[other].sum() / max(self.area[self.wall].sum(), 1e-300))
 
 
-def linear_of(evaluated: Any) -> Real:
+def linear_of(evaluated: bpy.types.Object) -> Real:
     """Return the matrix from the axes of an evaluated object to the world's, (3, 3)."""
     return np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
 
 
-def depths_of(item: Any, depsgraph: Any) -> Depths | None:
+def depths_of(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Depths | None:
     """Look across the largest triangles of an object into it; None without faces."""
     evaluated = item.evaluated_get(depsgraph)
     with evaluated_mesh(evaluated) as mesh:
@@ -100,7 +101,7 @@ def depths_of(item: Any, depsgraph: Any) -> Depths | None:
         return depths_behind(mesh, linear_of(evaluated))
 
 
-def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> Depths:
+def depths_behind(mesh: bpy.types.Mesh, linear: Real, most: int = _LARGEST_TRIANGLES) -> Depths:
     """Look across the `most` largest triangles of a mesh into it.
 
     `linear` (3, 3) turns its axes to the world's.
@@ -125,7 +126,7 @@ def depths_behind(mesh: Any, linear: Real, most: int = _LARGEST_TRIANGLES) -> De
     return Depths(np.repeat(face[chosen], 3), area, place, depth, parallel)
 
 
-def find_walls(item: Any, depsgraph: Any) -> WallFaces | None:
+def find_walls(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> WallFaces | None:
     """Find the walls of an evaluated object.
 
     None for an object without faces or of no volume. Of a large mesh only some faces are known.
@@ -165,7 +166,7 @@ def find_walls(item: Any, depsgraph: Any) -> WallFaces | None:
     return WallFaces(wall, normal, area, thickness, share)
 
 
-def _neighbours(mesh: Any) -> Indices:
+def _neighbours(mesh: bpy.types.Mesh) -> Indices:
     """Return the pairs of polygons that share an edge, (2, n)."""
     edge = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
     sides = read_numbers(mesh.polygons, "loop_total", dtype=np.int32).ravel()
@@ -282,7 +283,7 @@ class LayerFaces(NamedTuple):
     linear: Real
 
     @classmethod
-    def read(cls, items: Sequence[Any], depsgraph: Any) -> LayerFaces:
+    def read(cls, items: Sequence[Any], depsgraph: bpy.types.Depsgraph) -> LayerFaces:
         normal, area, center, sizes = [], [], [], []
         for item in items:
             with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
@@ -436,7 +437,7 @@ class ConvexBodies(NamedTuple):
 _of_snapshots: WeakKeyDictionary[Snapshot, list[ConvexBodies]] = WeakKeyDictionary()
 
 
-def convex_parts(depsgraph: Any) -> list[ConvexBodies]:
+def convex_parts(depsgraph: bpy.types.Depsgraph) -> list[ConvexBodies]:
     """Find the objects with an interior that are small closed convex meshes, in several parts."""
     snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
@@ -444,12 +445,12 @@ def convex_parts(depsgraph: Any) -> list[ConvexBodies]:
     return _of_snapshots[snapshot]
 
 
-def convex_objects(depsgraph: Any) -> set[Any]:
+def convex_objects(depsgraph: bpy.types.Depsgraph) -> set[Any]:
     """Return the original objects that have an interior and are small closed convex meshes."""
     return {item for part in convex_parts(depsgraph) for item in part.items}
 
 
-def least_depths(depsgraph: Any) -> dict[Any, float]:
+def least_depths(depsgraph: bpy.types.Depsgraph) -> dict[Any, float]:
     """Return the least depth behind a face of each object of `convex_parts` [Blender units]."""
     found: dict[Any, float] = {}
     for bodies in convex_parts(depsgraph):
@@ -457,7 +458,7 @@ def least_depths(depsgraph: Any) -> dict[Any, float]:
     return found
 
 
-def _find(depsgraph: Any) -> Iterable[ConvexBodies]:
+def _find(depsgraph: bpy.types.Depsgraph) -> Iterable[ConvexBodies]:
     alike: defaultdict[tuple[int, int], list[Any]] = defaultdict(list)
     snapshot = take_snapshot(depsgraph)
     surfaces = surfaces_of(snapshot)

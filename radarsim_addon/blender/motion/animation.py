@@ -42,7 +42,7 @@ def key_frames(first: float, last: float, stretch: float = 1.0) -> list[float]:
     return sorted(frame * stretch for frame in found)
 
 
-def _key_frames(curve: Any, first: float, last: float) -> Iterator[float]:
+def _key_frames(curve: bpy.types.FCurve, first: float, last: float) -> Iterator[float]:
     keys = np.empty(2 * len(curve.keyframe_points))
     if not keys.size:
         return
@@ -92,7 +92,7 @@ def _in_scene(strip: Any, frames: Any, first: float, last: float) -> Iterator[fl
     yield from (at for at in (strip.frame_start, strip.frame_end) if first <= at <= last)
 
 
-def driving_objects(item: Any) -> list[Any]:
+def driving_objects(item: bpy.types.Object) -> list[Any]:
     """Return an object with its parents, constraints' targets and modifiers' objects."""
     found: dict[Any, None] = {}
     waiting = [item]
@@ -109,7 +109,7 @@ def driving_objects(item: Any) -> list[Any]:
     return list(found)
 
 
-def is_linear_between_frames(scene: Any, item: Any) -> bool:
+def is_linear_between_frames(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
     """Return whether Blender moves an object on straight lines between whole frames.
 
     So it does with rigid bodies and with transforms from a cache file.
@@ -121,7 +121,7 @@ def is_linear_between_frames(scene: Any, item: Any) -> bool:
     )
 
 
-def deforms_linearly_between_frames(item: Any) -> bool:
+def deforms_linearly_between_frames(item: bpy.types.Object) -> bool:
     """Return whether a mesh deforms by a cache or simulation that has whole frames only."""
     return has_simulation_zone(item) or any(
         modifier.type in _CACHED and getattr(modifier, "interpolation", "LINEAR") == "LINEAR"
@@ -129,7 +129,7 @@ def deforms_linearly_between_frames(item: Any) -> bool:
     )
 
 
-def cache_frames(item: Any) -> tuple[float, float] | None:
+def cache_frames(item: bpy.types.Object) -> tuple[float, float] | None:
     """Return the scene's frame of a cache's frame 0, and scene frames from one to the next.
 
     (0, 1) for simulations, None for a file whose frames Blender does not say.
@@ -145,7 +145,7 @@ def cache_frames(item: Any) -> tuple[float, float] | None:
     return 0.0, 1.0
 
 
-def displacement_changes(item: Any, first: float, last: float) -> bool:
+def displacement_changes(item: bpy.types.Object, first: float, last: float) -> bool:
     """Return whether the shader displacement of an object may change between two frames.
 
     Cycles displaces while it renders: no vertex of Blender tells of it. Nodes before the
@@ -178,7 +178,12 @@ def _before(inputs: Iterable[Any]) -> list[Any]:
 
 
 def _changes(
-    tree: Any, nodes: Sequence[Any], item: Any, moves: bool, first: float, last: float
+    tree: bpy.types.NodeTree,
+    nodes: Sequence[Any],
+    item: bpy.types.Object,
+    moves: bool,
+    first: float,
+    last: float,
 ) -> bool:
     """Return whether nodes of a tree may give other values at other times between two frames."""
     names = {f'nodes["{node.name}"]' for node in nodes}
@@ -204,7 +209,7 @@ def _changes(
     return False
 
 
-def moves_in_steps(item: Any, first: float, last: float) -> bool:
+def moves_in_steps(item: bpy.types.Object, first: float, last: float) -> bool:
     """Return whether an F-curve holds a value between `first` and `last`, then jumps."""
     return any(
         _MOVES.search(curve.data_path) and _has_step(curve, first, last)
@@ -215,7 +220,7 @@ def moves_in_steps(item: Any, first: float, last: float) -> bool:
     )
 
 
-def _has_step(curve: Any, first: float, last: float) -> bool:
+def _has_step(curve: bpy.types.FCurve, first: float, last: float) -> bool:
     keys = curve.keyframe_points
     if any(modifier.type == "STEPPED" and not modifier.mute for modifier in curve.modifiers):
         return len(keys) > 1

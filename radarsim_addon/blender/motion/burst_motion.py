@@ -19,6 +19,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ... import contract
@@ -160,7 +161,9 @@ class BurstMotion:
         self._touched = Parts(self.bodies, np.empty(0, dtype=np.intp))
         return depsgraph
 
-    def _find_deforming(self, candidates: dict[str, Any], depsgraph: Any) -> dict[str, Any]:
+    def _find_deforming(
+        self, candidates: dict[str, Any], depsgraph: bpy.types.Depsgraph
+    ) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
         changing: dict[str, Any] = {}
         before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}

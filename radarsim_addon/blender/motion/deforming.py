@@ -14,6 +14,7 @@ import contextlib
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -108,7 +109,9 @@ class Deformations:
 class DeformingSurface:
     """Mesh or points of one object at the frame's time, and the vertices that paths need."""
 
-    def __init__(self, item: Any, depsgraph: Any, metres_per_unit: float) -> None:
+    def __init__(
+        self, item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
+    ) -> None:
         self.item = item
         self._units = metres_per_unit
         with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
@@ -155,7 +158,7 @@ class DeformingSurface:
         ]
         return np.array(in_series, dtype=np.int32).reshape(-1, 3), weights
 
-    def sample(self, depsgraph: Any) -> Single | None:
+    def sample(self, depsgraph: bpy.types.Depsgraph) -> Single | None:
         """Return the needed vertices at the depsgraph's time [m]; None if their number changed."""
         positions = vertex_positions(self.item, depsgraph)
         if len(positions) != self.count:
@@ -164,7 +167,7 @@ class DeformingSurface:
         return positions[needed] * np.float32(self._units)
 
 
-def may_deform(item: Any) -> bool:
+def may_deform(item: bpy.types.Object) -> bool:
     """Return whether an object's surface can change other than by its matrix."""
     if item.type not in SURFACE_TYPES:
         return False
@@ -173,7 +176,7 @@ def may_deform(item: Any) -> bool:
     return item.data is not None and item.data.shape_keys is not None
 
 
-def vertex_positions(item: Any, depsgraph: Any) -> Single:
+def vertex_positions(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Single:
     """Return the vertices of the evaluated mesh, in its own axes, (n, 3), Blender units.
 
     Hair curves and point clouds have their points instead.
@@ -188,7 +191,7 @@ def vertex_positions(item: Any, depsgraph: Any) -> Single:
     return read_numbers(held.data, "vector", 3)
 
 
-def may_change_points(item: Any) -> bool:
+def may_change_points(item: bpy.types.Object) -> bool:
     """Return whether an object's vertices may become other points of its surface."""
     if item.type in ("META", "CURVE", "SURFACE", "FONT"):
         return True
@@ -200,7 +203,7 @@ def may_change_points(item: Any) -> bool:
     )
 
 
-def is_cut(item: Any) -> bool:
+def is_cut(item: bpy.types.Object) -> bool:
     """Return whether Boolean modifiers cut an object: its faces may stay while vertices slide."""
     return any(
         modifier.type == "BOOLEAN" and (modifier.show_viewport or modifier.show_render)
@@ -208,7 +211,7 @@ def is_cut(item: Any) -> bool:
     )
 
 
-def is_on_grid(item: Any) -> bool:
+def is_on_grid(item: bpy.types.Object) -> bool:
     """Return whether an object's vertices are on a grid, whatever moves.
 
     So are those of metaballs, and of meshes that Remesh modifiers or nodes make after what may
@@ -228,7 +231,7 @@ def is_on_grid(item: Any) -> bool:
     return bool(item.type == "META")
 
 
-def _is_grid_tree(tree: Any) -> bool:
+def _is_grid_tree(tree: bpy.types.NodeTree) -> bool:
     return tree is not None and any(
         node.bl_idname in _ON_GRID_NODES or _is_grid_tree(getattr(node, "node_tree", None))
         for node in tree.nodes
@@ -275,7 +278,7 @@ class SurfacePoints(NamedTuple):
     on_grid: bool
 
 
-def surface_points(item: Any, depsgraph: Any) -> SurfacePoints:
+def surface_points(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> SurfacePoints:
     """Return what tells the vertices of an object at the depsgraph's time."""
     evaluated = item.evaluated_get(depsgraph)
     ends = tuple(getattr(evaluated.data, f"bevel_factor_{end}", 0.0) for end in ("start", "end"))
@@ -307,7 +310,7 @@ def are_same_points(one: SurfacePoints, other: SurfacePoints) -> bool:
     return slid <= max(_ROUNDED * float(np.spacing(one.marks.max())), _MAX_SLIDE * moved)
 
 
-def points_within(depsgraph: Any, items: Iterable[Any]) -> dict[str, bytes]:
+def points_within(depsgraph: bpy.types.Depsgraph, items: Iterable[Any]) -> dict[str, bytes]:
     """Return the points of hair and point clouds that nodes make within objects of other types.
 
     By the names of the objects. `items` are those that may have nodes.

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import bpy
 import numpy as np
 
 from ...arrays import Indices, Real
@@ -253,7 +254,9 @@ class Sampler:
                 check_vertices(name, vertices, frame)
             self.vertices[name][at_s] = vertices
 
-    def _matrices(self, depsgraph: Any, frame: float) -> tuple[Snapshot, Indices, Real]:
+    def _matrices(
+        self, depsgraph: bpy.types.Depsgraph, frame: float
+    ) -> tuple[Snapshot, Indices, Real]:
         """Return the snapshot, rows that may differ from the first sample's, and matrices of these.
 
         They are those of antennas and parts in the world, NaN for instances that do not exist.

@@ -80,7 +80,7 @@ class GroupDefinition:
 class TreeBuilder:
     """Adds nodes to a tree. Most methods return the output socket of the new node."""
 
-    def __init__(self, tree: Any) -> None:
+    def __init__(self, tree: bpy.types.NodeTree) -> None:
         self.tree = tree
         self._group_input: Any = None
         self._group_output: Any = None
@@ -206,7 +206,7 @@ class TreeBuilder:
         self.connect(source, self._group_output.inputs[name])
 
 
-def arrange(tree: Any) -> None:
+def arrange(tree: bpy.types.NodeTree) -> None:
     """Place nodes in columns by their distance from the inputs, so that the tree is readable."""
     sources: dict[str, set[str]] = {node.name: set() for node in tree.nodes}
     for link in tree.links:
@@ -224,7 +224,7 @@ def arrange(tree: Any) -> None:
     tree.nodes.foreach_set("location", places)
 
 
-def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
+def sync_interface(tree: bpy.types.NodeTree, sockets: tuple[SocketSpec, ...]) -> None:
     """Make the interface of a tree equal to a specification.
 
     A socket of the same name and type keeps its identifier, and so the values and links of users.
@@ -259,7 +259,7 @@ def sync_interface(tree: Any, sockets: tuple[SocketSpec, ...]) -> None:
         interface.move(item, position)
 
 
-def draw_tree(tree: Any, definition: GroupDefinition) -> None:
+def draw_tree(tree: bpy.types.NodeTree, definition: GroupDefinition) -> None:
     """Rebuild the tree of a group from its definition; nodes that use it keep their values."""
     tree.nodes.clear()
     sync_interface(tree, definition.sockets)

@@ -27,7 +27,7 @@ DEFINITIONS: dict[str, GroupDefinition] = {
 }
 
 
-def group_version(tree: Any) -> int | None:
+def group_version(tree: bpy.types.NodeTree) -> int | None:
     """Return the version of a radarsim group; None for other groups."""
     version = tree.get(VERSION_PROPERTY)
     if tree.get(KIND_PROPERTY) not in DEFINITIONS or not isinstance(version, int):
@@ -63,7 +63,7 @@ def new_group(definition: GroupDefinition) -> Any:
     return tree
 
 
-def rebuild_group(tree: Any, definition: GroupDefinition) -> None:
+def rebuild_group(tree: bpy.types.NodeTree, definition: GroupDefinition) -> None:
     """Rebuild a stale group in place. Users, and values and links by socket name, are kept."""
     # Test the definition on a new group first: a failure must not leave the old one half-built.
     bpy.data.node_groups.remove(new_group(definition))
@@ -79,7 +79,7 @@ def rebuild_group(tree: Any, definition: GroupDefinition) -> None:
     tree[VERSION_PROPERTY] = definition.version
 
 
-def _group_nodes(tree: Any) -> Iterator[Any]:
+def _group_nodes(tree: bpy.types.NodeTree) -> Iterator[Any]:
     """Yield all nodes in the file that use a group."""
     owners = (*bpy.data.materials, *bpy.data.lights, *bpy.data.worlds)
     trees = [owner.node_tree for owner in owners if owner.node_tree is not None]
@@ -135,11 +135,11 @@ _MAX_STEPS = 64
 class FoundGroup(NamedTuple):
     """A node with a group of radarsim, and the group nodes around it, outermost first."""
 
-    node: Any
+    node: bpy.types.Node
     enclosing: tuple[Any, ...] = ()
 
 
-def find_group(material: Any) -> FoundGroup | None:
+def find_group(material: bpy.types.Material) -> FoundGroup | None:
     """Return the group that reaches the output's Surface through reroutes and groups; else None."""
     if material is None or material.node_tree is None:
         return None
@@ -151,19 +151,19 @@ def find_group(material: Any) -> FoundGroup | None:
     return None
 
 
-def group_node(material: Any) -> Any | None:
+def group_node(material: bpy.types.Material) -> Any | None:
     """Return the node of the Radar Material group of a material; None without one."""
     found = find_group(material)
     return None if found is None else found.node
 
 
-def group_kind(material: Any) -> str | None:
+def group_kind(material: bpy.types.Material) -> str | None:
     """Return the kind of the Radar Material group of a material; None without one."""
     node = group_node(material)
     return None if node is None else node.node_tree.get(KIND_PROPERTY)
 
 
-def group_input(material: Any, name: str) -> Any | None:
+def group_input(material: bpy.types.Material, name: str) -> Any | None:
     """Return the socket that sets an input of the material's group, or of the groups around it.
 
     None if another node is linked, or the group has no such input.
@@ -189,13 +189,13 @@ def input_socket(found: FoundGroup, name: str) -> Any | None:
     return None
 
 
-def input_value(material: Any, name: str, default: float) -> float:
+def input_value(material: bpy.types.Material, name: str, default: float) -> float:
     """Return the number of such an input; `default` where `group_input` is None."""
     socket = group_input(material, name)
     return default if socket is None else float(socket.default_value)
 
 
-def shaders_at_output(material: Any) -> tuple[list[Any], Any | None]:
+def shaders_at_output(material: bpy.types.Material) -> tuple[list[Any], Any | None]:
     """Return the shader nodes that reach the output of a material, through mixes and groups.
 
     Then the node that is linked to the output, muted or not; None without.
@@ -220,7 +220,7 @@ def shaders_at_output(material: Any) -> tuple[list[Any], Any | None]:
     return list(found.values()), links[0].from_node if links else None
 
 
-def holds_group(tree: Any) -> bool:
+def holds_group(tree: bpy.types.NodeTree) -> bool:
     """Return whether a radarsim group is in a node tree or in a group of it."""
     waiting, seen = [tree], set()
     while waiting:
@@ -234,7 +234,7 @@ def holds_group(tree: Any) -> bool:
     return False
 
 
-def _follow(socket: Any) -> FoundGroup | None:
+def _follow(socket: bpy.types.NodeSocket) -> FoundGroup | None:
     """Return the radarsim group whose shader arrives at an input unchanged."""
     enclosing: tuple[Any, ...] = ()
     for _ in range(_MAX_STEPS):

@@ -39,7 +39,7 @@ from typing import Any, NamedTuple
 
 from ...signal.scene.surface import OPAQUE_BELOW_TRANSMITTANCE
 from . import attributes
-from .build import TreeBuilder
+from .build import Source, TreeBuilder
 
 
 def cos_incidence(build: TreeBuilder) -> Any:
@@ -52,7 +52,7 @@ def cos_incidence(build: TreeBuilder) -> Any:
     return build.math("ABSOLUTE", "c = |I . N|", dot, clamp=True)
 
 
-def reflectance(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Any:
+def reflectance(build: TreeBuilder, n: Source, kappa: Source, cosine: Source) -> Any:
     """Add nodes for F, the mean of |r_s|^2 and |r_p|^2 at an index n + j kappa, from vacuum."""
     math = build.math
     # epsilon - 1 = excess + 2j product
@@ -99,7 +99,7 @@ def reflectance(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Any:
     return math("MULTIPLY", "F", double_mean, 0.5, clamp=True)
 
 
-def transmittance(build: TreeBuilder, n: Any, kappa: Any, power: Any) -> Any:
+def transmittance(build: TreeBuilder, n: Source, kappa: Source, power: Source) -> Any:
     """Add nodes for 1 - F, and 0 for a conductor.
 
     An index of 1e4 + j1e4 transmits 2e-4, so Cycles would trace rays behind every metal face.
@@ -109,7 +109,7 @@ def transmittance(build: TreeBuilder, n: Any, kappa: Any, power: Any) -> Any:
     return build.math("MULTIPLY", "T", rest, open_)
 
 
-def is_open(build: TreeBuilder, n: Any, kappa: Any) -> Any:
+def is_open(build: TreeBuilder, n: Source, kappa: Source) -> Any:
     """Add nodes for 1, or 0 for a conductor; see `transmittance`."""
     math = build.math
     above = math("ADD", "n + 1 (T)", n, 1.0)
@@ -120,7 +120,7 @@ def is_open(build: TreeBuilder, n: Any, kappa: Any) -> Any:
     return math("GREATER_THAN", "not a conductor", normal, OPAQUE_BELOW_TRANSMITTANCE)
 
 
-def _length(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:
+def _length(build: TreeBuilder, label: str, x: Source, y: Source) -> Any:
     """Add nodes for sqrt(x^2 + y^2)."""
     y2 = build.math("MULTIPLY", f"{label}: imaginary^2", y, y)
     total = build.math("MULTIPLY_ADD", f"{label}^2", x, x, y2)
@@ -130,8 +130,8 @@ def _length(build: TreeBuilder, label: str, x: Any, y: Any) -> Any:
 class Pair(NamedTuple):
     """A complex number: real and imaginary part, sockets or constants."""
 
-    re: Any
-    im: Any
+    re: Source
+    im: Source
 
 
 def product(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
@@ -143,7 +143,7 @@ def product(build: TreeBuilder, label: str, a: Pair, b: Pair) -> Pair:
     return Pair(re, math("MULTIPLY_ADD", f"Im {label}", a.re, b.im, other))
 
 
-def scaled(build: TreeBuilder, label: str, a: Pair, factor: Any) -> Pair:
+def scaled(build: TreeBuilder, label: str, a: Pair, factor: Source) -> Pair:
     return Pair(
         build.math("MULTIPLY", f"Re {label}", a.re, factor),
         build.math("MULTIPLY", f"Im {label}", a.im, factor),
@@ -176,22 +176,22 @@ class Wave(NamedTuple):
     excess: Any
     epsilon_im: Any
     #: Outside.
-    cosine: Any
-    u: Any
-    v: Any
+    cosine: Source
+    u: Source
+    v: Source
 
 
 class InterfacePower(NamedTuple):
     """Fractions of the power that meets a face from the ray's side, as the run polarises."""
 
-    reflected: Any
+    reflected: Source
     #: A colour, see `passed_by_channel`.
-    passed: Any
+    passed: Source
     #: The unpolarised reflectance from outside, as a Metallic BSDF has it.
     reference: Any
 
 
-def wave_inside(build: TreeBuilder, n: Any, kappa: Any, cosine: Any) -> Wave:
+def wave_inside(build: TreeBuilder, n: Source, kappa: Source, cosine: Source) -> Wave:
     """Add nodes for q = sqrt(epsilon - 1 + c^2), epsilon = (n + j kappa)^2, exact near n = 1."""
     math = build.math
     below = math("SUBTRACT", "n - 1", n, 1.0)
@@ -217,12 +217,12 @@ class _Power(NamedTuple):
     """Sockets for one polarisation: t, d and R of the module's docstring."""
 
     entering: Any
-    there_and_back: Any
-    reflected: Any
+    there_and_back: Source
+    reflected: Source
 
 
 def interface_power(
-    build: TreeBuilder, n: Any, kappa: Any, wave: Wave, echoes: Any
+    build: TreeBuilder, n: Source, kappa: Source, wave: Wave, echoes: Any
 ) -> InterfacePower:
     """Add nodes for the power at a face that is hit from outside (front) or inside (back).
 
@@ -275,7 +275,9 @@ def interface_power(
     )
 
 
-def passed_by_channel(build: TreeBuilder, mean: Any, s: Any, p: Any, allowed: Any = 1.0) -> Any:
+def passed_by_channel(
+    build: TreeBuilder, mean: Any, s: Source, p: Source, allowed: Any = 1.0
+) -> Any:
     """Add nodes for the passing power as a colour: the mean, or each polarisation by itself.
 
     See `attributes.ATTR_BY_POLARISATION`; where `allowed` is 0 it is the mean in any case.
@@ -362,6 +364,6 @@ def polarisation(build: TreeBuilder) -> tuple[Any, Any]:
     return weight_s, math("SUBTRACT", "w_p", 1.0, weight_s)
 
 
-def _quotient(build: TreeBuilder, label: str, four_c: Any, factor: Any, bottom: Any) -> Any:
+def _quotient(build: TreeBuilder, label: str, four_c: Any, factor: Source, bottom: Any) -> Any:
     top = build.math("MULTIPLY", f"{label}, numerator", four_c, factor)
     return build.math("DIVIDE", label, top, bottom)

@@ -86,12 +86,12 @@ PRESETS: dict[str, MaterialPreset] = {
 }
 
 
-def is_radar_material(material: Any) -> bool:
+def is_radar_material(material: bpy.types.Material) -> bool:
     """Return whether a material has the Radar Material group, and so encodes the range."""
     return group_node(material) is not None
 
 
-def transmission_inputs(material: Any) -> list[Any]:
+def transmission_inputs(material: bpy.types.Material) -> list[Any]:
     """Return the sockets that scale the power passing a face, None where a node is linked."""
     node = group_node(material)
     if node is None:
@@ -100,7 +100,7 @@ def transmission_inputs(material: Any) -> list[Any]:
     return [group_input(material, name) for name in names if name in node.inputs]
 
 
-def volume_link(material: Any) -> Any | None:
+def volume_link(material: bpy.types.Material) -> Any | None:
     """Return the link to the Volume of the output of a Radar Material; None without."""
     if group_node(material) is None:
         return None
@@ -109,7 +109,7 @@ def volume_link(material: Any) -> Any | None:
     return links[0] if links else None
 
 
-def link_group(material: Any, group: Any, penetrable: bool) -> Any:
+def link_group(material: bpy.types.Material, group: Any, penetrable: bool) -> Any:
     """Replace the nodes of a material by a radarsim group; return the group's node."""
     if material.node_tree is None:  # Blender 5.0 always has one, and use_nodes warns there
         material.use_nodes = True
@@ -191,7 +191,7 @@ def assign_radar_material(objects: Iterable[Any], preset: str) -> list[Any]:
     return assign_to(usable, preset_material(preset))
 
 
-def assign_to(objects: Iterable[Any], material: Any) -> list[Any]:
+def assign_to(objects: Iterable[Any], material: bpy.types.Material) -> list[Any]:
     """Assign a material to all material slots of objects; return those that have it now.
 
     Objects without materials (empties, lights, cameras...) are skipped. Raises SceneError if none
@@ -225,7 +225,7 @@ def _with_materials(objects: Iterable[Any]) -> list[Any]:
     return usable
 
 
-def _holds(material: Any, values: MaterialPreset) -> bool:
+def _holds(material: bpy.types.Material, values: MaterialPreset) -> bool:
     """Return whether a material still has the values of a preset, and none of them is linked."""
     node = group_node(material)
     if node is None:
@@ -240,7 +240,7 @@ def _holds(material: Any, values: MaterialPreset) -> bool:
     )
 
 
-def setup_emitter(light: Any) -> Any:
+def setup_emitter(light: bpy.types.Light) -> Any:
     """Make a Point light the radar's transmitter; return the group node in its tree.
 
     The light becomes a true point, because a radius would blur ranges, and gets the Ring Emitter in
@@ -262,7 +262,7 @@ def setup_emitter(light: Any) -> Any:
     return _link_emission(light.node_tree, group)
 
 
-def _make_point(light: Any) -> None:
+def _make_point(light: bpy.types.Light) -> None:
     light.shadow_soft_size = 0.0
     light.use_shadow = True
     if hasattr(light, "use_soft_falloff"):
@@ -276,7 +276,7 @@ def _make_point(light: Any) -> None:
         light.use_nodes = True
 
 
-def _link_emission(tree: Any, group: Any) -> Any:
+def _link_emission(tree: bpy.types.NodeTree, group: Any) -> Any:
     """Connect the group to the light's output; return its node."""
     output = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeOutputLight"), None)
     if output is None:

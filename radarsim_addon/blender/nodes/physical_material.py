@@ -60,7 +60,7 @@ from ...arrays import Real
 from ...physics.rough import RAMP_BELOW
 from ...signal.scene import SMOOTH_BELOW
 from . import attributes
-from .build import GroupDefinition, TreeBuilder, factor_input, float_input
+from .build import GroupDefinition, Source, TreeBuilder, factor_input, float_input
 from .interface import (
     Pair,
     Wave,
@@ -107,7 +107,7 @@ def table_angles_rad() -> Real:
     return np.pi / 2 * ((np.arange(TABLE_WIDTH) + 0.5) / TABLE_WIDTH) ** 3
 
 
-def add_clutter_lobe(build: TreeBuilder, code: Any, reflects: Any) -> Any:
+def add_clutter_lobe(build: TreeBuilder, code: Source, reflects: Source) -> Any:
     """Add nodes for the lobe, encoded by `code`; 0 where `reflects` is, or without a table."""
     math = build.math
     with build.prefixed("Clutter: "):
@@ -156,14 +156,14 @@ class Wall(NamedTuple):
     """Sockets for a wall whose interior its faces stand for; depths across it [Blender units]."""
 
     #: Of the ray outside to the wall's normal.
-    cosine: Any
+    cosine: Source
     #: Depth for a ray that goes through the face, 0 in other objects; negative at some rims.
-    passed: Any
+    passed: Source
     #: Depth for a ray that turns back inside, 0 in other objects.
-    turned: Any
+    turned: Source
 
 
-def wall_at_face(build: TreeBuilder, face_cosine: Any) -> Wall:
+def wall_at_face(build: TreeBuilder, face_cosine: Source) -> Wall:
     """Add nodes for the wall behind a face that a ray meets.
 
     Each face stands for the half of the wall next to it. At the rim of a layer it is the way
@@ -314,7 +314,7 @@ def _draw(build: TreeBuilder) -> None:
     _draw_volume(build, n, kappa, inverse_k)
 
 
-def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
+def _draw_surface(build: TreeBuilder, n: Source, kappa: Source, inverse_k: Source) -> None:
     math = build.math
     roughness = build.group_input(ROUGHNESS)
     cosine = cos_incidence(build)
@@ -354,7 +354,12 @@ def _draw_surface(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> Non
 
 
 def _wall_crossed(
-    build: TreeBuilder, n: Any, kappa: Any, face_cosine: Any, code: Any, inverse_k: Any
+    build: TreeBuilder,
+    n: Source,
+    kappa: Source,
+    face_cosine: Source,
+    code: Source,
+    inverse_k: Source,
 ) -> tuple[Any, Any, Any]:
     """Add nodes for the wall that a face stands for: code and colour with it, and 0 or 1.
 
@@ -385,7 +390,13 @@ def _wall_crossed(
 
 
 def _facet_lobes(
-    build: TreeBuilder, n: Any, kappa: Any, roughness: Any, code: Any, weight: Any, coded: Any
+    build: TreeBuilder,
+    n: Source,
+    kappa: Source,
+    roughness: Source,
+    code: Source,
+    weight: Source,
+    coded: Any,
 ) -> Any:
     """Add Metallic BSDFs, one, or one per channel for the code; or a Glossy BSDF with F(0).
 
@@ -405,11 +416,11 @@ def _facet_lobes(
     by_channel = math("MULTIPLY", "weight of F, coded", weight, coded)
     grey = math("SUBTRACT", "weight of F, not coded", weight, by_channel)
 
-    def in_channel(label: str, axis: int, value: Any, other: float) -> Any:
+    def in_channel(label: str, axis: int, value: Source, other: float) -> Any:
         inputs = {i: value if i == axis else other for i in range(3)}
         return build.node("ShaderNodeCombineXYZ", label, inputs).outputs[0]
 
-    def with_lobe(label: str, before: Any, index: Any, extinction: Any, factor: Any) -> Any:
+    def with_lobe(label: str, before: Any, index: Any, extinction: Any, factor: Source) -> Any:
         inputs = {"IOR": index, "Extinction": extinction, "Roughness": roughness}
         lobe = build.node(
             "ShaderNodeBsdfMetallic",
@@ -434,7 +445,7 @@ def _facet_lobes(
     return with_lobe("grey", total, n, kappa, grey)
 
 
-def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
+def _normal(build: TreeBuilder, n: Source, kappa: Source) -> Any:
     """Add nodes for F at normal incidence, ((n - 1)^2 + kappa^2) / ((n + 1)^2 + kappa^2)."""
     math = build.math
     kappa2 = math("MULTIPLY", "kappa^2 (F0)", kappa, kappa)
@@ -445,7 +456,7 @@ def _normal(build: TreeBuilder, n: Any, kappa: Any) -> Any:
     return math("DIVIDE", "F(0)", top, bottom)
 
 
-def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
+def _draw_volume(build: TreeBuilder, n: Source, kappa: Source, inverse_k: Source) -> None:
     math = build.math
     cosine = layer_cosine(build)
     with build.prefixed("Volume: "):
@@ -546,7 +557,7 @@ def _draw_sheet(build: TreeBuilder) -> None:
     passed_p, back_p = _slab(build, "p", along_p, wave, modulus, contrast)
     weight_s, weight_p = polarisation(build)
 
-    def mean(label: str, s: Any, p: Any) -> Any:
+    def mean(label: str, s: Source, p: Source) -> Any:
         both = math("MULTIPLY", f"p of {label}", weight_p, p)
         return math("MULTIPLY_ADD", label, weight_s, s, both, clamp=True)
 

@@ -28,7 +28,7 @@ import math as _math
 from typing import Any
 
 from . import attributes
-from .build import GroupDefinition, SocketSpec, TreeBuilder, factor_input, float_input
+from .build import GroupDefinition, SocketSpec, Source, TreeBuilder, factor_input, float_input
 from .interface import cos_incidence, reflectance, transmittance
 
 
@@ -37,7 +37,7 @@ def ray_length(build: TreeBuilder) -> Any:
     return build.node("ShaderNodeLightPath", "Light Path").outputs["Ray Length"]
 
 
-def range_code(build: TreeBuilder, length: Any, inverse_code_length: Any) -> Any:
+def range_code(build: TreeBuilder, length: Source, inverse_code_length: Any) -> Any:
     """Add nodes for the colour of a segment; white outside a measurement, where 1/k is 0.
 
     G is the square of R and not a second exponential, so that G B / R^2 = 1 holds to rounding for a
@@ -71,7 +71,7 @@ VOLUME = SocketSpec(
 )
 
 
-def any_inverse_code_length(build: TreeBuilder, inverse_k: Any) -> Any:
+def any_inverse_code_length(build: TreeBuilder, inverse_k: Source) -> Any:
     """Add nodes for 1/k, whether materials or the world volume encode the range."""
     world_inverse_k = build.scene_attribute(attributes.ATTR_WORLD_CODE)
     return build.math("ADD", "1/k of material or world", inverse_k, world_inverse_k)
@@ -128,7 +128,12 @@ def _draw(build: TreeBuilder) -> None:
 
 
 def _draw_surface(
-    build: TreeBuilder, n: Any, kappa: Any, specularity: Any, roughness: Any, inverse_k: Any
+    build: TreeBuilder,
+    n: Source,
+    kappa: Source,
+    specularity: Source,
+    roughness: Source,
+    inverse_k: Source,
 ) -> None:
     math = build.math
     power = reflectance(build, n, kappa, cos_incidence(build))
@@ -173,7 +178,7 @@ def camera_lobes(build: TreeBuilder) -> tuple[Any, Any]:
     )
 
 
-def _draw_volume(build: TreeBuilder, n: Any, kappa: Any, inverse_k: Any) -> None:
+def _draw_volume(build: TreeBuilder, n: Source, kappa: Source, inverse_k: Source) -> None:
     math = build.math
     given = build.scene_attribute(attributes.ATTR_EXTINCTION_LENGTH)
     is_given = math("GREATER_THAN", "Lambda given", given, 0.0)
@@ -287,7 +292,7 @@ def _path_gate(build: TreeBuilder) -> Any:
     return gate
 
 
-def _vertex_colour(build: TreeBuilder, length: Any) -> Any:
+def _vertex_colour(build: TreeBuilder, length: Source) -> Any:
     """Add nodes for 1 + scale (X - origin) per channel, X the illuminated point; 1 if scale is 0.
 
     A render with it, divided by a render without it, gives the last vertex of each path.

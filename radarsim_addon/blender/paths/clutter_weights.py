@@ -27,8 +27,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -495,7 +495,7 @@ class ReverseMarks:
         rows["flags"][several[marked]] |= np.uint16(PathFlag.HAS_REVERSE)
 
 
-def is_smooth_shaded(mesh: Any) -> bool:
+def is_smooth_shaded(mesh: bpy.types.Mesh | None) -> bool:
     """Whether a mesh, or None, has faces whose normals are not those of their planes."""
     if mesh is None or not len(mesh.polygons):
         return False

@@ -10,9 +10,9 @@ there is a smaller one.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
 from weakref import WeakKeyDictionary
 
+import bpy
 import numpy as np
 
 from ...arrays import Indices, Mask, Real, crosses, norms
@@ -33,7 +33,7 @@ _ITSELF = 1e-5
 class BodyMesh:
     """Triangles of a shape in its own axes [m], with the number of each one's material slot."""
 
-    def __init__(self, mesh: Any, metres_per_unit: float) -> None:
+    def __init__(self, mesh: bpy.types.Mesh, metres_per_unit: float) -> None:
         vertices, self.triangles = read_triangles(mesh)
         self.vertices_m = vertices.astype(np.float64) * metres_per_unit
         faces = mesh.loop_triangles

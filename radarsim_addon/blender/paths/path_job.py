@@ -67,8 +67,8 @@ class PathJob(MeasurementJob):
 
     def __init__(
         self,
-        scene: Any,
-        view_layer: Any,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
         measurement: Measurement,
         folder: Path,
         options: PathOptions,
@@ -434,7 +434,7 @@ class StillFrames:
         self._stop()
         return []
 
-    def _note(self, depsgraph: Any) -> None:
+    def _note(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Note an evaluation; None: some may have been missed."""
         items = [None] if depsgraph is None else [one.id.original for one in depsgraph.updates]
         # settings of the scene itself are the run's
@@ -497,7 +497,7 @@ def _is_steady() -> bool:
     )
 
 
-def _reads_settings(tree: Any) -> bool:
+def _reads_settings(tree: bpy.types.NodeTree) -> bool:
     """Whether a shader reads settings of the scene, such as the frame, that are not radarsim's."""
     return any(
         node.bl_idname == "ShaderNodeScript"
@@ -514,7 +514,7 @@ def _reads_settings(tree: Any) -> bool:
 _NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
 
 
-def holds_foreign_materials(depsgraph: Any) -> bool:
+def holds_foreign_materials(depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
     if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
         return True
@@ -531,7 +531,7 @@ def holds_foreign_materials(depsgraph: Any) -> bool:
     return not all(is_radar_material(material) for of_one in slots for material in of_one)
 
 
-def _same_faces_always(item: Any) -> bool:
+def _same_faces_always(item: bpy.types.Object) -> bool:
     """Whether the faces of this moment decide: no modifier makes others in renders or later."""
     if not item.modifiers:
         return True
@@ -544,7 +544,7 @@ def _same_faces_always(item: Any) -> bool:
     )
 
 
-def _depends_on_time(tree: Any) -> bool:
+def _depends_on_time(tree: bpy.types.NodeTree) -> bool:
     """Whether a group of Geometry Nodes, or one in it, is animated or reads the time."""
     return bool(tree.animation_data) or any(
         node.bl_idname in _NODES_OF_TIME
@@ -553,7 +553,7 @@ def _depends_on_time(tree: Any) -> bool:
     )
 
 
-def holds_rough_facets(depsgraph: Any) -> bool:
+def holds_rough_facets(depsgraph: bpy.types.Depsgraph) -> bool:
     """Whether something that can echo has facets that round by channel if materials encode.
 
     Materials that geometry nodes set are those of evaluated objects alone.

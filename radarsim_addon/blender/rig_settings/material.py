@@ -151,7 +151,7 @@ _MEDIA: tuple[tuple[str, str, str], ...] = (
 _NAMES = [item[0] for item in _MEDIA]
 
 
-def _refresh(material: Any) -> None:
+def _refresh(material: bpy.types.Material) -> None:
     try:
         scene = bpy.context.scene
         pm.update_material(material, carrier_hz(scene), beyond_band(scene))
@@ -159,7 +159,7 @@ def _refresh(material: Any) -> None:
         return  # the panel tells it
 
 
-def choose_medium(material: Any, name: str) -> None:
+def choose_medium(material: bpy.types.Material, name: str) -> None:
     """Set the medium of a physical material. Parameters without a default get an initial value."""
     for key in [key for key in material.keys() if key.startswith(pm.PARAMETER_PREFIX)]:
         if key != pm.PATH:

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import bpy
+
 from ...contract import LinkBudget
 from ...errors import ConfigError
 from ...options import Declared
@@ -42,7 +44,7 @@ _MOST_BYTES = 1 << 20
 _HEAD = "# A radar of radarsim, in SI units. Read as data: nothing in it is executed.\npreset = "
 
 
-def apply_preset(scene: Any, radar: Any, preset: RadarPreset) -> None:
+def apply_preset(scene: bpy.types.Scene, radar: Any, preset: RadarPreset) -> None:
     """Make a radar that of a preset: all that earlier ones set is replaced.
 
     Frames, sampling and output of the radar's settings stay. Raises ConfigError for an unknown
@@ -80,7 +82,7 @@ def _reset(group: Any, declarations: Mapping[str, Declared]) -> None:
             del group[item.name]
 
 
-def _peak_eirp_w(scene: Any, radar: Any) -> float:
+def _peak_eirp_w(scene: bpy.types.Scene, radar: Any) -> float:
     """Return what the link budget sends into the peak of its pattern; 1 W without one."""
     wavelength_m = read_measurement(scene, radar).waveform.wavelength_m
     record = read_link_budget(radar, wavelength_m)
@@ -90,7 +92,7 @@ def _peak_eirp_w(scene: Any, radar: Any) -> float:
     return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))
 
 
-def read_preset(scene: Any, radar: Any, label: str) -> RadarPreset:
+def read_preset(scene: bpy.types.Scene, radar: Any, label: str) -> RadarPreset:
     """Return a radar as a preset, with a label for the window."""
     rig = find_rig(scene, **antennas_of(scene, radar), any_projection=True)
     group = getattr(radar, RADAR_PROPERTY)

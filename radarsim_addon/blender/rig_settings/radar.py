@@ -248,7 +248,7 @@ def settings(radar: Any) -> Settings:
     return Settings(getattr(radar, RADAR_PROPERTY), _ALL)
 
 
-def carrier_hz(scene: Any) -> float:
+def carrier_hz(scene: bpy.types.Scene) -> float:
     """Return the carrier of a scene's active radar; without a radar, the initial one."""
     try:
         view = settings(active_radar(scene))
@@ -267,7 +267,7 @@ def _carrier_of_file(path: Path, _: int) -> float:
     return float(load_radar(path, Burst(1.0, 1)).waveform.carrier_hz)
 
 
-def beyond_band(scene: Any) -> str:
+def beyond_band(scene: bpy.types.Scene) -> str:
     """Return what media do outside their band, for a scene's active radar."""
     with contextlib.suppress(SceneError):
         return str(settings(active_radar(scene)).beyond_band)
@@ -384,7 +384,7 @@ def active_radar_property() -> Any:
 # What a radar's settings ask for, as checked records.
 
 
-def read_measurement(scene: Any, radar: Any = None, **given: Any) -> Measurement:
+def read_measurement(scene: bpy.types.Scene, radar: Any = None, **given: Any) -> Measurement:
     """Return the measurement that a radar's settings ask for, without its link budget.
 
     Without a radar it is the scene's active one; SceneError if there is none, or several of which
@@ -431,7 +431,7 @@ def _radar(view: Settings, given: dict[str, Any], burst: Burst) -> tuple[AnyWave
     return found.waveform, found.burst
 
 
-def _frames(scene: Any, view: Settings) -> tuple[int, ...]:
+def _frames(scene: bpy.types.Scene, view: Settings) -> tuple[int, ...]:
     if view.frame_mode == "current":
         return (scene.frame_current,)
     if view.frame_mode == "scene":

@@ -52,7 +52,7 @@ class RingJob(MeasurementJob):
         held = self._held_by_scripts()
         return [*found, finding("rendered-at-whole-frames", *held)] if held else found
 
-    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
+    def _refuse_unmeasurable(self, depsgraph: bpy.types.Depsgraph) -> None:
         super()._refuse_unmeasurable(depsgraph)
         if self._measurement.snapshots > 1:
             check_particles_are_baked(
@@ -189,7 +189,7 @@ class RingJob(MeasurementJob):
 
 
 def regions_by_ring(
-    depsgraph: Any,
+    depsgraph: bpy.types.Depsgraph,
     plan: Plan,
     receiver: contract.ReceiverRecord,
     transmitter: contract.TransmitterRecord,
@@ -248,7 +248,7 @@ def _as_evaluated(shape: Any) -> bool:
     )
 
 
-def _moves_faces(material: Any) -> bool:
+def _moves_faces(material: bpy.types.Material) -> bool:
     """Whether a material displaces faces, or sends rays elsewhere."""
     tree = material and material.node_tree
     return bool(tree) and (
@@ -473,7 +473,7 @@ def _pixels(path: Path, header: ExrHeader) -> Iterator[Single]:
         yield merged.view("<f4")
 
 
-def save_render(scene: Any, path: Path) -> None:
+def save_render(scene: bpy.types.Scene, path: Path) -> None:
     """Write the last render in the scene's format; an existing file is replaced."""
     result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
     if result is None:

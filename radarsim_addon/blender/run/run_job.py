@@ -101,14 +101,14 @@ class MeasurementJob:
 
     def __init__(
         self,
-        scene: Any,
-        view_layer: Any,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
         measurement: Measurement,
         folder: Path,
         *,
         overwrite: bool = False,
-        camera: Any = None,
-        emitter: Any = None,
+        camera: bpy.types.Object | None = None,
+        emitter: bpy.types.Object | None = None,
     ) -> None:
         self._scene = scene
         self._view_layer = view_layer
@@ -305,12 +305,12 @@ class MeasurementJob:
         self._time.forget()
         return extent
 
-    def _look(self, depsgraph: Any) -> tuple[Any, Any]:
+    def _look(self, depsgraph: bpy.types.Depsgraph) -> tuple[Any, Any]:
         """Return boxes of what echoes, and places of the antennas."""
         boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
         return boxes, ground_truth.antenna_positions(depsgraph, self.rig)
 
-    def _refuse_unmeasurable(self, depsgraph: Any) -> None:
+    def _refuse_unmeasurable(self, depsgraph: bpy.types.Depsgraph) -> None:
         """See that all can be recorded, before anything is written."""
         self._antenna_records(depsgraph, self._metres_per_unit())
         ground_truth.check_surfaces(depsgraph)
@@ -377,7 +377,7 @@ class MeasurementJob:
         raise NotImplementedError
 
     def _antenna_records(
-        self, depsgraph: Any, metres_per_unit: float
+        self, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
     ) -> tuple[contract.ReceiverRecord, contract.TransmitterRecord]:
         """Both antennas at the depsgraph's time."""
         size_px = self._measurement.width_px, self._measurement.height_px
@@ -461,8 +461,8 @@ class SceneTime:
 
     def __init__(
         self,
-        scene: Any,
-        view_layer: Any,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
         restorer: SettingsRestorer,
         last_needed: Callable[[int], float],
     ) -> None:

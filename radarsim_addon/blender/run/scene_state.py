@@ -75,8 +75,8 @@ class MeasurementSettings:
 
     def __init__(
         self,
-        scene: Any,
-        view_layer: Any,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
         rig: Rig,
         plan: Plan,
         any_material: bool = False,
@@ -409,7 +409,7 @@ class Verdict:
     failed: tuple[str, ...]
 
 
-def chosen_device(scene: Any) -> Device:
+def chosen_device(scene: bpy.types.Scene) -> Device:
     """Return what a scene and the user's preferences choose; the CPU if they choose none."""
     addon = bpy.context.preferences.addons.get("cycles")
     if scene.cycles.device != "GPU" or addon is None:
@@ -421,7 +421,7 @@ def chosen_device(scene: Any) -> Device:
     return Device(kind, tuple(sorted(item.id for item in used)))
 
 
-def choose_device(scene: Any, device: Device) -> None:
+def choose_device(scene: bpy.types.Scene, device: Device) -> None:
     """Set scene and preferences (in memory) to a device; no ids: to all devices of its kind.
 
     RadarSimError if Blender does not find it.
@@ -446,7 +446,7 @@ def choose_device(scene: Any, device: Device) -> None:
         )
 
 
-def failed_facts(scene: Any) -> tuple[Device, tuple[str, ...]]:
+def failed_facts(scene: bpy.types.Scene) -> tuple[Device, tuple[str, ...]]:
     """Return the device that is chosen and the facts that do not hold on it; checked once."""
     device = chosen_device(scene)
     if device.kind == "CPU":

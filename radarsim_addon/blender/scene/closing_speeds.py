@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
@@ -77,7 +78,7 @@ class Poses:
         return () if self.snapshot is None else self.snapshot.layout.key(int(self.rows[index]))
 
 
-def evaluated_poses(depsgraph: Any, metres_per_unit: float) -> Poses:
+def evaluated_poses(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> Poses:
     """Return the poses and boxes of all surfaces at the time of a depsgraph."""
     snapshot = take_snapshot(depsgraph)
     shapes = snapshot.shapes
@@ -189,7 +190,7 @@ def keyed_speeds(
     """
     snapshot, layout = found.snapshot, found.snapshot.layout
 
-    def poses_of(item: Any, now: Real) -> Real | None:
+    def poses_of(item: bpy.types.Object, now: Real) -> Real | None:
         # In float32 both are rounded alike by Blender; what F-curves add is the difference.
         move = keyed_move(item, frame)
         return None if move is None else np.stack([now, move @ now])
@@ -215,7 +216,7 @@ def keyed_speeds(
     return speeds
 
 
-def keyed_step(item: Any, frame: float) -> Real | None:
+def keyed_step(item: bpy.types.Object, frame: float) -> Real | None:
     """Return how far F-curves move the origin of an object in a frame, (3,) [Blender units].
 
     None where no F-curve moves it, or not these alone.
@@ -226,7 +227,7 @@ def keyed_step(item: Any, frame: float) -> Real | None:
     return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
 
 
-def keyed_move(item: Any, frame: float) -> Real | None:
+def keyed_move(item: bpy.types.Object, frame: float) -> Real | None:
     """Return what F-curves move an object by in `VELOCITY_FRAMES`: a matrix in world space, (4, 4).
 
     The identity where nothing moves the object and its parents, None where something else than
@@ -238,13 +239,13 @@ def keyed_move(item: Any, frame: float) -> Real | None:
     return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
 
 
-def _keyed_poses(item: Any, frame: float) -> tuple[Real, Real] | None:
+def _keyed_poses(item: bpy.types.Object, frame: float) -> tuple[Real, Real] | None:
     """Poses in a frame and `VELOCITY_FRAMES` later, (4, 4) each; None as `keyed_world`."""
     before, after = (keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES))
     return None if before is None or after is None else (before, after)
 
 
-def keyed_world(item: Any, frame: float) -> Real | None:
+def keyed_world(item: bpy.types.Object, frame: float) -> Real | None:
     """Return the world matrix of an object at a frame by its F-curves, (4, 4).
 
     None where constraints, drivers, simulations or strips may move it or its parents.
@@ -279,7 +280,7 @@ def keyed_world(item: Any, frame: float) -> Real | None:
     return None if above is None else above @ matrix
 
 
-def nothing_moves(item: Any) -> bool:
+def nothing_moves(item: bpy.types.Object) -> bool:
     """Return whether an object and its parents have nothing that could move them: quick."""
     while item is not None:
         if item.animation_data is not None or item.rigid_body is not None or item.constraints:
@@ -290,7 +291,7 @@ def nothing_moves(item: Any) -> bool:
     return True
 
 
-def _is_keyed(item: Any) -> bool:
+def _is_keyed(item: bpy.types.Object) -> bool:
     """Whether an object or a parent of it has an action."""
     while item is not None:
         if item.animation_data is not None and item.animation_data.action is not None:

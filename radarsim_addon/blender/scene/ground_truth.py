@@ -82,7 +82,7 @@ class Boxes:
 
 
 def scene_extent(
-    depsgraph: Any, rig: Rig, metres_per_unit: float, any_material: bool = False
+    depsgraph: bpy.types.Depsgraph, rig: Rig, metres_per_unit: float, any_material: bool = False
 ) -> Extent:
     """Return the distances of the surfaces that can echo, or of all, at the depsgraph's time.
 
@@ -92,7 +92,7 @@ def scene_extent(
     return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
 
 
-def echoing_boxes(depsgraph: Any, any_material: bool) -> Boxes:
+def echoing_boxes(depsgraph: bpy.types.Depsgraph, any_material: bool) -> Boxes:
     """Return the boxes of the surfaces that can echo, or of all, at the depsgraph's time."""
     snapshot = take_snapshot(depsgraph)
     rows = rendered_rows(snapshot)
@@ -139,21 +139,21 @@ def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: 
     )
 
 
-def antenna_positions(depsgraph: Any, rig: Rig) -> tuple[Real, Real]:
+def antenna_positions(depsgraph: bpy.types.Depsgraph, rig: Rig) -> tuple[Real, Real]:
     """Return the places of receiver and transmitter, (3,) each [Blender units]."""
     return _origin(rig.camera, depsgraph), _origin(rig.emitter, depsgraph)
 
 
-def _origin(item: Any, depsgraph: Any) -> Real:
+def _origin(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Real:
     return np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)[:3, 3]
 
 
-def rendered_surfaces(depsgraph: Any) -> Boxes:
+def rendered_surfaces(depsgraph: bpy.types.Depsgraph) -> Boxes:
     return echoing_boxes(depsgraph, any_material=True)
 
 
 def object_records(
-    depsgraph: Any,
+    depsgraph: bpy.types.Depsgraph,
     rig: Rig,
     metres_per_unit: float,
     later: tuple[Boxes, Real] | None = None,
@@ -247,7 +247,7 @@ def _said_by_materials(materials: tuple[Any, ...]) -> dict[str, Any]:
     }
 
 
-def _displaces(material: Any) -> bool:
+def _displaces(material: bpy.types.Material) -> bool:
     """Return whether a material moves the surface itself, not only its normals."""
     if material is None or material.node_tree is None or material.displacement_method == "BUMP":
         return False
@@ -267,7 +267,7 @@ def _collections_of_objects() -> dict[str, list[str]]:
     return {name: sorted(held) for name, held in holding.items()}
 
 
-def displaced_surfaces(depsgraph: Any) -> list[Finding]:
+def displaced_surfaces(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Name the rendered objects whose surface Cycles displaces: their meshes do not show it."""
     found = rendered_surfaces(depsgraph)
     shapes = found.snapshot.shapes
@@ -276,7 +276,7 @@ def displaced_surfaces(depsgraph: Any) -> list[Finding]:
     return [finding("displaced-by-shader", *sorted(names))] if names else []
 
 
-def check_surfaces(depsgraph: Any) -> None:
+def check_surfaces(depsgraph: bpy.types.Depsgraph) -> None:
     """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
     snapshot = take_snapshot(depsgraph)
     check_meshes_finite(snapshot, rendered_rows(snapshot))

@@ -18,8 +18,8 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,7 +69,7 @@ class _Item:
     defect: str = ""
 
 
-def check_meshes(depsgraph: Any) -> list[Finding]:
+def check_meshes(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Find meshes of a scene that Cycles cannot trace as objects with an interior."""
     snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
@@ -189,7 +189,7 @@ def _shared_boxes(low: Real, high: Real, pairs: Indices) -> tuple[Real, Real]:
     return lowest, highest
 
 
-def _mesh_defect(mesh: Any) -> str:
+def _mesh_defect(mesh: bpy.types.Mesh) -> str:
     """Return why a mesh does not enclose a volume: "open", "flipped", "inside out"; "": it does."""
     points = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
     start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
@@ -329,7 +329,7 @@ def _nested_too_deep(found: list[_Item]) -> list[Finding]:
     return []
 
 
-def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
+def sharpen_walls(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) -> None:
     """Let the normals of walls that are shaded smooth end at their edges, until restored.
 
     The walls are set for the run in the depsgraph.
@@ -353,7 +353,7 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: Any) -> None:
             sharpen_edges(recorder, item, _EDGE_DEG)
 
 
-def check_normals(depsgraph: Any) -> list[Finding]:
+def check_normals(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Find the rendered meshes whose normals are far from those of their faces."""
     snapshot = take_snapshot(depsgraph)
     found: dict[str, float] = {}
@@ -370,7 +370,7 @@ def check_normals(depsgraph: Any) -> list[Finding]:
     return [finding("smooth-across-edges", *found, fraction=fraction, angle_deg=_OFF_DEG)]
 
 
-def _bent(mesh: Any) -> float:
+def _bent(mesh: bpy.types.Mesh) -> float:
     """Return the fraction of a mesh's surface with normals that are far from its faces'."""
     if not len(mesh.polygons) or mesh.normals_domain == "FACE":
         return 0.0

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +28,7 @@ Edges = tuple[float, float, float, float]
 
 
 def receiver_record(
-    rig: Rig, depsgraph: Any, metres_per_unit: float, width_px: int, height_px: int
+    rig: Rig, depsgraph: bpy.types.Depsgraph, metres_per_unit: float, width_px: int, height_px: int
 ) -> contract.ReceiverRecord:
     """Return the record of the receiver at the depsgraph's time, for a render of this size.
 
@@ -59,7 +60,7 @@ def receiver_record(
 
 
 def transmitter_record(
-    rig: Rig, depsgraph: Any, metres_per_unit: float
+    rig: Rig, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
 ) -> contract.TransmitterRecord:
     """Return the record of the transmitter at the depsgraph's time.
 
@@ -93,7 +94,7 @@ def rigid_pose(matrix_world: Any, metres_per_unit: float) -> NDArray[np.float64]
     return pose
 
 
-def camera_kind(camera: Any) -> str:
+def camera_kind(camera: bpy.types.Object) -> str:
     """Return "perspective", "orthographic" or "equirectangular"; `SceneError` for other cameras."""
     if camera.type == "PERSP":
         return "perspective"
@@ -108,12 +109,14 @@ def camera_kind(camera: Any) -> str:
     )
 
 
-def _panorama(camera: Any) -> Any:
+def _panorama(camera: bpy.types.Object) -> Any:
     """Return the owner of the panorama's settings: the camera; up to Blender 4.4 Cycles."""
     return camera if hasattr(camera, "panorama_type") else camera.cycles
 
 
-def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: float) -> Edges:
+def frame_edges(
+    camera: bpy.types.Object, width_px: int, height_px: int, metres_per_unit: float
+) -> Edges:
     """Return the edges of a camera's frame for a render of this size, from Blender's rules.
 
     The fitted dimension of the sensor covers sensor / lens (perspective) or the orthographic scale.
@@ -141,14 +144,19 @@ def frame_edges(camera: Any, width_px: int, height_px: int, metres_per_unit: flo
     return _shifted(camera, size, size / 2 * width_px / fitted_px, size / 2 * height_px / fitted_px)
 
 
-def _shifted(camera: Any, size: float, half_u: float, half_v: float) -> Edges:
+def _shifted(camera: bpy.types.Object, size: float, half_u: float, half_v: float) -> Edges:
     """Return the edges of a frame; lens shift is in units of its fitted dimension."""
     move_u, move_v = float(camera.shift_x) * size, float(camera.shift_y) * size
     return move_u - half_u, move_u + half_u, move_v - half_v, move_v + half_v
 
 
 def aim(
-    camera: Any, kind: str, edges: Edges, across_px: int, down_px: int, metres_per_unit: float
+    camera: bpy.types.Object,
+    kind: str,
+    edges: Edges,
+    across_px: int,
+    down_px: int,
+    metres_per_unit: float,
 ) -> Edges:
     """Set a camera that radarsim made to these edges; return those that its float32 settings give.
 

@@ -37,13 +37,15 @@ class Rig:
     """Antennas of a radar in the scene."""
 
     #: The receiver, of type CAMERA.
-    camera: Any
+    camera: bpy.types.Object
     #: The transmitter, a Point light with the Ring Emitter.
-    emitter: Any
+    emitter: bpy.types.Object
 
 
 def setup_rig(
-    scene: Any, location: tuple[float, float, float] = (0.0, 0.0, 0.0), eirp_w: float = 1.0
+    scene: bpy.types.Scene,
+    location: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    eirp_w: float = 1.0,
 ) -> Any:
     """Add a radar to a scene: an empty, which is returned, with a camera and a transmitter on it.
 
@@ -81,12 +83,12 @@ def radar_of(light: Any) -> Any:
     return light.parent or light
 
 
-def radars(scene: Any) -> list[Any]:
+def radars(scene: bpy.types.Scene) -> list[Any]:
     """Return the radars of a scene, as `radar_of` does, in the order of its objects."""
     return list(dict.fromkeys(map(radar_of, _transmitters(scene))))
 
 
-def active_radar(scene: Any) -> Any:
+def active_radar(scene: bpy.types.Scene) -> Any:
     """Return the radar that a scene measures with: the chosen one, else the only one.
 
     `SceneError` if the scene has none, or several of which none is chosen.
@@ -98,7 +100,7 @@ def active_radar(scene: Any) -> Any:
     return found.pop() if len(found) == 1 else radar_of(_only_emitter(scene))
 
 
-def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
+def antennas_of(scene: bpy.types.Scene, radar: Any) -> dict[str, Any]:
     """Return the arguments ``camera`` and ``emitter`` of `find_rig`; None for one that it finds.
 
     `SceneError` if the radar has no transmitter.
@@ -116,7 +118,10 @@ def antennas_of(scene: Any, radar: Any) -> dict[str, Any]:
 
 
 def find_rig(
-    scene: Any, camera: Any = None, emitter: Any = None, any_projection: bool = False
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object | None = None,
+    emitter: bpy.types.Object | None = None,
+    any_projection: bool = False,
 ) -> Rig:
     """Return the radar of a scene; `SceneError` if an antenna is missing, unclear or unsuitable.
 
@@ -150,7 +155,7 @@ def find_rig(
     return Rig(camera, emitter)
 
 
-def is_transmitter(item: Any) -> bool:
+def is_transmitter(item: bpy.types.Object) -> bool:
     """Return whether an object, or None, is a Point light with the Ring Emitter."""
     if item is None or item.type != "LIGHT":
         return False
@@ -167,12 +172,12 @@ def is_transmitter(item: Any) -> bool:
     )
 
 
-def _transmitters(scene: Any) -> list[Any]:
+def _transmitters(scene: bpy.types.Scene) -> list[Any]:
     lights = (item for item in scene.objects if item.type == "LIGHT")
     return [item for item in lights if is_transmitter(item)]
 
 
-def _only_emitter(scene: Any) -> Any:
+def _only_emitter(scene: bpy.types.Scene) -> Any:
     transmitters = _transmitters(scene)
     found = [item for item in transmitters if not item.hide_render]
     if not found:
@@ -194,7 +199,7 @@ def _only_emitter(scene: Any) -> Any:
     return found[0]
 
 
-def _receiver(scene: Any, emitter: Any) -> Any:
+def _receiver(scene: bpy.types.Scene, emitter: bpy.types.Object) -> Any:
     """Return the camera on the transmitter's parent, else the scene's camera."""
     if emitter.parent is not None:
         siblings = [
@@ -207,7 +212,7 @@ def _receiver(scene: Any, emitter: Any) -> Any:
     return scene.camera
 
 
-def check_scale(item: Any, matrix_world: Any) -> None:
+def check_scale(item: bpy.types.Object, matrix_world: Any) -> None:
     """Check that the pose (4, 4) of an antenna is finite and has scale 1; `SceneError` if not.
 
     Cycles would change angles (camera) or power (light).
@@ -232,7 +237,7 @@ _RINGS, _SPOKES = 96, 72
 
 
 def draw_patterns(
-    scene: Any,
+    scene: bpy.types.Scene,
     rig: Rig,
     system: RadarSystem,
     size: float,

@@ -15,7 +15,7 @@ from ..state import Snapshot
 _CACHED_MODIFIERS = {"CLOTH", "PARTICLE_SYSTEM", "SOFT_BODY"}
 
 
-def simulation_frames(scene: Any, last: int) -> range:
+def simulation_frames(scene: bpy.types.Scene, last: int) -> range:
     """Return the frames to show, in order, so that simulations are known at all of them up to
     `last`.
 
@@ -28,7 +28,7 @@ def simulation_frames(scene: Any, last: int) -> range:
     return range(min(starts), last + 1) if starts else range(0)
 
 
-def _caches(scene: Any) -> Iterator[Any]:
+def _caches(scene: bpy.types.Scene) -> Iterator[Any]:
     world = scene.rigidbody_world
     if world is not None and world.enabled and world.point_cache is not None:
         yield world.point_cache
@@ -41,7 +41,7 @@ def _caches(scene: Any) -> Iterator[Any]:
                 yield modifier.point_cache
 
 
-def renders_whole_frames_only(item: Any) -> bool:
+def renders_whole_frames_only(item: bpy.types.Object) -> bool:
     """Return whether Blender renders an object's shape of a whole frame at times after it.
 
     So it does with cloth and soft bodies that are not baked, and with cache files whose vertices
@@ -79,7 +79,7 @@ def check_particles_are_baked(snapshot: Snapshot, otherwise: str) -> None:
                 )
 
 
-def _carrying_particles(item: Any) -> Iterator[tuple[Any, Any]]:
+def _carrying_particles(item: bpy.types.Object) -> Iterator[tuple[Any, Any]]:
     """Yield owner and particle system of all that carry instances, or pieces of an object."""
     explodes = any(modifier.type == "EXPLODE" for modifier in item.modifiers)
     for system in item.particle_systems:
@@ -92,7 +92,7 @@ def _carrying_particles(item: Any) -> Iterator[tuple[Any, Any]]:
                 yield modifier.object, systems[modifier.particle_system_index - 1]
 
 
-def has_simulation_zone(item: Any) -> bool:
+def has_simulation_zone(item: bpy.types.Object) -> bool:
     """Return whether an object has Geometry Nodes with a simulation zone, also within groups."""
     waiting = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
     met = set()
@@ -108,7 +108,7 @@ def has_simulation_zone(item: Any) -> bool:
     return False
 
 
-def is_simulated_body(scene: Any, item: Any) -> bool:
+def is_simulated_body(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
     """Return whether the rigid-body simulation of a scene moves an object: no passive or animated
     one.
     """

@@ -16,6 +16,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +75,7 @@ class GroundBelow:
     #: Name of the object.
     name: str
     #: Of the face below the point, or None.
-    material: Any
+    material: bpy.types.Material
     #: World z of the surface.
     height: float
     #: Bounding box in the world, (8, 3).
@@ -153,7 +154,9 @@ def _places(centre: Real, sides: Real, lengths: Real, edges: tuple[float, ...]) 
     return np.stack([range_m, span_m])
 
 
-def no_echo_findings(depsgraph: Any, rig: Rig, seen: Sequence[str]) -> list[Finding]:
+def no_echo_findings(
+    depsgraph: bpy.types.Depsgraph, rig: Rig, seen: Sequence[str]
+) -> list[Finding]:
     """Find why a receiver whose rays met the objects `seen` received no echo: one error or more.
 
     Only for such frames, because it looks at every triangle of what may surround an antenna.
@@ -171,7 +174,7 @@ def no_echo_findings(depsgraph: Any, rig: Rig, seen: Sequence[str]) -> list[Find
     return found + ([finding("surfaces-return-nothing", *others)] if others else [])
 
 
-def _surrounding(depsgraph: Any, rig: Rig) -> list[str]:
+def _surrounding(depsgraph: bpy.types.Depsgraph, rig: Rig) -> list[str]:
     """Return the closed meshes that contain one of the antennas, but not the other."""
     antennas = np.stack(antenna_positions(depsgraph, rig))
     found = []
@@ -215,7 +218,7 @@ def surrounds(vertices: Real, triangles: NDArray[np.int32], point: Real) -> bool
     return True
 
 
-def _reflects(material: Any) -> bool:
+def _reflects(material: bpy.types.Material) -> bool:
     """Return whether a material, or Blender's own where there is none, has a reflecting shader."""
     tree = None if material is None else material.node_tree
     if tree is None:
@@ -239,7 +242,9 @@ def _reflects(material: Any) -> bool:
     return False
 
 
-def ground_below(depsgraph: Any, point: Real, name: str | None = None) -> GroundBelow:
+def ground_below(
+    depsgraph: bpy.types.Depsgraph, point: Real, name: str | None = None
+) -> GroundBelow:
     """Find the ground: of the objects straight below a point (3,) the one with the largest area.
 
     Of the object, or of the one with this name, it is the highest face below the point in the world
@@ -302,7 +307,7 @@ def _face_below(item: EvaluatedObject, point: Real) -> tuple[float, int, float] 
     return float(point[2] + away[top]), int(slots[top]), math.acos(min(1.0, float(cosine)))
 
 
-def _material(evaluated: Any, slot: int) -> Any:
+def _material(evaluated: bpy.types.Object, slot: int) -> Any:
     slots = evaluated.material_slots
     if not slots:
         return None

@@ -53,7 +53,11 @@ _PANE_M = 4e-3
 
 
 def isolate(
-    recorder: SettingsRestorer, scene: Any, emitter: Any, depsgraph: Any, any_material: bool = False
+    recorder: SettingsRestorer,
+    scene: bpy.types.Scene,
+    emitter: bpy.types.Object,
+    depsgraph: bpy.types.Depsgraph,
+    any_material: bool = False,
 ) -> list[Finding]:
     """Hide other lights than the transmitter, and what cannot echo; name objects without an echo.
 
@@ -99,7 +103,7 @@ def isolate(
 
 
 def _isolate_any_material(
-    recorder: SettingsRestorer, scene: Any, assigned: Sequence[MaterialAssignment]
+    recorder: SettingsRestorer, scene: bpy.types.Scene, assigned: Sequence[MaterialAssignment]
 ) -> list[Finding]:
     fog = [
         item
@@ -134,7 +138,7 @@ def _isolate_any_material(
     return findings
 
 
-def _is_fog(material: Any) -> bool:
+def _is_fog(material: bpy.types.Material) -> bool:
     """Return whether a material has a volume and no surface."""
     if material is None or material.node_tree is None:
         return False
@@ -148,7 +152,7 @@ def _has_volume_only(output: Any) -> bool:
     )
 
 
-def _scatters_inside(material: Any) -> bool:
+def _scatters_inside(material: bpy.types.Material) -> bool:
     for node in material.node_tree.nodes:
         if node.bl_idname in _SCATTERING_NODES:
             return True
@@ -158,19 +162,19 @@ def _scatters_inside(material: Any) -> bool:
     return False
 
 
-def _hide(recorder: SettingsRestorer, item: Any) -> None:
+def _hide(recorder: SettingsRestorer, item: bpy.types.Object) -> None:
     _mute_animation(recorder, item, "hide_render")
     recorder.set(item, "hide_render", True)
 
 
-def _mute_animation(recorder: SettingsRestorer, item: Any, data_path: str) -> None:
+def _mute_animation(recorder: SettingsRestorer, item: bpy.types.Object, data_path: str) -> None:
     """Prevent animation from changing a setting at the next frame."""
     for curve in animation_curves(item.animation_data):
         if curve.data_path == data_path:
             recorder.set(curve, "mute", True)
 
 
-def _rendered(scene: Any) -> list[Any]:
+def _rendered(scene: bpy.types.Scene) -> list[Any]:
     """Return the objects of a scene and of the collections that it instances."""
     found: dict[Any, None] = {}
     waiting = list(scene.objects)
@@ -184,7 +188,7 @@ def _rendered(scene: Any) -> list[Any]:
     return sorted(found, key=lambda item: item.name_full)
 
 
-def _absorb(recorder: SettingsRestorer, material: Any) -> None:
+def _absorb(recorder: SettingsRestorer, material: bpy.types.Material) -> None:
     """Add an active output to a material that absorbs."""
     if bpy.app.version < (5, 0, 0):  # always on later
         recorder.set(material, "use_nodes", True)
@@ -216,7 +220,7 @@ def _absorb(recorder: SettingsRestorer, material: Any) -> None:
     recorder.set(material.cycles, "emission_sampling", "NONE")
 
 
-def _link_black(tree: Any, output: Any) -> Any:
+def _link_black(tree: bpy.types.NodeTree, output: Any) -> Any:
     """Connect a black surface; an unconnected output differs between Blender versions."""
     black = tree.nodes.new("ShaderNodeEmission")
     black.inputs["Strength"].default_value = 0.0
@@ -260,7 +264,7 @@ def _fill_slot(recorder: SettingsRestorer, data: Any, index: int, absorber: Any)
     recorder.on_restore(data.name, undo)
 
 
-def echoes(item: Any, is_radar: Callable[[Any], bool] = is_radar_material) -> bool:
+def echoes(item: bpy.types.Object, is_radar: Callable[[Any], bool] = is_radar_material) -> bool:
     """Return whether an object can echo: by a Radar Material in a slot, or by Geometry Nodes.
 
     `is_radar` may be `is_radar_material` with a memory.
@@ -293,7 +297,7 @@ def action_curves(action: Any, slot: Any = None) -> Iterator[Any]:
                     yield from bag.fcurves
 
 
-def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
+def show_what_renders(recorder: SettingsRestorer, view_layer: bpy.types.ViewLayer) -> None:
     """Make all rendered objects visible in the viewport, and those that only instances show."""
     rendered = set()
     for layer in _rendered_collections(view_layer):
@@ -329,7 +333,7 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
                 recorder.set(item, "hide_viewport", False)
 
 
-def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
+def show_what_ever_renders(recorder: SettingsRestorer, view_layer: bpy.types.ViewLayer) -> None:
     """Make visible what renders at some time, until Blender evaluates the animation again."""
     for layer in _rendered_collections(view_layer):
         for item in filter(is_hidden_at_times, layer.collection.objects):
@@ -337,7 +341,7 @@ def show_what_ever_renders(recorder: SettingsRestorer, view_layer: Any) -> None:
     show_what_renders(recorder, view_layer)
 
 
-def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
+def show_as_rendered(recorder: SettingsRestorer, scene: bpy.types.Scene) -> None:
     """Give modifiers, node groups, curves... in the viewport their settings for renders."""
     render = scene.render
     recorder.set(render, "simplify_subdivision", render.simplify_subdivision_render)
@@ -364,7 +368,9 @@ def show_as_rendered(recorder: SettingsRestorer, scene: Any) -> None:
         recorder.set(ball, "resolution", ball.render_resolution)
 
 
-def _replace_by_false(recorder: SettingsRestorer, tree: Any, node: Any) -> None:
+def _replace_by_false(
+    recorder: SettingsRestorer, tree: bpy.types.NodeTree, node: bpy.types.Node
+) -> None:
     """Connect the constant False in the place of a Boolean node."""
     targets = [link.to_socket for link in node.outputs[0].links]
     constant = tree.nodes.new("FunctionNodeInputBool")
@@ -379,7 +385,7 @@ def _replace_by_false(recorder: SettingsRestorer, tree: Any, node: Any) -> None:
     recorder.on_restore(tree.name, undo)
 
 
-def _rendered_collections(view_layer: Any) -> Iterator[Any]:
+def _rendered_collections(view_layer: bpy.types.ViewLayer) -> Iterator[Any]:
     """Yield the layer collections that are rendered with a view layer."""
 
     def below(layer: Any) -> Iterator[Any]:
@@ -401,7 +407,7 @@ def _present_collections(layer: Any) -> Iterator[Any]:
             yield from _present_collections(child)
 
 
-def _view_layers(view_layer: Any) -> list[Any]:
+def _view_layers(view_layer: bpy.types.ViewLayer) -> list[Any]:
     """A view layer, and those of its scene's background set, of the set's own set, and so on."""
     found, scene = {view_layer.id_data: view_layer}, view_layer.id_data.background_set
     while scene is not None and scene not in found:
@@ -429,12 +435,12 @@ def rendered_rows(snapshot: Snapshot) -> Indices:
     return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
 
 
-def _shown_by_parent(item: Any) -> bool:
+def _shown_by_parent(item: bpy.types.Object) -> bool:
     """Whether the parent's vertices or faces have instances of it: it renders only as these."""
     return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
 
 
-def limited_visibility(depsgraph: Any) -> list[Finding]:
+def limited_visibility(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Name the rendered objects without a direct echo, and those that waves pass through."""
     snapshot, layer = take_snapshot(depsgraph), depsgraph.view_layer
     rows, layout = rendered_rows(snapshot), snapshot.layout
@@ -457,7 +463,7 @@ def limited_visibility(depsgraph: Any) -> list[Finding]:
     return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
 
 
-def is_hidden_at_times(item: Any) -> bool:
+def is_hidden_at_times(item: bpy.types.Object) -> bool:
     """Return whether an F-curve or a driver acts on an object's *Disable in Renders*."""
     return any(curve.data_path == "hide_render" for curve in animation_curves(item.animation_data))
 
@@ -471,7 +477,7 @@ def hiding_is_animated() -> bool:
     return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
-def suggest_materials(depsgraph: Any) -> dict[Any, str | None]:
+def suggest_materials(depsgraph: bpy.types.Depsgraph) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
     By material the key of `READY` for its name, else for that of an object with it, else None.
@@ -487,7 +493,9 @@ def suggest_materials(depsgraph: Any) -> dict[Any, str | None]:
     }
 
 
-def replace_material(material: Any, ready: str, carrier_hz: float, depsgraph: Any) -> Any:
+def replace_material(
+    material: bpy.types.Material, ready: str, carrier_hz: float, depsgraph: bpy.types.Depsgraph
+) -> Any:
     """Put a radar material, a key of `READY`, in place of an optical one, which the file keeps.
 
     Waves enter where all objects with the material are closed and have no other. Else it is opaque,
@@ -509,7 +517,7 @@ def replace_material(material: Any, ready: str, carrier_hz: float, depsgraph: An
     return made
 
 
-def _is_closed(item: Any) -> bool:
+def _is_closed(item: bpy.types.Object) -> bool:
     """Whether every edge of an evaluated mesh joins two faces."""
     if item.type != "MESH" or not len(item.data.polygons):
         return False

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
+import bpy
+
 _ABSENT = object()
 #: Path from a struct to one in it: names of attributes, and indices in collections.
 _Path = tuple[str | int, ...]
@@ -67,7 +69,7 @@ class SettingsRestorer:
             before = _plain(getattr(owner, name))
             self._undo.append((name, partial(setattr, owner, name, before)))
 
-    def keep_frame(self, scene: Any) -> None:
+    def keep_frame(self, scene: bpy.types.Scene) -> None:
         """Have `restore` bring the scene back to the frame of now."""
         # Before frame 0 Blender's subframe is negative, and frame_set takes none that is.
         now = scene.frame_current + scene.frame_subframe

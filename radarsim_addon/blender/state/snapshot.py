@@ -37,8 +37,8 @@ class EvaluatedObject(NamedTuple):
     Blender reuses the data of instances: read what you need before the next object.
     """
 
-    evaluated: Any
-    original: Any
+    evaluated: bpy.types.Object
+    original: bpy.types.Object
     #: Original object that makes the instance; None for the object itself.
     instancer: Any
     key: Key
@@ -64,13 +64,13 @@ class EvaluatedObject(NamedTuple):
         return np.array([tuple(corner) for corner in self.evaluated.bound_box], dtype=np.float64)
 
 
-def evaluated_depsgraph(view_layer: Any) -> Any:
+def evaluated_depsgraph(view_layer: bpy.types.ViewLayer) -> Any:
     """Return the depsgraph of a view layer, up to date."""
     view_layer.update()
     return view_layer.depsgraph
 
 
-def evaluated_objects(depsgraph: Any) -> Iterator[EvaluatedObject]:
+def evaluated_objects(depsgraph: bpy.types.Depsgraph) -> Iterator[EvaluatedObject]:
     """Yield all objects and instances in Blender's order, each one valid until the next one."""
     for item in depsgraph.object_instances:
         instancer = item.parent.original if item.is_instance else None
@@ -89,7 +89,7 @@ class evaluated_mesh:
 
     __slots__ = ("_evaluated", "_made")
 
-    def __init__(self, evaluated: Any) -> None:
+    def __init__(self, evaluated: bpy.types.Object) -> None:
         self._evaluated = evaluated
         self._made: Any = None
 
@@ -124,7 +124,7 @@ def read_numbers(
     return values.reshape(-1, width)
 
 
-def read_triangles(mesh: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def read_triangles(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     """Return vertices (n, 3), object axes, and vertex indices (m, 3) of a mesh's triangles."""
     mesh.calc_loop_triangles()
     triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
@@ -197,7 +197,7 @@ _ARRAYS = ("shape", "instancer", "numbers", "visible")
 class Shape:
     """What an object and its instances share, unless Geometry Nodes give them other data."""
 
-    original: Any
+    original: bpy.types.Object
     #: Type of the evaluated object.
     kind: str
     #: Tells its evaluated data from others; 0 without data.
@@ -258,7 +258,7 @@ class Snapshot:
     """
 
     #: At that moment.
-    depsgraph: Any
+    depsgraph: bpy.types.Depsgraph
     #: Shared by successive snapshots with the same objects and instances.
     layout: Layout
     shapes: list[Shape]
@@ -378,14 +378,16 @@ class Snapshot:
         raise ReferenceError(f"{shape.original.name} is no longer evaluated")
 
 
-def _shape(evaluated: Any, original: Any, address: int, own: bool, first: int) -> Shape:
+def _shape(
+    evaluated: bpy.types.Object, original: bpy.types.Object, address: int, own: bool, first: int
+) -> Shape:
     box = np.empty(24, dtype=np.float32)
     evaluated.bound_box.foreach_get(box)
     corners = box.reshape(8, 3).astype(np.float64)
     return Shape(original, evaluated.type, address, own, slot_materials(evaluated), corners, first)
 
 
-def slot_materials(item: Any) -> tuple[Any, ...]:
+def slot_materials(item: bpy.types.Object) -> tuple[Any, ...]:
     """Return the original materials in the slots of an object, None for an empty slot.
 
     If it is evaluated, they include those that Geometry Nodes set.
@@ -393,7 +395,9 @@ def slot_materials(item: Any) -> tuple[Any, ...]:
     return tuple(slot.material and slot.material.original for slot in item.material_slots)
 
 
-def walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Snapshot:
+def walk(
+    depsgraph: bpy.types.Depsgraph, last: Snapshot | None = None, changed: Any = ()
+) -> Snapshot:
     """Look at all objects and instances; shapes of the last time that are not `changed` stay."""
     instances = depsgraph.object_instances
     count = len(instances)
@@ -445,7 +449,9 @@ def walk(depsgraph: Any, last: Snapshot | None = None, changed: Any = ()) -> Sna
     return _walked(depsgraph, layout, found, np.ascontiguousarray(matrices))
 
 
-def _walked(depsgraph: Any, layout: Layout, shapes: list[Shape], matrices: Real) -> Snapshot:
+def _walked(
+    depsgraph: bpy.types.Depsgraph, layout: Layout, shapes: list[Shape], matrices: Real
+) -> Snapshot:
     """Return a snapshot in which all is as a walk found it."""
     boxes = np.array([shape.box for shape in shapes]).reshape(-1, 8, 3)
     walked = Walked(layout.shape, boxes, matrices)
@@ -454,11 +460,11 @@ def _walked(depsgraph: Any, layout: Layout, shapes: list[Shape], matrices: Real)
     )
 
 
-def _objects(depsgraph: Any) -> list[Any]:
+def _objects(depsgraph: bpy.types.Depsgraph) -> list[Any]:
     return [item.original for item in depsgraph.objects]
 
 
-def is_there(layout: Layout, depsgraph: Any) -> bool:
+def is_there(layout: Layout, depsgraph: bpy.types.Depsgraph) -> bool:
     """Return whether the objects of a layout are still all, and make instances as before."""
     try:
         alike = _instancing(layout.instanced) == layout.instanced
@@ -522,7 +528,7 @@ class _Latest:
         self.shaded: set[Any] = set()
         self.layout_changed = self.scene_changed = self.evaluated = False
 
-    def note(self, depsgraph: Any) -> None:
+    def note(self, depsgraph: bpy.types.Depsgraph) -> None:
         if self.snapshot is None or self.snapshot.depsgraph != depsgraph:
             return
         layout = self.snapshot.layout
@@ -545,7 +551,7 @@ class _Latest:
                     self.shaded.add(item)
                 self.scene_changed |= item in layout.instanced or not there
 
-    def take(self, depsgraph: Any) -> Snapshot:
+    def take(self, depsgraph: bpy.types.Depsgraph) -> Snapshot:
         last = self.snapshot
         found: Snapshot | None = None
         followed = follow_evaluations()
@@ -592,7 +598,7 @@ def watch_evaluations(function: Callable[[Any], None]) -> Callable[[], None]:
 
 
 @persistent
-def _note_evaluation(_scene: Any, depsgraph: Any) -> None:
+def _note_evaluation(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     _latest.note(depsgraph)
     for function in _watchers:
         function(depsgraph)
@@ -646,7 +652,7 @@ def _reports() -> tuple[tuple[Any, Any], ...]:
     )
 
 
-def take_snapshot(depsgraph: Any) -> Snapshot:
+def take_snapshot(depsgraph: bpy.types.Depsgraph) -> Snapshot:
     """Return all objects and instances of a depsgraph that is up to date.
 
     It is the same snapshot until Blender evaluates something else.

@@ -99,7 +99,7 @@ ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERR
 
 
 @contextlib.contextmanager
-def reported(operator: Any) -> Iterator[None]:
+def reported(operator: bpy.types.Operator) -> Iterator[None]:
     """Turn a named error into the operator's report; the operator returns CANCELLED then."""
     try:
         yield
@@ -107,14 +107,18 @@ def reported(operator: Any) -> Iterator[None]:
         operator.report({"ERROR"}, str(error))
 
 
-def report_findings(operator: Any, findings: list[Finding], frames: Sequence[int] = ()) -> None:
+def report_findings(
+    operator: bpy.types.Operator, findings: list[Finding], frames: Sequence[int] = ()
+) -> None:
     """Report findings of `frames` in Blender's status bar and Info editor."""
     for item in merge(findings):
         kind = "INFO" if item.severity == "info" else "WARNING"  # ERROR would raise in scripts
         operator.report({kind}, finding_lines([item], frames)[0])
 
 
-def draw_findings(context: Any, layout: Any, findings: Iterable[Finding]) -> None:
+def draw_findings(
+    context: bpy.types.Context, layout: bpy.types.UILayout, findings: Iterable[Finding]
+) -> None:
     """Draw findings in a panel, each with the icon of its severity."""
     for item in findings:
         wrapped(context, layout, item.message, ICONS[item.severity])
@@ -134,7 +138,7 @@ def read_findings(text: str) -> list[Finding]:
 _NARROW = 40
 
 
-def active_group(scene: Any) -> Any:
+def active_group(scene: bpy.types.Scene) -> Any:
     """Return the properties of the scene's active radar; None without one."""
     try:
         return getattr(active_radar(scene), RADAR_PROPERTY)
@@ -154,18 +158,18 @@ class ActiveRadarPanel(RadarPanel):
     """A panel of the sidebar tab about the active radar."""
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return active_group(context.scene) is not None
 
 
-def split(layout: Any) -> Any:
+def split(layout: bpy.types.UILayout) -> Any:
     """Return a layout with names on the left and values on the right, without keyframe buttons."""
     layout.use_property_split = True
     layout.use_property_decorate = False
     return layout
 
 
-def draw_number(layout: Any, name: str, text: str, icon: str = "NONE") -> None:
+def draw_number(layout: bpy.types.UILayout, name: str, text: str, icon: str = "NONE") -> None:
     """Draw a derived number like a field: its name on the left, its value on the right."""
     parts = layout.split(factor=0.4)
     names = parts.row()
@@ -189,7 +193,7 @@ def shown_at_field(group: Any, wrong: str) -> bool:
     return shown and any(misfit(group, item) == wrong for item in RADAR_SETTINGS.values())
 
 
-def _draw_quantity(layout: Any, group: Any, item: Declared) -> None:
+def _draw_quantity(layout: bpy.types.UILayout, group: Any, item: Declared) -> None:
     """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
     parts = layout.split(factor=0.4)
     names = parts.row()
@@ -208,7 +212,7 @@ def draw_state(panel: Any, text: str) -> None:
 
 
 def draw_fields(
-    layout: Any,
+    layout: bpy.types.UILayout,
     group: Any,
     settings: Mapping[str, Declared],
     *names: str,
@@ -242,7 +246,7 @@ def draw_fields(
             draw_number(column, label, text)
 
 
-def wrapped(context: Any, layout: Any, text: str, icon: str) -> None:
+def wrapped(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
     """Draw a sentence over as many lines as the sidebar's width needs."""
     letters = max(16, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
     column = layout.column(align=True)

@@ -49,7 +49,7 @@ class RADARSIM_OT_draw_patterns(bpy.types.Operator):
         description="Which patterns are drawn",
     )
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             antennas = antennas_of(context.scene, active_radar(context.scene))
             rig = find_rig(context.scene, **antennas, any_projection=True)
@@ -69,7 +69,7 @@ class RADARSIM_OT_remove_patterns(bpy.types.Operator):
     bl_label = "Remove Patterns"
     bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         remove_patterns()
         return {"FINISHED"}
 
@@ -80,10 +80,10 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
     bl_parent_id = "RADARSIM_PT_rig"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header(self, context: Any) -> None:
+    def draw_header(self, context: bpy.types.Context) -> None:
         self.layout.prop(active_group(context.scene), "use_link_budget", text="")
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         group = active_group(context.scene)
         if not group.use_link_budget:
             draw_state(self, tr("light as EIRP"))
@@ -93,7 +93,7 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
                 if system is not None:
                     draw_state(self, tr("EIRP {dbm:.1f} dBm", dbm=_dbm(eirp_w(system))))
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout = split(self.layout)
         group = active_group(context.scene)
         if not group.use_link_budget:
@@ -124,7 +124,7 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
             box.label(text=line)
 
 
-def scene_system(scene: Any) -> RadarSystem | None:
+def scene_system(scene: bpy.types.Scene) -> RadarSystem | None:
     """The scene's link budget with its antennas; None where none is used.
 
     The last ones are kept: the gain of an antenna is an integral, and panels draw all the time.

@@ -65,7 +65,7 @@ class LivePreview:
         self.fault = ""
         self.statistics = _Statistics()
 
-    def tick(self, context: Any) -> float:
+    def tick(self, context: bpy.types.Context) -> float:
         """Do one slice; return the time to the next one [s].
 
         What Blender refuses to change is raised once: where it lets timers, it is done again.
@@ -88,7 +88,7 @@ class LivePreview:
         self.statistics.slices += 1
         return pause_s
 
-    def _step(self, context: Any, deadline_s: float) -> float:
+    def _step(self, context: bpy.types.Context, deadline_s: float) -> float:
         running = getattr(context.window_manager, PROGRESS_PROPERTY).running
         if running or bpy.app.is_job_running("RENDER"):
             self.pause()
@@ -126,7 +126,7 @@ class LivePreview:
             Message({**scene.message.fields, "number": self._number}, scene.message.arrays)
         )
 
-    def _receive(self, context: Any) -> None:
+    def _receive(self, context: bpy.types.Context) -> None:
         """Take the newest draft; of a scene that was sent before it is out of date."""
         for message in self._process.received():
             if message.fields["number"] != self._number:
@@ -147,7 +147,7 @@ class LivePreview:
         self.statistics.drafts += 1
         self.statistics.first_drafts += draft.fields["level"] == 0
 
-    def _show_fault(self, context: Any, text: str) -> None:
+    def _show_fault(self, context: bpy.types.Context, text: str) -> None:
         if text != self.fault:
             self.fault, self.draft = text, None
             _redraw(context)
@@ -205,7 +205,7 @@ class LivePreview:
         self._process.close()
 
 
-def _redraw(context: Any) -> None:
+def _redraw(context: bpy.types.Context) -> None:
     """Draw the 3D views again, without their sidebars."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:

@@ -9,6 +9,7 @@ from itertools import chain
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
+import bpy
 import numpy as np
 
 from ...arrays import Real
@@ -62,7 +63,11 @@ class LiveMaterial(NamedTuple):
 
 
 def live_material(
-    material: Any, carrier_hz: float, beyond_band: str, polarisation: str, any_material: bool
+    material: bpy.types.Material,
+    carrier_hz: float,
+    beyond_band: str,
+    polarisation: str,
+    any_material: bool,
 ) -> LiveMaterial:
     """Return a material at a carrier [Hz]; a ConfigError where its medium cannot be evaluated.
 
@@ -143,7 +148,7 @@ class LiveReader:
         self._keys: WeakKeyDictionary[Shape, int] = WeakKeyDictionary()
         self._next = 0
 
-    def read(self, context: Any) -> Iterator[Message | LiveScene | None]:
+    def read(self, context: bpy.types.Context) -> Iterator[Message | LiveScene | None]:
         """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
 
         None after a part of a mesh. Stop where the scene changes before the end.
@@ -164,7 +169,12 @@ class LiveReader:
         yield from self._scene(scene, depsgraph, snapshot, rows.tolist(), left_out)
 
     def _scene(
-        self, scene: Any, depsgraph: Any, snapshot: Snapshot, rows: list[int], left_out: int
+        self,
+        scene: bpy.types.Scene,
+        depsgraph: bpy.types.Depsgraph,
+        snapshot: Snapshot,
+        rows: list[int],
+        left_out: int,
     ) -> Iterator[LiveScene | None]:
         radar, rig = active_radar(scene), rig_of(scene, active_radar(scene))
         if rig.camera.data.type != "PERSP":

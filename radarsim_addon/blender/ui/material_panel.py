@@ -122,10 +122,10 @@ class RADARSIM_PT_material_clutter(bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return group_input(getattr(context, "material", None), CLUTTER_ROW) is not None
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, material = self.layout, context.material
         layout.use_property_split = True
         settings = getattr(material, MATERIAL_PROPERTY)
@@ -137,7 +137,13 @@ class RADARSIM_PT_material_clutter(bpy.types.Panel):
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
 
-    def _draw_model(self, context: Any, layout: Any, material: Any, settings: Any) -> None:
+    def _draw_model(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        material: bpy.types.Material,
+        settings: Any,
+    ) -> None:
         clutter = clutter_of(material)
         if clutter is None:
             return
@@ -163,7 +169,7 @@ class RADARSIM_PT_material_clutter(bpy.types.Panel):
                 text += "  " + tr("(outside the model)")
             column.label(text=text, icon="NONE" if in_range else "ERROR")
 
-    def _draw_fluctuation(self, layout: Any, settings: Any) -> None:
+    def _draw_fluctuation(self, layout: bpy.types.UILayout, settings: Any) -> None:
         layout.prop(settings, "texture")
         if settings.texture != "none":
             layout.prop(settings, "texture_shape")
@@ -212,11 +218,11 @@ class RADARSIM_OT_make_physical(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         material = getattr(context, "material", None)
         return material is not None and material.library is None and not material.is_grease_pencil
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         material = context.material
         try:
             if pm.MEDIUM not in material:
@@ -237,10 +243,10 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
     bl_context = "material"
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return getattr(context, "material", None) is not None
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, material = self.layout, context.material
         layout.use_property_split = True
         settings = getattr(material, MATERIAL_PROPERTY)
@@ -257,7 +263,13 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
             layout.prop(settings, "sheet_thickness_mm")
         self._draw_surface(context, layout, material)
 
-    def _draw_medium(self, context: Any, layout: Any, material: Any, settings: Any) -> None:
+    def _draw_medium(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        material: bpy.types.Material,
+        settings: Any,
+    ) -> None:
         carrier, policy = carrier_hz(context.scene), beyond_band(context.scene)
         layout.prop(settings, "medium")
         try:
@@ -284,7 +296,9 @@ class RADARSIM_PT_material_physical(bpy.types.Panel):
             text = tr("Penetration depth (power to 1/e) {metres:.3g} m", metres=depth_m)
             layout.label(text=text)
 
-    def _draw_surface(self, context: Any, layout: Any, material: Any) -> None:
+    def _draw_surface(
+        self, context: bpy.types.Context, layout: bpy.types.UILayout, material: bpy.types.Material
+    ) -> None:
         surface = read_surface(material)
         try:
             surface.scattered_lobe()
@@ -354,7 +368,7 @@ def catalogue_text() -> str:
     )
 
 
-def add_library(preferences: Any) -> Any:
+def add_library(preferences: bpy.types.Preferences) -> Any:
     """Register the library in the `preferences`, return its entry; again: nothing changes."""
     if not BLEND.is_file():
         raise SceneError(
@@ -388,7 +402,7 @@ class RADARSIM_OT_add_asset_library(bpy.types.Operator):
     bl_label = "Add Radar Materials Library"
     bl_options = {"REGISTER"}
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             library = add_library(context.preferences)
             # The file may contain materials of the library from another carrier.

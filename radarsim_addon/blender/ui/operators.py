@@ -58,10 +58,10 @@ class TimedOperator(bpy.types.Operator):
     _timer: Any = None
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return not getattr(context.window_manager, PROGRESS_PROPERTY).running
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if bpy.app.background:
             return self.execute(context)
         with reported(self):
@@ -78,7 +78,7 @@ class TimedOperator(bpy.types.Operator):
             return {"RUNNING_MODAL"}
         return {"CANCELLED"}
 
-    def modal(self, context: Any, event: Any) -> set[str]:
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC" and event.value == "PRESS":
             return self._escape(context)
         if event.type != "TIMER":  # looking around passes; what could change the scene does not
@@ -97,15 +97,15 @@ class TimedOperator(bpy.types.Operator):
         self._show(context, *self._state())
         return {"PASS_THROUGH"}
 
-    def cancel(self, context: Any) -> None:
+    def cancel(self, context: bpy.types.Context) -> None:
         """Blender closes the window or loads another file."""
         self._end(context, tr("Stopped"))
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Do all of it at once."""
         raise NotImplementedError
 
-    def _start(self, context: Any) -> list[Finding]:
+    def _start(self, context: bpy.types.Context) -> list[Finding]:
         """Begin; return the findings before."""
         raise NotImplementedError
 
@@ -117,22 +117,22 @@ class TimedOperator(bpy.types.Operator):
         """Fraction that is done, and its text."""
         raise NotImplementedError
 
-    def _escape(self, context: Any) -> set[str]:
+    def _escape(self, context: bpy.types.Context) -> set[str]:
         """The user pressed Esc."""
         raise NotImplementedError
 
-    def _conclude(self, context: Any) -> set[str]:
+    def _conclude(self, context: bpy.types.Context) -> set[str]:
         """The last step is done."""
         raise NotImplementedError
 
-    def _show(self, context: Any, fraction: float, text: str) -> None:
+    def _show(self, context: bpy.types.Context, fraction: float, text: str) -> None:
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         if progress.text != text:
             progress.fraction, progress.text = fraction, text
             context.workspace.status_text_set(tr("{text}  (Esc stops)", text=text))
             redraw_panels(context)
 
-    def _end(self, context: Any, text: str) -> None:
+    def _end(self, context: bpy.types.Context, text: str) -> None:
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
@@ -181,7 +181,7 @@ class InteractiveRender:
     Blender's render window is off meanwhile.
     """
 
-    def __init__(self, job: MeasurementJob, preferences: Any) -> None:
+    def __init__(self, job: MeasurementJob, preferences: bpy.types.Preferences) -> None:
         self.job = job
         self.closed = False
         self.stop_reason = ""
@@ -346,7 +346,7 @@ class InteractiveRender:
 _AWAY = 3.0
 
 
-def radar_pose(context: Any) -> tuple[Vector, Euler] | None:
+def radar_pose(context: bpy.types.Context) -> tuple[Vector, Euler] | None:
     """Return location and rotation of a new radar that looks at the selected objects.
 
     It is at the eye of the 3D view, or, where that is inside an object, outside the scene. Without
@@ -408,7 +408,7 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
 
     preset: preset_choice("Radar to begin with")
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             pose = radar_pose(context)
             empty = setup_rig(context.scene, tuple(context.scene.cursor.location))
@@ -437,10 +437,10 @@ class RADARSIM_OT_assign_material(bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return bool(context.selected_objects)
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             assign_radar_material(context.selected_objects, self.preset)
             return {"FINISHED"}
@@ -460,7 +460,7 @@ class RADARSIM_OT_watch_escape(bpy.types.Operator):
 
     run: ClassVar[InteractiveRender | None] = None
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         self._run = type(self).run
         self._task = self._run.rendering if self._run else None
         if self._task is None:
@@ -468,7 +468,7 @@ class RADARSIM_OT_watch_escape(bpy.types.Operator):
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: Any, event: Any) -> set[str]:
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         assert self._run is not None
         if self._run.closed or self._run.rendering is not self._task:
             return {"FINISHED", "PASS_THROUGH"}
@@ -487,7 +487,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
     _began_s = 0.0
     _watched: object | None = None
 
-    def _start(self, context: Any) -> list[Finding]:
+    def _start(self, context: bpy.types.Context) -> list[Finding]:
         if bpy.app.is_job_running("RENDER"):
             raise RenderError("Another render is running. Wait for its end, or stop it.")
         job = _job_of(context)
@@ -515,11 +515,11 @@ class RADARSIM_OT_render_frames(TimedOperator):
         text = progress_text(job.done, job.total, job.seconds_left, job.unit)
         return job.fraction, f"{text} ({job.stage})" if job.stage else text
 
-    def _escape(self, context: Any) -> set[str]:
+    def _escape(self, context: bpy.types.Context) -> set[str]:
         self._run.request_stop("stopped by Esc")
         return {"RUNNING_MODAL"}
 
-    def _conclude(self, context: Any) -> set[str]:
+    def _conclude(self, context: bpy.types.Context) -> set[str]:
         job, reason = self._run.job, self._run.stop_reason
         if reason:
             text = tr(
@@ -543,7 +543,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
         self.report({"INFO"}, text)
         return {"FINISHED"}
 
-    def _end(self, context: Any, text: str) -> None:
+    def _end(self, context: bpy.types.Context, text: str) -> None:
         if not self._run.closed:  # else the file was saved, loaded or undone
             self._run.close()
             note_measured(context, self._run.job.fingerprint)
@@ -551,7 +551,7 @@ class RADARSIM_OT_render_frames(TimedOperator):
             self.report({"WARNING"}, f"Not restored: {failure}")
         super()._end(context, text)
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Without a window: all renders, one after the other, with a progress line."""
         with reported(self):
             with quiet_blender() as stream, _job_of(context) as job:
@@ -580,7 +580,7 @@ class RADARSIM_OT_process_last_run(TimedOperator):
     _images: list[Any]
     _drawing: Iterator[list[Any]] | None = None
 
-    def _start(self, context: Any) -> list[Finding]:
+    def _start(self, context: bpy.types.Context) -> list[Finding]:
         folder = output_folder(active_radar(context.scene))
         fingerprint = check_own_run(context.scene, folder)
         apart = not bpy.app.background
@@ -603,21 +603,21 @@ class RADARSIM_OT_process_last_run(TimedOperator):
     def _state(self) -> tuple[float, str]:
         return self._job.fraction, self._job.text
 
-    def _escape(self, context: Any) -> set[str]:
+    def _escape(self, context: bpy.types.Context) -> set[str]:
         self._end(context, "Processing stopped")
         return {"CANCELLED"}
 
-    def _end(self, context: Any, text: str) -> None:
+    def _end(self, context: bpy.types.Context, text: str) -> None:
         self._job.close()
         super()._end(context, text)
 
-    def _conclude(self, context: Any) -> set[str]:
+    def _conclude(self, context: bpy.types.Context) -> set[str]:
         self._end(context, self._job.text)
         self._report_end()
         show_images(context, self._images)
         return {"FINISHED"}
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Without a window: at once."""
         with reported(self):
             self._start(context)
@@ -639,7 +639,7 @@ class RADARSIM_OT_open_output(bpy.types.Operator):
     bl_idname = "radarsim.open_output"
     bl_label = "Open Output Folder"
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             folder = output_folder(active_radar(context.scene))
             if not folder.is_dir():
@@ -649,7 +649,7 @@ class RADARSIM_OT_open_output(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-def _job_of(context: Any) -> MeasurementJob:
+def _job_of(context: bpy.types.Context) -> MeasurementJob:
     """The job that a scene's settings ask for; a `RadarSimError` where they do not fit together."""
     radar = active_radar(context.scene)
     return make_job(
@@ -710,10 +710,10 @@ class RADARSIM_OT_coverage(bpy.types.Operator):
         description="Write picture and numbers there; // is the folder of the .blend file",
     )
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         return context.window_manager.invoke_props_dialog(self)  # type: ignore[no-any-return]
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             if self.folder.startswith("//") and not bpy.data.filepath:
                 raise OutputError(

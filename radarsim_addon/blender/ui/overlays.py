@@ -178,7 +178,7 @@ class Lines(NamedTuple):
     matrix: Any
 
 
-def overlay_lines(context: Any) -> tuple[list[Lines], list[tuple[Label, Any]]]:
+def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[Label, Any]]]:
     """Return lines and labels that are switched on, in the axes of receiver and transmitter."""
     shown = getattr(context.window_manager, PROGRESS_PROPERTY)
     scene = context.scene
@@ -278,7 +278,7 @@ def _shader() -> Any:
     return gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
 
 
-def _visible(context: Any) -> bool:
+def _visible(context: bpy.types.Context) -> bool:
     """Whether a view shows overlays at all, and no run has the scene in its measuring state."""
     running = getattr(context.window_manager, PROGRESS_PROPERTY).running
     return context.space_data.overlay.show_overlays and not running
@@ -336,10 +336,10 @@ class RADARSIM_PT_overlays(RadarPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return active_group(context.scene) is not None
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         column = split(self.layout).column(heading="Show")
         shown = getattr(context.window_manager, PROGRESS_PROPERTY)
         for name in _NAMES:

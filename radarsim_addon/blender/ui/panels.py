@@ -69,7 +69,7 @@ class _OnRadar(bpy.types.Operator):
     """An operator on the active radar."""
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return active_group(context.scene) is not None
 
 
@@ -83,10 +83,10 @@ class RADARSIM_OT_apply_preset(_OnRadar):
     preset: preset_choice("Radar that the active one becomes")
 
     @classmethod
-    def description(cls, context: Any, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
         return radar_preset(properties.preset).description
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             apply_preset(context.scene, active_radar(context.scene), radar_preset(self.preset))
             return {"FINISHED"}
@@ -104,7 +104,7 @@ class RADARSIM_OT_load_preset(_OnRadar):
         name="File", subtype="FILE_PATH", description="File of a saved radar"
     )
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             preset = load_preset(Path(self.filepath))
             apply_preset(context.scene, active_radar(context.scene), preset)
@@ -122,7 +122,7 @@ class RADARSIM_OT_save_preset(AddPresetBase, _OnRadar):
     preset_menu = "RADARSIM_PT_presets"
     preset_subdir = _FOLDER
 
-    def add(self, context: Any, filepath: str) -> None:
+    def add(self, context: bpy.types.Context, filepath: str) -> None:
         """Write the file; Blender's preset system chose its name."""
         radar = active_radar(context.scene)
         save_preset(Path(filepath), read_preset(context.scene, radar, self.name))
@@ -136,7 +136,7 @@ class RADARSIM_PT_presets(PresetPanel, RadarPanel, bpy.types.Panel):
     preset_operator = "radarsim.load_preset"
     preset_add_operator = "radarsim.save_preset"
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         column = self.layout.column(align=True)
         column.emboss = "PULLDOWN_MENU"
         for name, preset in PRESETS.items():
@@ -165,11 +165,11 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
     bl_label = "Radar"
     bl_idname = "RADARSIM_PT_rig"
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         if active_group(context.scene) is not None:
             RADARSIM_PT_presets.draw_panel_header(self.layout)
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, scene = split(self.layout), context.scene
         # To look for radars takes long in a large scene: not where one is chosen.
         if getattr(scene, ACTIVE_RADAR_PROPERTY) is None and not radars(scene):
@@ -212,7 +212,7 @@ class RADARSIM_PT_antenna_objects(ActiveRadarPanel, bpy.types.Panel):
     bl_parent_id = "RADARSIM_PT_rig"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, group = split(self.layout), active_group(context.scene)
         column = layout.column()
         column.prop(group, "camera")
@@ -231,14 +231,14 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Waveform"
     bl_idname = "RADARSIM_PT_waveform"
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         measurement, _ = current_measurement(context.scene)
         if measurement is not None:
             radar = measurement.radar
             resolution = _length(radar.waveform.range_resolution_m)
             draw_state(self, f"{resolution}, ±{radar.max_unambiguous_velocity_mps:.3g} m/s")
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, group = split(self.layout), active_group(context.scene)
         layout.prop(group, "waveform_kind", text="Kind")
         measurement, wrong = current_measurement(context.scene)
@@ -290,12 +290,12 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Measure"
     bl_idname = "RADARSIM_PT_render"
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         measurement, _ = current_measurement(context.scene)
         if measurement is not None:
             draw_state(self, effort(context, measurement)[0])
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, group = split(self.layout), active_group(context.scene)
         if group.sampling_mode == "paths":
             layout.row().prop(group, "quality", expand=True)
@@ -327,7 +327,9 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
         _draw_progress(context, layout, measurement)
 
 
-def _draw_progress(context: Any, layout: Any, measurement: Measurement | None) -> None:
+def _draw_progress(
+    context: bpy.types.Context, layout: bpy.types.UILayout, measurement: Measurement | None
+) -> None:
     """How far the run is, and its findings."""
     progress = getattr(context.window_manager, PROGRESS_PROPERTY)
     if progress.running:
@@ -345,7 +347,7 @@ class RADARSIM_PT_advanced(ActiveRadarPanel, bpy.types.Panel):
     bl_idname = "RADARSIM_PT_advanced"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, group = split(self.layout), active_group(context.scene)
         layout.row().prop(group, "sampling_mode", expand=True)
         draw_fields(layout, group, RADAR_SETTINGS, *_SAMPLING[group.sampling_mode], "seed")
@@ -369,7 +371,7 @@ class RADARSIM_PT_media(ActiveRadarPanel, bpy.types.Panel):
     bl_parent_id = "RADARSIM_PT_advanced"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, group = split(self.layout), active_group(context.scene)
         draw_fields(layout, group, RADAR_SETTINGS, "polarisation", "beyond_band", "extinction")
         if group.extinction == "length":

@@ -216,7 +216,7 @@ def _put(name: str, found: Message) -> Any:
     return image
 
 
-def _new_editors(context: Any, window: Any, count: int) -> list[Any]:
+def _new_editors(context: bpy.types.Context, window: Any, count: int) -> list[Any]:
     """Split the largest area of a window into Image Editors."""
     area = max(window.screen.areas, key=lambda item: item.width * item.height)
     area.type = "IMAGE_EDITOR"
@@ -228,7 +228,7 @@ def _new_editors(context: Any, window: Any, count: int) -> list[Any]:
     return [area]
 
 
-def show_images(context: Any, images: list[Any]) -> None:
+def show_images(context: bpy.types.Context, images: list[Any]) -> None:
     """Show images in the open Image Editors; without one, in a new window."""
     editors = [
         area

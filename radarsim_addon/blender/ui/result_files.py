@@ -31,10 +31,10 @@ class _PictureFile(ExportHelper):
     """
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return shown_view() is not None
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         picture = getattr(context.window_manager, RESULTS_PROPERTY).picture
         self.filepath = f"{picture.lower()}{self.filename_ext}"
         return super().invoke(context, event)  # type: ignore[no-any-return]
@@ -50,7 +50,7 @@ class _PictureFile(ExportHelper):
     _steps: Generator[float, None, None]
     report: Callable[..., None]
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             self._steps = self._written(context, self.path())
             if bpy.app.background:
@@ -64,7 +64,7 @@ class _PictureFile(ExportHelper):
             return {"RUNNING_MODAL"}
         return {"CANCELLED"}
 
-    def modal(self, context: Any, event: Any) -> set[str]:
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC" and event.value == "PRESS":
             return self._ended(context, "CANCELLED")
         if event.type != "TIMER":
@@ -78,7 +78,7 @@ class _PictureFile(ExportHelper):
             return self._ended(context, "CANCELLED")
         return {"PASS_THROUGH"}
 
-    def _ended(self, context: Any, outcome: str) -> set[str]:
+    def _ended(self, context: bpy.types.Context, outcome: str) -> set[str]:
         self._steps.close()
         context.window_manager.event_timer_remove(self._timer)
         context.window_manager.progress_end()
@@ -93,7 +93,7 @@ class RADARSIM_OT_save_picture(_PictureFile, bpy.types.Operator):
     bl_options = {"REGISTER"}
     filename_ext = ".png"
 
-    def _written(self, context: Any, path: Path) -> Generator[float, None, None]:
+    def _written(self, context: bpy.types.Context, path: Path) -> Generator[float, None, None]:
         name = getattr(context.window_manager, RESULTS_PROPERTY).picture
         png = yield from _drawn(context, name, None)
         with replaced(path) as temporary:
@@ -122,7 +122,7 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
         description="Set how long each frame is shown [s]",
     )
 
-    def check(self, context: Any) -> bool:
+    def check(self, context: bpy.types.Context) -> bool:
         """Follow the choice of the format in the dialog."""
         before, ending = self.filepath, ".mp4" if self.movie else ".gif"
         self.filename_ext = ending
@@ -130,7 +130,7 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
             self.filepath = str(Path(before).with_suffix(ending))
         return self.filepath != before
 
-    def _written(self, context: Any, path: Path) -> Generator[float, None, None]:
+    def _written(self, context: bpy.types.Context, path: Path) -> Generator[float, None, None]:
         run, name = shown_run(), getattr(context.window_manager, RESULTS_PROPERTY).picture
         assert run is not None
         frames = sorted(run.frames)
@@ -159,7 +159,9 @@ class RADARSIM_OT_save_animation(_PictureFile, bpy.types.Operator):
                 yield 1.0
 
 
-def _drawn(context: Any, name: str, frame: int | None) -> Generator[float, None, bytes]:
+def _drawn(
+    context: bpy.types.Context, name: str, frame: int | None
+) -> Generator[float, None, bytes]:
     """Yield until a picture of a frame (None: the one that is shown) is drawn; return its PNG."""
     fields = picture_fields(context, name, frame)
     if fields is None:

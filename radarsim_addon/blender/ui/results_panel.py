@@ -72,7 +72,7 @@ def _process_now() -> float | None:
     return None
 
 
-def _picture_chosen(state: Any, context: Any) -> None:
+def _picture_chosen(state: Any, context: bpy.types.Context) -> None:
     run, view = shown_run(), shown_view()
     if run is None or view is None:
         return
@@ -90,7 +90,7 @@ def _row_chosen(_: Any, row: int) -> None:
     bpy.ops.radarsim.select_target("EXEC_DEFAULT", True, row=row)
 
 
-def _detector_chosen(state: Any, context: Any) -> None:
+def _detector_chosen(state: Any, context: bpy.types.Context) -> None:
     """Without noise a detector finds the sidelobes of the strong targets: it is switched on."""
     group = active_group(context.scene)
     if state.cfar != "OFF" and group is not None and group.use_link_budget:
@@ -98,7 +98,7 @@ def _detector_chosen(state: Any, context: Any) -> None:
     _process_again()
 
 
-def _span_chosen(_: Any, context: Any) -> None:
+def _span_chosen(_: Any, context: bpy.types.Context) -> None:
     draw_pictures(context)
 
 
@@ -234,7 +234,7 @@ class RadarResults(bpy.types.PropertyGroup):
     )
 
 
-def chosen_processing(context: Any) -> list[str]:
+def chosen_processing(context: bpy.types.Context) -> list[str]:
     """Return how the tab wants a run processed, as options of `radarsim process`."""
     state = getattr(context.window_manager, RESULTS_PROPERTY)
     words = ["--thermal-noise"] if state.thermal_noise else []
@@ -287,7 +287,7 @@ _REACH_PX = 30.0
 _keys: list[tuple[Any, Any]] = []
 
 
-def _kind_of(context: Any) -> str:
+def _kind_of(context: bpy.types.Context) -> str:
     """The kind of picture that the editor under the mouse shows; empty if a click means nothing."""
     space = context.space_data
     image = space.image if space is not None and space.type == "IMAGE_EDITOR" else None
@@ -315,10 +315,10 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return shown_view() is not None
 
-    def invoke(self, context: Any, event: Any) -> set[str]:
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         kind = _kind_of(context)
         if not kind:
             return {"PASS_THROUGH"}
@@ -331,7 +331,7 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
         done = self.execute(context)
         return done if done == {"FINISHED"} else {*done, "PASS_THROUGH"}  # for Blender's own tools
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         run, view = shown_run(), shown_view()
         assert run is not None and view is not None
         if bpy.app.background:
@@ -383,10 +383,10 @@ class RADARSIM_OT_select_target(bpy.types.Operator):
     row: bpy.props.IntProperty(name="Row", min=0, description="Row of the list, from 0")
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return shown_view() is not None
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         if choose_row(context, self.row) is None:
             self.report({"ERROR"}, f"The list of targets has no row {self.row}.")
             return {"CANCELLED"}
@@ -394,7 +394,7 @@ class RADARSIM_OT_select_target(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def select_chosen(operator: Any, context: Any) -> None:
+def select_chosen(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
     """Select the object of the chosen target; an operator's report where that is not possible."""
     target = chosen_target()
     item = None if target is None else _object_of(context, target)
@@ -408,7 +408,7 @@ def select_chosen(operator: Any, context: Any) -> None:
     context.view_layer.objects.active = item
 
 
-def _object_of(context: Any, target: Target) -> Any:
+def _object_of(context: bpy.types.Context, target: Target) -> Any:
     """The object of the scene that a target is on; that of an instance is "Instancer/Name"."""
     for name in (target["name"], target["name"].partition("/")[0]):
         item = context.view_layer.objects.get(name)
@@ -427,10 +427,10 @@ class RADARSIM_OT_step_frame(bpy.types.Operator):
     step: bpy.props.IntProperty(name="Step", default=1, description="Frames forward; -1 is back")
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return shown_view() is not None
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         run, view = shown_run(), shown_view()
         assert run is not None and view is not None
         frames = sorted(run.frames)
@@ -443,7 +443,14 @@ class RADARSIM_UL_targets(bpy.types.UIList):
     """Rows: object, and its numbers."""
 
     def draw_item(
-        self, context: Any, layout: Any, data: Any, item: Any, icon: int, owner: Any, name: str
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: Any,
+        icon: int,
+        owner: Any,
+        name: str,
     ) -> None:
         row = layout.split(factor=0.3)
         row.label(text=item.name, translate=False)
@@ -454,14 +461,14 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
     bl_label = "Results"
     bl_idname = "RADARSIM_PT_results"
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         view = shown_view()
         if view is not None:
             draw_state(
                 self, tr("frame {n}, {count} targets", n=view.frame, count=len(view.targets))
             )
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout = split(self.layout)
         layout.operator("radarsim.process_last_run", icon="GRAPH")
         state = getattr(context.window_manager, RESULTS_PROPERTY)
@@ -494,7 +501,7 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
         layout.operator("radarsim.coverage", icon="IPO_SINE")
 
 
-def _draw_processing(context: Any, layout: Any, state: Any) -> None:
+def _draw_processing(context: bpy.types.Context, layout: bpy.types.UILayout, state: Any) -> None:
     """Settings that process the run again."""
     column = layout.column()
     if active_group(context.scene) is not None:
@@ -516,7 +523,7 @@ def _draw_processing(context: Any, layout: Any, state: Any) -> None:
         column.prop_search(state, "object_name", bpy.data, "objects")
 
 
-def _draw_chosen(layout: Any) -> None:
+def _draw_chosen(layout: bpy.types.UILayout) -> None:
     """Numbers of the chosen target."""
     target = chosen_target()
     if target is None:

@@ -60,7 +60,7 @@ LONG_S = 900.0
 _FRAME_S = 0.5
 
 
-def effort(context: Any, measurement: Measurement) -> tuple[str, float]:
+def effort(context: bpy.types.Context, measurement: Measurement) -> tuple[str, float]:
     """What a run takes, in words and in seconds: of rings the renders (0 s), of paths the time."""
     group = active_group(context.scene)
     try:
@@ -92,7 +92,7 @@ def time_text(seconds: float) -> str:
     return f"{max(seconds, 1.0):.0f} s"
 
 
-def long_run(context: Any, measurement: Measurement) -> list[Finding]:
+def long_run(context: bpy.types.Context, measurement: Measurement) -> list[Finding]:
     """Return the finding of a run that takes long; empty if it does not."""
     seconds = effort(context, measurement)[1]
     if seconds <= LONG_S:
@@ -113,7 +113,7 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
     bl_label = "Assign by Name..."
     bl_options = {"REGISTER"}
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         found = suggest_materials(context.evaluated_depsgraph_get())
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
         rows.clear()
@@ -137,10 +137,10 @@ class RADARSIM_OT_apply_materials(bpy.types.Operator):
     )
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         return bool(getattr(context.window_manager, PROGRESS_PROPERTY).suggestions)
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
         with reported(self):
             for row in () if self.discard else rows:
@@ -157,14 +157,21 @@ class RADARSIM_UL_suggestions(bpy.types.UIList):
     """Rows: optical material, radar material."""
 
     def draw_item(
-        self, context: Any, layout: Any, data: Any, item: Any, icon: int, owner: Any, name: str
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: Any,
+        icon: int,
+        owner: Any,
+        name: str,
     ) -> None:
         row = layout.split(factor=0.5)
         row.label(text=item.material, icon="MATERIAL")
         row.prop(item, "ready", text="")
 
 
-def draw_suggestions(context: Any, layout: Any) -> None:
+def draw_suggestions(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     """Draw the button that lists suggestions, and the list where there is one."""
     state = getattr(context.window_manager, PROGRESS_PROPERTY)
     layout.operator("radarsim.suggest_materials", icon="VIEWZOOM")
@@ -285,12 +292,12 @@ class RADARSIM_OT_set_values(bpy.types.Operator):
     )
 
     @classmethod
-    def description(cls, context: Any, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
         values = json.loads(properties.values or "{}")
         texts = (f"{name} = {value}" for name, value in values.items())
         return tr("Set {values} (SI units)", values=", ".join(texts))
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             try:
                 values = json.loads(self.values)
@@ -301,7 +308,7 @@ class RADARSIM_OT_set_values(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-def _named(context: Any, names: str) -> list[Any]:
+def _named(context: bpy.types.Context, names: str) -> list[Any]:
     """Objects of the view layer that a finding is about, by their name or that of a material."""
     wanted = {part for name in json.loads(names or "[]") for part in (name, *name.split(" and "))}
     return [
@@ -321,7 +328,7 @@ class RADARSIM_OT_select_subjects(bpy.types.Operator):
 
     names: bpy.props.StringProperty(name="Names", description="Objects or materials, as JSON")
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             found = _named(context, self.names)
             if not found:
@@ -345,7 +352,7 @@ class RADARSIM_OT_recalculate_normals(bpy.types.Operator):
 
     names: bpy.props.StringProperty(name="Names", description="Objects, as JSON")
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         if context.mode != "OBJECT":
             self.report(
                 {"ERROR"}, "Leave Edit Mode first: its mesh would replace the repaired one."
@@ -372,10 +379,10 @@ class RADARSIM_OT_explain(bpy.types.Operator):
     message: bpy.props.StringProperty(name="Message", description="Text of the finding")
 
     @classmethod
-    def description(cls, context: Any, properties: Any) -> str:
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
         return str(properties.message).rstrip(".")
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         lines = textwrap.wrap(self.message, _LETTERS)
         if bpy.app.background or context.window is None:
             self.report({"INFO"}, self.message)
@@ -405,11 +412,11 @@ class RADARSIM_OT_check_scene(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     @classmethod
-    def poll(cls, context: Any) -> bool:
+    def poll(cls, context: bpy.types.Context) -> bool:
         running = getattr(context.window_manager, PROGRESS_PROPERTY).running
         return not running and active_group(context.scene) is not None
 
-    def execute(self, context: Any) -> set[str]:
+    def execute(self, context: bpy.types.Context) -> set[str]:
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)
         progress.checked = ""
         with reported(self):
@@ -427,7 +434,7 @@ class RADARSIM_OT_check_scene(bpy.types.Operator):
 
 
 def known_findings(
-    context: Any, measurement: Measurement, record: SceneRecord | None
+    context: bpy.types.Context, measurement: Measurement, record: SceneRecord | None
 ) -> list[Finding]:
     """Return the findings of the settings as they are, and those of the last check."""
     quick = quick_findings(context.scene, measurement, record) + long_run(context, measurement)
@@ -447,7 +454,9 @@ _QUICK = {
 }  # fmt: skip
 
 
-def draw_rows(layout: Any, findings: Iterable[Finding], measurement: Measurement | None) -> None:
+def draw_rows(
+    layout: bpy.types.UILayout, findings: Iterable[Finding], measurement: Measurement | None
+) -> None:
     """Draw findings: a line of a few words, and buttons that fix, select and explain."""
     for item in findings:
         column = layout.column(align=True)
@@ -475,7 +484,7 @@ def title_of(code: str) -> str:
     return code.removeprefix("scene-").replace("-", " ").capitalize()
 
 
-def _all_known(context: Any) -> tuple[Measurement | None, SceneRecord | None, str]:
+def _all_known(context: bpy.types.Context) -> tuple[Measurement | None, SceneRecord | None, str]:
     """What is asked for, what is known of the scene, and why nothing can be measured."""
     measurement, wrong = current_measurement(context.scene)
     try:
@@ -495,7 +504,7 @@ class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
     bl_label = "Scene"
     bl_idname = "RADARSIM_PT_scene"
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         measurement, record, _ = _all_known(context)
         if measurement is None:
             draw_state(self, tr("cannot measure"))
@@ -505,7 +514,7 @@ class RADARSIM_PT_scene(ActiveRadarPanel, bpy.types.Panel):
         texts = [_count_text(kind, n) for kind, n in counts.items() if n]
         draw_state(self, ", ".join(texts) or tr("ok"))
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         measurement, record, wrong = _all_known(context)
         if measurement is None:
@@ -534,13 +543,13 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
     bl_idname = "RADARSIM_PT_material"
     bl_parent_id = "RADARSIM_PT_scene"
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         item = context.active_object
         if item is not None and item.type == "MESH":
             known = tr("Radar Material") if echoes(item) else tr("no Radar Material")
             draw_state(self, f"{item.name}: {known}")
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         state = getattr(context.window_manager, PROGRESS_PROPERTY)
         row = layout.row(align=True)
@@ -559,7 +568,7 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
     bl_parent_id = "RADARSIM_PT_scene"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_header_preset(self, context: Any) -> None:
+    def draw_header_preset(self, context: bpy.types.Context) -> None:
         try:
             weather = settings(active_radar(context.scene)).record(Weather)
             taken = _attenuation_db_per_km(weather, carrier_hz(context.scene))
@@ -568,7 +577,7 @@ class RADARSIM_PT_weather(ActiveRadarPanel, bpy.types.Panel):
             return
         draw_state(self, f"{taken:.3g} dB/km" if taken else tr("clear"))
 
-    def draw(self, context: Any) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         layout, group = split(self.layout), active_group(context.scene)
         names = ["rain_mm_per_h"]
         if group.rain_mm_per_h:

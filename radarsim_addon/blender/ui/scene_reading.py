@@ -81,7 +81,7 @@ _records: WeakKeyDictionary[Snapshot, dict[Any, SceneRecord]] = WeakKeyDictionar
 _latest: dict[str, SceneRecord] = {}
 
 
-def scene_record(context: Any) -> SceneRecord | None:
+def scene_record(context: bpy.types.Context) -> SceneRecord | None:
     """Return what is known of the scene; None before it was first read.
 
     A scene that changed is read a moment later, and the panels are drawn again. A `RadarSimError`
@@ -115,7 +115,7 @@ def _read_later() -> float | None:
     return None
 
 
-def redraw_panels(context: Any) -> None:
+def redraw_panels(context: bpy.types.Context) -> None:
     """Draw the sidebars again; Blender does not do so by itself for our numbers."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
@@ -123,7 +123,7 @@ def redraw_panels(context: Any) -> None:
                 area.tag_redraw()
 
 
-def _key(scene: Any) -> Any:
+def _key(scene: bpy.types.Scene) -> Any:
     """All that a record depends on besides the snapshot."""
     radar, render = active_radar(scene), scene.render
     view, group = settings(radar), getattr(radar, RADAR_PROPERTY)
@@ -141,7 +141,7 @@ def _key(scene: Any) -> Any:
     )
 
 
-def rig_of(scene: Any, radar: Any) -> Rig:
+def rig_of(scene: bpy.types.Scene, radar: Any) -> Rig:
     """Return the camera and the light of a radar; a `SceneError` where one is missing."""
     by_paths = settings(radar).sampling_mode == "paths"
     return find_rig(scene, **antennas_of(scene, radar), any_projection=by_paths)
@@ -153,7 +153,7 @@ def any_material_echoes(radar: Any) -> bool:
     return bool(view.sampling_mode == "paths" and view.range_encoding != "materials")
 
 
-def _read(scene: Any, depsgraph: Any, key: Any) -> SceneRecord:
+def _read(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, key: Any) -> SceneRecord:
     """Walk through the scene."""
     (radar, *_), scale, any_material, fps, span_s, frame, _ = key
     rig = rig_of(scene, radar)
@@ -207,7 +207,7 @@ def _pixel_spans(radar: Any, rig: Rig, boxes: Any, metres: float) -> PixelSpans 
 
 
 def _moving(
-    scene: Any, names: Iterable[str], frame: float, fps: float, metres: float
+    scene: bpy.types.Scene, names: Iterable[str], frame: float, fps: float, metres: float
 ) -> dict[str, Real]:
     """Place and velocity of objects that F-curves move, by name, (2, 3) [m, m/s]."""
     found: dict[str, Real] = {}
@@ -223,7 +223,7 @@ def _moving(
 
 
 def quick_findings(
-    scene: Any, measurement: Measurement, record: SceneRecord | None
+    scene: bpy.types.Scene, measurement: Measurement, record: SceneRecord | None
 ) -> list[Finding]:
     """Return what is known to mislead without a look at meshes, one finding a code."""
     view = settings(active_radar(scene))
@@ -256,7 +256,7 @@ def quick_findings(
     return merge(found)
 
 
-def current_measurement(scene: Any) -> tuple[Measurement | None, str]:
+def current_measurement(scene: bpy.types.Scene) -> tuple[Measurement | None, str]:
     """Return what the settings ask for, or None and what is wrong with them."""
     try:
         check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))

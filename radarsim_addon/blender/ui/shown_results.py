@@ -204,7 +204,7 @@ def chosen_target() -> Target | None:
 # -- whose results these are, and how old ----------------------------------------------------------
 
 
-def check_own_run(scene: Any, folder: Path) -> str:
+def check_own_run(scene: bpy.types.Scene, folder: Path) -> str:
     """Check that a folder holds a run of the open file and scene; return its fingerprint.
 
     OutputError: there is no run, or it is of another file or scene.
@@ -225,7 +225,7 @@ def check_own_run(scene: Any, folder: Path) -> str:
     return record.fingerprint
 
 
-def note_measured(context: Any, fingerprint: str) -> None:
+def note_measured(context: bpy.types.Context, fingerprint: str) -> None:
     """Note that a run of the scene as it is now has just ended."""
     context.view_layer.update()  # evaluates what the run has put back: this is no edit
     _state.measured, _state.edited = fingerprint, False
@@ -246,7 +246,7 @@ def age_of_results() -> str:
     return tr("The scene was edited after this run") if edited else ""
 
 
-def _settings_of(scene: Any) -> tuple[Any, ...]:
+def _settings_of(scene: bpy.types.Scene) -> tuple[Any, ...]:
     """Settings of a scene that change results; Blender reports them as it reports a selection."""
     render, world = scene.render, scene.world
     times = render.fps, render.fps_base, render.frame_map_old, render.frame_map_new
@@ -254,7 +254,7 @@ def _settings_of(scene: Any) -> tuple[Any, ...]:
     return scene.session_uid, scale, *times, world and world.name, len(scene.objects)
 
 
-def _radar_of(scene: Any) -> dict[str, Any]:
+def _radar_of(scene: bpy.types.Scene) -> dict[str, Any]:
     """Settings of the scene's radar that change the results of a frame; empty without a radar."""
     try:
         radar = active_radar(scene)
@@ -267,7 +267,7 @@ def _radar_of(scene: Any) -> dict[str, Any]:
 
 
 @bpy.app.handlers.persistent
-def _note_edit(scene: Any, depsgraph: Any) -> None:
+def _note_edit(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Note an edit of the scene. A selection, another frame and the run itself are none."""
     if _state.edited or not _state.measured or scene.session_uid != _state.settings[0]:
         return
@@ -287,7 +287,7 @@ def chosen_row() -> int:
     return _state.row
 
 
-def show_run(context: Any, run: ProcessedRun) -> Iterator[list[Any]]:
+def show_run(context: bpy.types.Context, run: ProcessedRun) -> Iterator[list[Any]]:
     """Show a run in place of the one before, the same frame if it has it; picture by picture.
 
     Image Editors with pictures of ours keep their kinds, and one gets the chosen picture. Without
@@ -320,7 +320,7 @@ def forget_run() -> None:
     _state.run, _state.chosen, _state.row, _state.frame = None, None, -1, 0
 
 
-def show_frame(context: Any, frame: int) -> None:
+def show_frame(context: bpy.types.Context, frame: int) -> None:
     """Show the processed frame next to a number; the chosen object stays chosen."""
     if _state.run is None:
         return
@@ -331,7 +331,7 @@ def show_frame(context: Any, frame: int) -> None:
 
 
 def draw_pictures(
-    context: Any,
+    context: bpy.types.Context,
     kinds: Collection[str] | None = None,
     then: Callable[[Any], None] | None = None,
 ) -> list[str]:
@@ -352,7 +352,9 @@ def draw_pictures(
     return asked
 
 
-def picture_fields(context: Any, name: str, frame: int | None = None) -> dict[str, Any] | None:
+def picture_fields(
+    context: bpy.types.Context, name: str, frame: int | None = None
+) -> dict[str, Any] | None:
     """Return what a picture of a frame (None: the one that is shown) is drawn from, as of
     `signal.pictures.worker`; None where the frame lacks what it needs.
 
@@ -376,7 +378,7 @@ def picture_fields(context: Any, name: str, frame: int | None = None) -> dict[st
     }
 
 
-def _editors(context: Any) -> list[Any]:
+def _editors(context: bpy.types.Context) -> list[Any]:
     """Image Editors that show one of our pictures."""
     ours = {kind.image for kind in KINDS.values()}
     return [
@@ -389,13 +391,13 @@ def _editors(context: Any) -> list[Any]:
     ]
 
 
-def _seen_kinds(context: Any) -> list[str]:
+def _seen_kinds(context: bpy.types.Context) -> list[str]:
     """Kinds of pictures that Image Editors show."""
     seen = {area.spaces.active.image.name for area in _editors(context)}
     return [name for name, kind in KINDS.items() if kind.image in seen]
 
 
-def show_picture(context: Any, name: str) -> None:
+def show_picture(context: bpy.types.Context, name: str) -> None:
     """Show a kind of picture in the first editor with one of ours; without any in a new window."""
     draw_pictures(context, {name}, lambda image: _show_image([image] if image else []))
 
@@ -410,7 +412,7 @@ def _show_image(images: list[Any]) -> None:
         editors[0].spaces.active.image = images[0]
 
 
-def choose_row(context: Any, row: int, frame: int | None = None) -> Target | None:
+def choose_row(context: bpy.types.Context, row: int, frame: int | None = None) -> Target | None:
     """Choose the target of a row of the list; return it. frame: None: the one that is shown."""
     if frame not in (None, _state.frame) and _state.run is not None:
         _state.frame = frame
@@ -422,7 +424,7 @@ def choose_row(context: Any, row: int, frame: int | None = None) -> Target | Non
     return _state.chosen
 
 
-def _choose(context: Any, target: Target | None, row: int = -1) -> None:
+def _choose(context: bpy.types.Context, target: Target | None, row: int = -1) -> None:
     view = shown_view()
     if row < 0 and target is not None and view is not None and target in view.targets:
         row = view.targets.index(target)
@@ -454,7 +456,7 @@ def follow_selection() -> None:
         _choose(context, target)
 
 
-def _fill_rows(context: Any) -> None:
+def _fill_rows(context: bpy.types.Context) -> None:
     """Fill the list of the panel."""
     state, view = getattr(context.window_manager, RESULTS_PROPERTY), shown_view()
     state.rows.clear()

@@ -58,7 +58,13 @@ class JointRender:
     `camera` is the one whose kind and place the others have.
     """
 
-    def __init__(self, recorder: SettingsRestorer, scene: Any, camera: Any, count: int) -> None:
+    def __init__(
+        self,
+        recorder: SettingsRestorer,
+        scene: bpy.types.Scene,
+        camera: bpy.types.Object,
+        count: int,
+    ) -> None:
         self._scene, self._camera = scene, camera
         self.cameras: list[Any] = []
         #: Looks of the next joint render, and what came out of the last one, by look.
@@ -151,7 +157,11 @@ class SecondView:
     """
 
     def __init__(
-        self, recorder: SettingsRestorer, scene: Any, cameras: ViewCamera, transmitter: Any
+        self,
+        recorder: SettingsRestorer,
+        scene: bpy.types.Scene,
+        cameras: ViewCamera,
+        transmitter: Any,
     ) -> None:
         self._scene, self._view, self._second = scene, cameras.item, cameras.second
         for name in (attributes.ATTR_SECOND_ORDER_MIN, attributes.ATTR_SECOND_ORDER_MAX):
@@ -195,7 +205,7 @@ def second_light(first: View, second: View) -> View | None:
     return second.turned() if same.sum() > _MOST_PIXELS * same.size else None
 
 
-def is_worth_it(view_layer: Any, rays: int) -> bool:
+def is_worth_it(view_layer: bpy.types.ViewLayer, rays: int) -> bool:
     """Return whether Cycles takes longer to go through the instances than to trace so many rays."""
     return len(view_layer.depsgraph.object_instances) >= max(rays, MANY_INSTANCES)
 
@@ -212,7 +222,7 @@ def may_tell_views(transmitter: Any) -> bool:
     return all(readers and all(n.type == "SEPXYZ" for n in readers) for readers in found)
 
 
-def _readers(tree: Any, attribute: str) -> list[Any]:
+def _readers(tree: bpy.types.NodeTree, attribute: str) -> list[Any]:
     """Return the nodes that read an attribute of the scene."""
     nodes = (n for n in tree.nodes if n.type == "ATTRIBUTE" and n.attribute_name == attribute)
     return [link.to_node for node in nodes for link in node.outputs["Vector"].links]
@@ -226,7 +236,9 @@ def _emitter_node(light: Any) -> Any:
     return found[0] if len(found) == 1 else None
 
 
-def _use_views(recorder: SettingsRestorer, scene: Any, cameras: tuple[Any, Any]) -> None:
+def _use_views(
+    recorder: SettingsRestorer, scene: bpy.types.Scene, cameras: tuple[Any, Any]
+) -> None:
     """Have Blender render both cameras, each into a file of its own."""
     render = scene.render
     for view in render.views[2:]:  # the first two cannot be removed
@@ -242,7 +254,7 @@ def _use_views(recorder: SettingsRestorer, scene: Any, cameras: tuple[Any, Any])
     recorder.set(render.image_settings, "views_format", "INDIVIDUAL")
 
 
-def _give_second_limits(recorder: SettingsRestorer, node: Any) -> None:
+def _give_second_limits(recorder: SettingsRestorer, node: bpy.types.Node) -> None:
     """Give the transmitter a copy of its nodes that has limits for the second view, too."""
     before = node.node_tree
     tree = before.copy()

@@ -82,9 +82,9 @@ class PathScene:
 
     def __init__(
         self,
-        scene: Any,
-        view_layer: Any,
-        camera: Any,
+        scene: bpy.types.Scene,
+        view_layer: bpy.types.ViewLayer,
+        camera: bpy.types.Object,
         transmitter: Any,
         metres_per_unit: float,
         range_encoding_length_m: float,
@@ -177,7 +177,7 @@ class PathScene:
     def remove_files(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def place(self, depsgraph: Any) -> list[list[float]]:
+    def place(self, depsgraph: bpy.types.Depsgraph) -> list[list[float]]:
         """Put our camera where the receiver is at the depsgraph's time; return its pose in metres.
 
         Its rays belong to this pose: the receiver's own has other roundings, which count at poles.

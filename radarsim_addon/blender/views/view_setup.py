@@ -73,7 +73,7 @@ class ViewCamera:
     sorts all objects when one is added later.
     """
 
-    def __init__(self, scene: Any) -> None:
+    def __init__(self, scene: bpy.types.Scene) -> None:
         self._recorder = SettingsRestorer()
         self.item, self.second = self._add(_NAME), self._add(_SECOND)
         try:
@@ -125,7 +125,7 @@ def set_border(render: Any, region: Region, width_px: int, height_px: int) -> No
     render.border_max_y = min((height_px - region.top + 0.25) / height_px, 1.0)
 
 
-def keep_changing(recorder: SettingsRestorer, scene: Any) -> tuple[str, int]:
+def keep_changing(recorder: SettingsRestorer, scene: bpy.types.Scene) -> tuple[str, int]:
     """Remember what changes from render to render; return the user's mode and number of threads."""
     render = scene.render
     mode = render.threads_mode
@@ -187,7 +187,12 @@ def number_objects(
     return [item.name_full for item in items], frozenset(opaque), frozenset(hidden)
 
 
-def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmitter: Any) -> None:
+def add_passes(
+    recorder: SettingsRestorer,
+    scene: bpy.types.Scene,
+    view_layer: bpy.types.ViewLayer,
+    transmitter: Any,
+) -> None:
     """Add passes for position and object, and a light group of the transmitter alone."""
     recorder.set(view_layer, "use_pass_position", True)
     recorder.set(view_layer, "use_pass_object_index", True)
@@ -201,7 +206,9 @@ def add_passes(recorder: SettingsRestorer, scene: Any, view_layer: Any, transmit
     recorder.set(transmitter, "lightgroup", LIGHT_GROUP)
 
 
-def add_light_group(recorder: SettingsRestorer, scene: Any, view_layer: Any, name: str) -> None:
+def add_light_group(
+    recorder: SettingsRestorer, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, name: str
+) -> None:
     """Add a light group; the active one changes as it is taken back."""
     # The operator would have Blender sort all objects of the scene twice. The new camera does once.
     if name not in view_layer.lightgroups:
@@ -209,7 +216,7 @@ def add_light_group(recorder: SettingsRestorer, scene: Any, view_layer: Any, nam
     recorder.on_restore("light group", lambda: _remove_light_group(scene, view_layer, name))
 
 
-def _remove_light_group(scene: Any, view_layer: Any, name: str) -> None:
+def _remove_light_group(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, name: str) -> None:
     names = [group.name for group in view_layer.lightgroups]
     if name in names:
         view_layer.active_lightgroup_index = names.index(name)
@@ -217,7 +224,7 @@ def _remove_light_group(scene: Any, view_layer: Any, name: str) -> None:
             bpy.ops.scene.view_layer_remove_lightgroup()
 
 
-def add_encoding_world(recorder: SettingsRestorer, scene: Any) -> Any:
+def add_encoding_world(recorder: SettingsRestorer, scene: bpy.types.Scene) -> Any:
     """Add a black world whose volume carries the range encoding; return the volume's node.
 
     It attenuates red by 1/k and green by 2/k per unit, and blue by 1/k where the scene is coloured.
@@ -249,7 +256,7 @@ def add_encoding_world(recorder: SettingsRestorer, scene: Any) -> Any:
     return volume
 
 
-def _is_opaque(item: Any, opaque_material: Callable[[Any], bool]) -> bool:
+def _is_opaque(item: bpy.types.Object, opaque_material: Callable[[Any], bool]) -> bool:
     """Whether an object is known to let nothing through; geometry nodes may set any material."""
     if has_no_faces(item):
         return True
@@ -268,7 +275,9 @@ class ImageLamps:
     block everything. Both range encodings stay right, because the ray goes straight to the image.
     """
 
-    def __init__(self, recorder: SettingsRestorer, scene: Any, emitter: Any) -> None:
+    def __init__(
+        self, recorder: SettingsRestorer, scene: bpy.types.Scene, emitter: bpy.types.Object
+    ) -> None:
         self._recorder, self._scene, self._emitter = recorder, scene, emitter
         self._lamps: list[Any] = []
         self._blocker: Any = None
@@ -314,7 +323,9 @@ class ImageLamps:
         self._lamps.append(lamp)
 
 
-def add_vertex_marks(recorder: SettingsRestorer, scene: Any, view_layer: Any) -> None:
+def add_vertex_marks(
+    recorder: SettingsRestorer, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
+) -> None:
     """Give all Radar Materials the light of `VertexMark`, and their objects its light group.
 
     A render tells where the last vertex is by colours of light. The transmitter's own would have to
@@ -336,7 +347,7 @@ def add_vertex_marks(recorder: SettingsRestorer, scene: Any, view_layer: Any) ->
             recorder.set(material.cycles, "emission_sampling", "NONE")
 
 
-def _add_light(tree: Any) -> None:
+def _add_light(tree: bpy.types.NodeTree) -> None:
     build, end = TreeBuilder(tree), _surface_output(tree)
     math, scene = build.math, build.scene_attribute
     surface = end.links[0].from_socket
@@ -357,7 +368,7 @@ def _add_light(tree: Any) -> None:
     tree.links.new(both, end)
 
 
-def _remove_light(tree: Any) -> None:
+def _remove_light(tree: bpy.types.NodeTree) -> None:
     both = tree.nodes.get(_PREFIX + _SUM)
     if both is not None and both.inputs[0].links:
         tree.links.new(both.inputs[0].links[0].from_socket, _surface_output(tree))
@@ -365,7 +376,7 @@ def _remove_light(tree: Any) -> None:
         tree.nodes.remove(node)
 
 
-def _surface_output(tree: Any) -> Any:
+def _surface_output(tree: bpy.types.NodeTree) -> Any:
     """Return the input of a group's output node that is its surface."""
     ends = (node for node in tree.nodes if node.bl_idname == "NodeGroupOutput")
     return next(ends).inputs[SURFACE.name]

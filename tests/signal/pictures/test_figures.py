@@ -349,7 +349,7 @@ def test_animation_has_one_scale(tmp_path: Path) -> None:
         maps.append(MapFile(path, number, 0.1 * number, power.max(), np.median(power), noise_w))
     out = animate_maps(maps, tmp_path / "maps.gif", common_scale(maps, "dBW"))
     with image_module.open(out) as picture:
-        assert picture.n_frames == 2
+        assert getattr(picture, "n_frames", 1) == 2
         frames = []
         for number in range(2):
             picture.seek(number)
