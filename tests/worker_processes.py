@@ -131,6 +131,14 @@ def _hdf5_content(content: bytes) -> dict[str, Any]:
     return found
 
 
+def written_ns(path: Path) -> int:
+    """When a file was written; 0 if it has been renamed since it was listed."""
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:
+        return 0
+
+
 def survive(words: list[Any], results: Path, pattern: str, kills: Iterator[str]) -> list[str]:
     """Run a command to its end while its workers are killed, and itself, after which it is given
     again. Each kill comes after a new result (a file of `pattern`). Returns the kills."""
@@ -138,8 +146,7 @@ def survive(words: list[Any], results: Path, pattern: str, kills: Iterator[str])
     deadline_s, seen_ns = time.monotonic() + 1200, 0
     for kill in kills:
         while process.poll() is None and not (
-            (newest := max((p.stat().st_mtime_ns for p in results.glob(pattern)), default=0))
-            > seen_ns
+            (newest := max(map(written_ns, results.glob(pattern)), default=0)) > seen_ns
             and children(process)
         ):
             assert time.monotonic() < deadline_s
