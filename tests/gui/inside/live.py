@@ -113,10 +113,12 @@ def script(robot: Robot) -> Any:
     yield 1.0
     # A mesh that changes is read again.
     reset(found)
-    for number in range(10):
-        ball.data.vertices[0].co.z = 1.5 + 0.01 * number
+    for number in range(100):  # drafts take longer where other work goes on
+        ball.data.vertices[0].co.z = 1.5 + 0.001 * number
         ball.data.update()
         yield 0.3
+        if found.first_drafts >= 2:
+            break
     result["editing"] = dict(vars(found))
     # a full undo step, then the preview resumes
     drafts = found.drafts
