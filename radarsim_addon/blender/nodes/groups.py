@@ -189,12 +189,6 @@ def input_socket(found: FoundGroup, name: str) -> Any | None:
     return None
 
 
-def input_value(material: bpy.types.Material, name: str, default: float) -> float:
-    """Return the number of such an input; `default` where `group_input` is None."""
-    socket = group_input(material, name)
-    return default if socket is None else float(socket.default_value)
-
-
 def shaders_at_output(material: bpy.types.Material) -> tuple[list[Any], Any | None]:
     """Return the shader nodes that reach the output of a material, through mixes and groups.
 
