@@ -20,14 +20,17 @@ from radarsim_addon.blender.paths import (
     curved_mirrors,
     error_budget,
     glints,
+    mirror_paths,
     mirrors,
 )
 from radarsim_addon.blender.paths.curved_mirrors import CurvedMirrors
+from radarsim_addon.blender.paths.frame import FrameWork
 from radarsim_addon.blender.paths.hit_points import BodyMeshes, HitPoints
 from radarsim_addon.blender.paths.measured_tiles import QualitySums
 from radarsim_addon.blender.paths.mirror_paths import MirrorPaths
 from radarsim_addon.blender.paths.tiles import Area, Tile, ViewBoxes, lay_in_steps
 from radarsim_addon.blender.paths.view_tracer import ViewTracer
+from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import ViewWindow
 from radarsim_addon.contract import ImageRecord
 from radarsim_addon.physics.mirrors import Reflected
@@ -310,6 +313,44 @@ def are_apart(fraction: float) -> bool:
     return ViewTracer._polarised_from(own) == 0
 
 
+def has_ways_back(fraction: float) -> bool:
+    """Antennas this far from one another, over the reach of paths: are both imaged?"""
+    anything: Any = mock.MagicMock()
+    anything.waveform.wavelength_m = 1.0
+    with (
+        mock.patch.multiple(mirror_paths, Obstacles=mock.DEFAULT, VertexView=mock.DEFAULT),
+        mock.patch.multiple(
+            MirrorPaths,
+            _read_materials=mock.DEFAULT,
+            _find_mirrors=mock.Mock(return_value=None),
+            _find_ways_back=mock.DEFAULT,
+        ) as patched,
+    ):
+        place_m, options = np.array([fraction, 0.0, 0.0]), PathOptions(max_reflections=2)
+        MirrorPaths(anything, anything, 1.0, camera(), place_m, 1.0, anything, options, anything)
+    called: bool = patched["_find_ways_back"].called
+    return called
+
+
+def is_halved(pitch: float) -> bool:
+    """Whether a frame measures halves of its only tile, which is of this pitch."""
+    tile = Tile(ViewWindow(0.0, 8 * pitch, 0.0, 8 * pitch, 8, 8))
+    own: Any = SimpleNamespace(
+        _options=PathOptions(max_standard_error=0.1),
+        _tiles=SimpleNamespace(tiles={1: SimpleNamespace(tile=tile)}),
+        _budget=SimpleNamespace(
+            relative_error=lambda: 1.0,
+            squared_errors=lambda open_tiles: dict.fromkeys(open_tiles, 1.0),
+            worst=lambda open_tiles, _: open_tiles,
+        ),
+        _seconds=0.0,
+        _progress=mock.Mock(),
+        _measure=lambda part: iter([part]),
+    )
+    halves = next(FrameWork._refine(own), None)
+    return halves is not None
+
+
 def has_more_planes(count: float) -> bool:
     """As many mirrors above one another, of which one gets an image: is one not looked for?"""
     many = int(count)
@@ -411,6 +452,8 @@ def is_divided(pitch: float) -> bool:
         pytest.param(lambda x: is_delayed(2, x), 19.0, 21.0, id="delay-between"),
         pytest.param(is_another_mesh, 0.045, 0.055, id="another-mesh"),
         pytest.param(are_apart, 0.009, 0.011, id="one-place"),
+        pytest.param(has_ways_back, 0.009, 0.011, id="one-place-of-mirror-paths"),
+        pytest.param(is_halved, 0.9e-6, 1.1e-6, id="finest-pitch-of-halves"),
         pytest.param(has_more_planes, 64, 65, id="planes"),
         pytest.param(lambda x: is_another_way(x, 0.0), 1.7e-5, 2.3e-5, id="mirrored-length"),
         pytest.param(lambda x: is_another_way(0.0, x), 1.7e-5, 2.3e-5, id="mirrored-direction"),
