@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 from collections.abc import Mapping
 from typing import IO, Any, NamedTuple
 
@@ -12,6 +14,8 @@ from numpy.typing import NDArray
 
 #: Bytes that hold the length of the JSON text.
 _LENGTH_BYTES = 8
+#: Line before the first message of a worker. Blender prints its version before it.
+_START = b"radarsim messages\n"
 
 
 class Message(NamedTuple):
@@ -19,6 +23,30 @@ class Message(NamedTuple):
 
     fields: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
+
+
+def open_messages() -> tuple[IO[bytes], IO[bytes]]:
+    """Return two streams of messages for a worker process: one to read, one to write.
+
+    From now on, everything else that the process prints goes to its standard error.
+    """
+    if sys.platform == "win32":
+        import msvcrt
+
+        for number in (0, 1):
+            msvcrt.setmode(number, os.O_BINARY)
+    sys.stdout.flush()
+    writing = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    writing.write(_START)
+    writing.flush()
+    return os.fdopen(os.dup(0), "rb"), writing
+
+
+def skip_greeting(stream: IO[bytes]) -> None:
+    """Read what a worker printed before its first message."""
+    while (line := stream.readline()) and not line.endswith(_START):
+        pass
 
 
 def write_message(
