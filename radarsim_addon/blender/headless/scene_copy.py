@@ -95,7 +95,7 @@ def save_copy(
 def expected_size() -> int:
     """Return about how many bytes a copy takes: the file as it was saved, or its meshes."""
     found = _FILE_BYTES
-    for mesh in bpy.data.meshes:
+    for mesh in (one for one in bpy.data.meshes if one.users and not one.library):
         keys = len(mesh.shape_keys.key_blocks) if mesh.shape_keys else 0
         counts = len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)
         found += sum(a * b for a, b in zip(counts, _MESH_BYTES, strict=True))
@@ -198,10 +198,11 @@ def _restore_painted(folder: Path, images: list[dict[str, Any]]) -> None:
     for record in images:
         library = record["library"]
         image = bpy.data.images[(record["name"], library) if library else record["name"]]
-        # Cycles reads the file of another image
-        image.source = "GENERATED"
+        space = image.colorspace_settings.name
+        image.source = "GENERATED"  # Cycles reads the file of another image
         image.generated_width, image.generated_height = record["size"]
         image.use_generated_float = record["float"]
+        image.colorspace_settings.name = space
         pixels = np.load(folder / record["file"])
         if len(image.pixels) != pixels.size:
             raise SceneError(
