@@ -85,6 +85,7 @@ def _measure(order: Message, stop: _Stop, writer: _Writer) -> None:
     arguments.rig, arguments.overwrite = fields["radar"], fields["overwrite"]
     with quiet_blender():
         job = open_job(arguments, lambda: open_copy(order))
+        job.file_name = Path(fields["original"]).name
         job.prepare()
         try:
             writer.write(

@@ -15,7 +15,6 @@ import numpy as np
 from mathutils import Euler, Vector
 
 from ...errors import ConfigError, OutputError, RadarSimError
-from ...findings import Finding
 from ...signal.pictures import COVERAGE_PICTURE, coverage_message
 from ...signal.pipeline import write_coverage
 from ...signal.radar import coverage_curve
@@ -40,109 +39,8 @@ from .results_panel import chosen_processing
 from .scene_reading import redraw_panels
 from .shown_results import ProcessingJob, check_own_run, note_copied, show_run
 
-# -------------------------------------------------------------------------------------------------
-# What the long operators share: a timer, progress in the panel, Esc, a clean end.
-# -------------------------------------------------------------------------------------------------
-
-
 #: Seconds between two looks at a running job.
 _TICK_S = 0.01
-#: Events that pass through while a job runs: looking around. Others could change what is measured.
-_HARMLESS_EVENTS = ("MOUSEMOVE", "INBETWEEN", "WHEEL", "MIDDLEMOUSE", "TRACKPAD", "NDOF", "TIMER")
-
-
-class TimedOperator(bpy.types.Operator):
-    """Common part of the two long operators: timer, progress in the panel, Esc, clean end."""
-
-    bl_options = {"REGISTER"}
-    _timer: Any = None
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
-
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if bpy.app.background:
-            return self.execute(context)
-        with reported(self):
-            progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-            progress.findings = findings_text(self._start(context))
-            try:
-                window = context.window
-                self._timer = context.window_manager.event_timer_add(_TICK_S, window=window)
-                progress.running = True
-                context.window_manager.modal_handler_add(self)
-            except BaseException:
-                self._end(context, tr("Failed"))
-                raise
-            return {"RUNNING_MODAL"}
-        return {"CANCELLED"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
-            return self._escape(context)
-        if event.type != "TIMER":  # looking around passes; what could change the scene does not
-            return {"PASS_THROUGH" if event.type.startswith(_HARMLESS_EVENTS) else "RUNNING_MODAL"}
-        try:
-            ended = self._tick()
-        except RadarSimError as error:
-            self._end(context, tr("Failed: {error}", error=error))
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except BaseException:
-            self._end(context, tr("Failed"))
-            raise
-        if ended:
-            return self._conclude(context)
-        self._show(context, *self._state())
-        return {"PASS_THROUGH"}
-
-    def cancel(self, context: bpy.types.Context) -> None:
-        """Blender closes the window or loads another file."""
-        self._end(context, tr("Stopped"))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Do all of it at once."""
-        raise NotImplementedError
-
-    def _start(self, context: bpy.types.Context) -> list[Finding]:
-        """Begin; return the findings before."""
-        raise NotImplementedError
-
-    def _tick(self) -> bool:
-        """Do the next step; return whether it was the last one."""
-        raise NotImplementedError
-
-    def _state(self) -> tuple[float, str]:
-        """Fraction that is done, and its text."""
-        raise NotImplementedError
-
-    def _escape(self, context: bpy.types.Context) -> set[str]:
-        """The user pressed Esc."""
-        raise NotImplementedError
-
-    def _conclude(self, context: bpy.types.Context) -> set[str]:
-        """The last step is done."""
-        raise NotImplementedError
-
-    def _show(self, context: bpy.types.Context, fraction: float, text: str) -> None:
-        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-        if progress.text != text:
-            progress.fraction, progress.text = fraction, text
-            context.workspace.status_text_set(tr("{text}  (Esc stops)", text=text))
-            redraw_panels(context)
-
-    def _end(self, context: bpy.types.Context, text: str) -> None:
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-        progress.running = False
-        progress.text = text
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-        redraw_panels(context)
-
 
 # -------------------------------------------------------------------------------------------------
 # Where a new radar goes: to the user's view, looking at the selected objects.
@@ -360,52 +258,66 @@ class RADARSIM_OT_stop_run(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RADARSIM_OT_process_last_run(TimedOperator):
+class RADARSIM_OT_process_last_run(bpy.types.Operator):
     """Process the run in the output folder as set in Results; show its pictures as images"""
 
     bl_idname = "radarsim.process_last_run"
     bl_label = "Process Last Run"
+    bl_options = {"REGISTER"}
 
     _job: ProcessingJob
     _images: list[Any]
     _drawing: Iterator[list[Any]] | None = None
+    _timer: Any = None
 
-    def _start(self, context: bpy.types.Context) -> list[Finding]:
-        folder = output_folder(active_radar(context.scene))
-        fingerprint = check_own_run(context.scene, folder)
-        apart = not bpy.app.background
-        self._job = ProcessingJob(folder, apart, chosen_processing(context))
-        self._job.result.fingerprint = fingerprint
-        self._job.result.scene_uid = context.scene.session_uid
-        self._images = []
-        start_drawing()
-        return []
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return not getattr(context.window_manager, PROGRESS_PROPERTY).running
 
-    def _tick(self) -> bool:
-        if self._drawing is None:
-            if self._job.step():
-                self._drawing = show_run(bpy.context, self._job.result)
-            return False
-        drawn = next(self._drawing, None)
-        self._images += drawn or []
-        return drawn is None
-
-    def _state(self) -> tuple[float, str]:
-        return self._job.fraction, self._job.text
-
-    def _escape(self, context: bpy.types.Context) -> set[str]:
-        self._end(context, "Processing stopped")
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if bpy.app.background:
+            return self.execute(context)
+        with reported(self):
+            self._start(context)
+            manager = context.window_manager
+            progress = getattr(manager, PROGRESS_PROPERTY)
+            progress.running, progress.findings = True, findings_text([])
+            self._timer = manager.event_timer_add(_TICK_S, window=context.window)
+            manager.modal_handler_add(self)
+            return {"RUNNING_MODAL"}
         return {"CANCELLED"}
 
-    def _end(self, context: bpy.types.Context, text: str) -> None:
-        self._job.close()
-        super()._end(context, text)
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC" and event.value == "PRESS":
+            self._end(context, tr("Processing stopped"))
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        try:
+            ended = self._tick()
+        except RadarSimError as error:
+            self._end(context, tr("Failed: {error}", error=error))
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except BaseException:
+            self._end(context, tr("Failed"))
+            raise
+        if ended:
+            self._end(context, self._job.text)
+            self._report_end()
+            show_images(context, self._images)
+            return {"FINISHED"}
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        if progress.text != self._job.text:
+            progress.fraction, progress.text = self._job.fraction, self._job.text
+            text = tr("{text}  (Esc stops)", text=self._job.text)
+            context.workspace.status_text_set(text)
+            redraw_panels(context)
+        return {"PASS_THROUGH"}
 
-    def _conclude(self, context: bpy.types.Context) -> set[str]:
-        self._end(context, self._job.text)
-        self._report_end()
-        show_images(context, self._images)
-        return {"FINISHED"}
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender closes the window or loads another file."""
+        self._end(context, tr("Stopped"))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Without a window: at once."""
@@ -417,6 +329,37 @@ class RADARSIM_OT_process_last_run(TimedOperator):
             self._report_end()
             return {"FINISHED"}
         return {"CANCELLED"}
+
+    def _start(self, context: bpy.types.Context) -> None:
+        folder = output_folder(active_radar(context.scene))
+        fingerprint = check_own_run(context.scene, folder)
+        apart = not bpy.app.background
+        self._job = ProcessingJob(folder, apart, chosen_processing(context))
+        self._job.result.fingerprint = fingerprint
+        self._job.result.scene_uid = context.scene.session_uid
+        self._images = []
+        start_drawing()
+
+    def _tick(self) -> bool:
+        """Do the next step; return whether it was the last one."""
+        if self._drawing is None:
+            if self._job.step():
+                self._drawing = show_run(bpy.context, self._job.result)
+            return False
+        drawn = next(self._drawing, None)
+        self._images += drawn or []
+        return drawn is None
+
+    def _end(self, context: bpy.types.Context, text: str) -> None:
+        self._job.close()
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        progress.running, progress.text = False, text
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        redraw_panels(context)
 
     def _report_end(self) -> None:
         report_findings(self, self._job.findings, self._job.frames)
