@@ -31,7 +31,7 @@ from ...errors import OutputError, SceneError
 from ...messages import Message
 from ...processes import temporary_folder
 from ..run.scene_state import Device, choose_device, chosen_device
-from ..scene import simulation_frames
+from ..scene import simulation_frames, writes_disk_caches
 from ..state import SettingsRestorer, Snapshot, evaluated_depsgraph, read_numbers, take_snapshot
 
 #: Name of the copy of a file that was never saved.
@@ -231,6 +231,12 @@ def open_copy(order: Message) -> None:
         raise SceneError(
             f"The copy of {fields['original']} opens as {bpy.data.filepath}, so its relative paths "
             "would not be found. Measure the saved file with `radarsim render`."
+        )
+    written = writes_disk_caches()
+    if written:
+        raise SceneError(
+            f"Simulations of {', '.join(map(repr, written[:10]))} would write their caches next to "
+            "the file while the window uses them. Bake them, or switch Disk Cache off."
         )
     _restore_painted(file.parent, fields["images"])
     scene = bpy.data.scenes[fields["scene"]]

@@ -218,7 +218,9 @@ def open_job(
     by_scripts = changed_by_scripts(opened_here=arguments.blend is not None)
     if by_scripts:
         job.early_findings.append(finding("changed-by-scripts", *by_scripts))
-    elif open_copy is None:
+    elif open_copy is not None:
+        job.just_opened = True
+    else:
         job.identity = f"{file_identity()} {arguments.mirrors!r} {arguments.no_mirrors!r}"
     job.view_camera = cameras[-1]
     return job

@@ -124,6 +124,8 @@ class MeasurementJob:
         #: Hash of the scene's files, if they were just opened and nobody can have changed the
         #: scene since. Empty: this run resumes no earlier one, and no later one resumes it.
         self.identity = ""
+        #: Whether the file, or a copy of it, was just opened: Blender knows of all changes since.
+        self.just_opened = False
         #: Fingerprint in the plan of this run, once that is written.
         self.fingerprint = ""
         #: Camera that renders paths, if one was added after the file was opened: a `ViewCamera`.
@@ -176,7 +178,7 @@ class MeasurementJob:
     def _prepare(self) -> None:
         # A file of an older radarsim holds older node groups.
         refresh_groups()
-        if not self.identity:
+        if not (self.identity or self.just_opened):
             read_all_again()  # a script may change data without telling Blender
         earlier = self._plan_of_folder() if self.joins else None
         if earlier is None:

@@ -66,6 +66,7 @@ from .simulations import (
     is_simulated_body,
     renders_whole_frames_only,
     simulation_frames,
+    writes_disk_caches,
 )
 from .view_checks import (
     GroundBelow,
@@ -160,4 +161,5 @@ __all__ = [
     "suggest_materials",
     "transmitter_record",
     "unreadable_files",
+    "writes_disk_caches",
 ]
