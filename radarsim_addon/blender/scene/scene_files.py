@@ -82,7 +82,8 @@ def code_file(function: Any) -> Path:
 def _linked_files() -> list[Path]:
     """Files and folders that the open file reads, sorted; also those that are missing."""
     written, baked = _caches()
-    found = {_absolute(path) for path in bpy.utils.blend_paths(absolute=True, packed=False)}
+    paths = bpy.utils.blend_paths(absolute=True, packed=False)
+    found = {_absolute(path) for path in paths if path}  # a baked cache has an empty one
     found -= {_absolute(sound.filepath) for sound in bpy.data.sounds} | written
     found |= baked
     found |= {path for material in bpy.data.materials for path in table_files(material)}
