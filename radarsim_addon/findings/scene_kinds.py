@@ -213,6 +213,14 @@ SCENE = {
         "frames, and this run cannot be resumed.",
         "To resume runs, save the changed scene and use radarsim render.",
     ),
+    "handlers-not-run": Kind(
+        "caution",
+        "The window calls functions of add-ons or scripts at each frame: {subjects}. They do not "
+        "run in the process that measures.",
+        "What they move has no velocity of theirs, and is where it was at frame {frame}.",
+        "Bake or keyframe what they move, or measure in a script of this session "
+        "(radarsim.measure).",
+    ),
     "camera-markers": Kind(
         "info",
         "Markers bind other cameras to frames of the timeline: {subjects}.",

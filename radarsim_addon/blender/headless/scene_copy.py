@@ -31,7 +31,7 @@ from ...errors import OutputError, SceneError
 from ...messages import Message
 from ...processes import temporary_folder
 from ..run.scene_state import Device, choose_device, chosen_device
-from ..scene import simulation_frames, writes_disk_caches
+from ..scene import frame_handlers, simulation_frames, writes_disk_caches
 from ..state import SettingsRestorer, Snapshot, evaluated_depsgraph, read_numbers, take_snapshot
 
 #: Name of the copy of a file that was never saved.
@@ -81,6 +81,8 @@ def save_copy(
             "radar": radar.name,
             "overwrite": overwrite,
             "device": [device.kind, device.ids],
+            "frame": scene.frame_current,
+            "handlers": frame_handlers(),
             "names": names,
             "images": list(_save_painted(folder)),
         }

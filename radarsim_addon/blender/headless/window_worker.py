@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...errors import RadarSimError
-from ...findings import to_json
+from ...findings import finding, to_json
 from ...messages import Message, open_messages, read_message, write_message
 from ..plan import parse_render_arguments
 from ..run import MeasurementJob
@@ -85,6 +85,9 @@ def _measure(order: Message, stop: _Stop, writer: _Writer) -> None:
     arguments.rig, arguments.overwrite = fields["radar"], fields["overwrite"]
     with quiet_blender():
         job = open_job(arguments, lambda: open_copy(order))
+        if fields["handlers"]:
+            found = finding("handlers-not-run", *fields["handlers"], frame=fields["frame"])
+            job.early_findings.append(found)
         job.file_name = Path(fields["original"]).name
         job.prepare()
         try:

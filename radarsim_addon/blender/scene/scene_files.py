@@ -56,6 +56,12 @@ def foreign_handlers() -> list[str]:
     ]
 
 
+def frame_handlers() -> list[str]:
+    """Return the names of functions of add-ons and scripts that Blender calls at each frame."""
+    called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
+    return [f"{one.__module__}.{one.__qualname__}" for one in handlers_of_others() if one in called]
+
+
 def unreadable_files() -> list[Finding]:
     """Find files that the scene reads and that are missing: one finding at most."""
     lost = [path for path in _linked_files() if not any(_parts(path))]

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import functools
 import resource
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -175,6 +177,31 @@ def test_a_stop_ends_the_process_and_the_next_run_measures_all(scene: Any, tmp_p
     rs.radar().ring_step_m = 4.0
     measured()
     assert open_run(tmp_path / "run").missing() == []
+
+
+def test_esc_in_the_operator_stops_its_run(scene: Any, tmp_path: Path) -> None:
+    """The steps of the operator by hand. Esc that comes while the copy is saved is the next one."""
+    said: list[str] = []
+    operator = SimpleNamespace(
+        _run=None, _announced=False, _timer=None,
+        report=lambda kind, text: said.append(text), _leave=lambda context, result: result,
+    )  # fmt: skip
+    for name in ("_report_end", "modal"):
+        method = getattr(operators.RADARSIM_OT_render_frames, name)
+        setattr(operator, name, functools.partial(method, operator))
+
+    def step(kind: str) -> set[str]:
+        event = SimpleNamespace(type=kind, value="PRESS")
+        return operator.modal(bpy.context, event)  # type: ignore[no-any-return]
+
+    assert step("TIMER") == step("G") == {"PASS_THROUGH"} and operator._run is None
+    assert step("TIMER") == {"PASS_THROUGH"}
+    run = operator._run
+    assert run.copy.folder.is_dir()
+    assert step("ESC") == {"RUNNING_MODAL"}
+    assert run.ended and not run.copy.folder.exists()
+    assert step("TIMER") == {"CANCELLED"} and "stopped" in said[-1]
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_stop_before_the_run_has_begun_leaves_nothing(scene: Any, tmp_path: Path) -> None:
@@ -404,6 +431,41 @@ def test_meshes_that_differ_are_refused_by_name(scene: Any) -> None:
             measured()
     finally:
         del bpy.app.driver_namespace["far"]
+
+
+def test_functions_that_blender_calls_at_each_frame_are_named(scene: Any) -> None:
+    def mover(*_: Any) -> None:
+        bpy.data.objects["Plate"].scale.x = 1.0 + bpy.context.scene.frame_current
+
+    bpy.app.handlers.frame_change_post.append(mover)
+    try:
+        run = measured()
+    finally:
+        bpy.app.handlers.frame_change_post.remove(mover)
+    (found,) = [one for one in run.findings if one.code == "handlers-not-run"]
+    assert "mover" in found.message and "frame 1" in found.message
+
+
+def test_a_device_that_is_not_there_is_named(scene: Any) -> None:
+    run = begun()
+    run.copy.order.fields["device"] = ["CUDA", []]
+    wait(lambda: run.ended)
+    assert "CUDA" in str(run.error)
+
+
+def test_scene_layer_and_radar_are_those_of_the_window(scene: Any, tmp_path: Path) -> None:
+    """Not those that are active when the copy is opened by itself."""
+    layer = scene.view_layers.new("Second")
+    other = bpy.data.scenes.new("Other")
+    bpy.context.window.scene = other
+    assert bpy.context.scene == other
+    with bpy.context.temp_override(scene=scene, view_layer=layer):
+        run = begun()
+    fields = run.copy.order.fields
+    assert (fields["scene"], fields["view_layer"], fields["radar"]) == ("Scene", "Second", "Radar")
+    wait(lambda: run.ended)
+    assert run.error is None
+    assert open_run(tmp_path / "run").record.scene == "Scene"
 
 
 def test_numbers_of_a_scene_are_equal_and_small_changes_are_seen(scene: Any) -> None:
