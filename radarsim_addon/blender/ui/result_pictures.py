@@ -6,7 +6,6 @@ Does not import bpy.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ import numpy as np
 
 from ...errors import RadarSimError
 from ...findings import to_json
+from ...messages import open_messages, write_message
 from ...signal.pictures import FrameProfile, FrameView, Target
 
 #: Size of pictures that are saved, in which distances of clicks are counted [px].
@@ -154,8 +154,8 @@ def nearest_frame(profiles: Sequence[FrameProfile], time_s: float) -> int:
 #
 #     python -m radarsim_addon.blender.ui.result_pictures RUN VIEWS [OPTION ...]
 #
-# writes one JSON record per line: progress, results of frames, an error. What the window shows of
-# each frame goes into the folder VIEWS. OPTIONs are those of `radarsim process`.
+# writes messages: progress, results of frames, an error. What the window shows of each frame goes
+# into the folder VIEWS. OPTIONs are those of `radarsim process`.
 # -------------------------------------------------------------------------------------------------
 
 
@@ -185,15 +185,15 @@ def _frame_record(result: Any) -> dict[str, Any]:
     return {"frame": result.frame, "text": text, "findings": findings}
 
 
-def main(words: list[str]) -> int:
-    """Write the records of a run to standard output; return the exit code."""
+def main(words: list[str]) -> None:
+    """Write the records of a run as messages."""
+    _, writing = open_messages()
     try:
         for record in processing_records(Path(words[0]), Path(words[1]), words[2:]):
-            print(json.dumps(record), flush=True)
+            write_message(writing, record, {})
     except RadarSimError as error:
-        print(json.dumps({"error": str(error), "kind": type(error).__name__}), flush=True)
-    return 0
+        write_message(writing, {"error": str(error), "kind": type(error).__name__}, {})
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    main(sys.argv[1:])

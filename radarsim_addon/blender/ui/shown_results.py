@@ -4,12 +4,8 @@
 from __future__ import annotations
 
 import functools
-import json
-import queue
-import subprocess
 import tempfile
-import threading
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,7 +27,7 @@ from .fields import tr
 from .picture_images import draw_image, forget_requests, show_images
 from .result_pictures import KINDS, WIDTH, processing_records
 from .scene_reading import redraw_panels
-from .worker_process import python_program, start_worker
+from .worker_process import WorkerProcess, python_program
 
 # -------------------------------------------------------------------------------------------------
 # Process a run inside Blender, in a process of its own where there is a window.
@@ -74,7 +70,7 @@ class ProcessingJob:
         self.result = ProcessedRun(tempfile.TemporaryDirectory(prefix="radarsim_"))
         views = Path(self.result.folder.name)
         own_folder(views)
-        self._worker: subprocess.Popen[str] | None = None
+        self._worker: WorkerProcess | None = None
         self._waiting: Iterator[dict[str, Any] | None]
         if apart and python_program() is not None:
             self._waiting = self._records_of_worker(folder, views, words)
@@ -105,8 +101,8 @@ class ProcessingJob:
     def close(self) -> None:
         """End the process, if it still runs, and remove the files of an unfinished one."""
         if self._worker is not None:
-            self._worker.kill()
-            self._worker.wait()
+            self._worker.close()
+            self._worker = None
         if not self._done:
             self.result.close()
 
@@ -124,35 +120,18 @@ class ProcessingJob:
         self, folder: Path, views: Path, words: Sequence[str]
     ) -> Iterator[dict[str, Any] | None]:
         """Records as they come; None while there is none."""
-        complaints = Path(views, "errors.txt")
-        with open(complaints, "w", encoding="utf-8") as stderr:
-            self._worker = start_worker(
-                "blender.ui.result_pictures",
-                str(folder),
-                str(views),
-                *words,
-                stdout=subprocess.PIPE,
-                stderr=stderr,
-                encoding="utf-8",
-            )
-        lines: queue.SimpleQueue[str] = queue.SimpleQueue()
-        stream = self._worker.stdout
-        assert stream is not None
-        reader = threading.Thread(target=_copy, args=(stream, lines), daemon=True)
-        reader.start()
-        while reader.is_alive() or not lines.empty():
-            yield None if lines.empty() else json.loads(lines.get())
-        if self._worker.wait():
-            said = complaints.read_text(encoding="utf-8", errors="replace").strip()
+        self._worker = worker = WorkerProcess(
+            "blender.ui.result_pictures", str(folder), str(views), *words
+        )
+        while not worker.is_read or worker.exit_code is None:
+            yield None
+            for message in worker.received():
+                yield message.fields
+        if worker.exit_code:
             raise OutputError(
-                f"Processing ended with code {self._worker.returncode}: {said[-300:] or 'no words'}"
+                f"Processing ended with code {worker.exit_code}: {worker.last_words}"
                 f". Process {folder} with `radarsim process` to see all of it."
             )
-
-
-def _copy(stream: Iterable[str], lines: queue.SimpleQueue[str]) -> None:
-    for line in stream:
-        lines.put(line)
 
 
 #: Settings of a radar that change no frame's results.

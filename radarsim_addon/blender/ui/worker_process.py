@@ -67,7 +67,7 @@ class WorkerProcess:
     Nothing here waits. Raises RenderError where Blender names no Python.
     """
 
-    def __init__(self, module: str, in_blender: bool = False) -> None:
+    def __init__(self, module: str, *words: str, in_blender: bool = False) -> None:
         if python_program() is None and not (in_blender and bpy.app.binary_path):
             raise RenderError(
                 "Blender names no Python program, so there is no process to compute in. Use a "
@@ -76,6 +76,7 @@ class WorkerProcess:
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = start_worker(
             module,
+            *words,
             in_blender=in_blender,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,

@@ -87,8 +87,9 @@ def test_a_stop_ends_the_process(scene: Any, tmp_path: Path) -> None:
     rs.run(tmp_path)
     job = ProcessingJob(tmp_path, apart=True)
     assert not job.step()
-    worker, views = job._worker, Path(job.result.folder.name)
-    assert worker is not None and worker.poll() is None and views.is_dir()
+    assert job._worker is not None
+    worker, views = job._worker._process, Path(job.result.folder.name)
+    assert worker.poll() is None and views.is_dir()
     job.close()
     assert worker.poll() is not None
     assert not views.exists()
