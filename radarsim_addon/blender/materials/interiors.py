@@ -25,7 +25,7 @@ import numpy as np
 from ...arrays import Mask, Real, dots, norms
 from ...errors import ConfigError
 from ...findings import Finding, finding
-from ...signal.scene import SMOOTH_BELOW, RayMesh, Surface
+from ...signal.scene import ALL_FACES, SMOOTH_BELOW, Mesh, RayMesh, Surface
 from ..nodes import attributes
 from ..nodes.materials import (
     transmission_inputs,
@@ -34,15 +34,11 @@ from ..nodes.materials import (
 from ..state import (
     SettingsRestorer,
     Snapshot,
-    evaluated_mesh,
-    evaluated_objects,
-    read_triangles,
     take_snapshot,
 )
-from .layers import FACES_LOSS_DB, MAX_LOSS_DB
+from .layers import FACES_LOSS_DB, MAX_LOSS_DB, layer_faces
 from .physical_materials import SURFACE_TYPES, assigned_materials
 from .surfaces import read_surface, surfaces_of
-from .wall_faces import ALL_FACES, LayerFaces
 
 
 def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> list[Finding]:
@@ -106,26 +102,26 @@ _POINTS, _MOST_FACES = 64, 64
 def overlapping_shells(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     """Find meshes with an interior that consist of parts which reach into one another."""
     found = []
-    surfaces = surfaces_of(take_snapshot(depsgraph))
+    snapshot = take_snapshot(depsgraph)
+    surfaces = surfaces_of(snapshot)
     for item, materials in assigned_materials(depsgraph):
         if item.type != "MESH" or not any(one.has_interior for one in surfaces.of(materials)):
             continue
-        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-            if mesh is None or len(mesh.polygons) <= 6:  # a box, or less, has no parts
-                continue
-            vertices, corners = read_triangles(mesh)
-        fraction = _buried(vertices.astype(np.float64), corners)
+        mesh = snapshot.mesh_of(item)
+        if mesh is None or len(mesh.sides) <= 6:  # a box, or less, has no parts
+            continue
+        fraction = _buried(mesh)
         if fraction > _LEAST_BURIED:
             found.append(finding("shells-overlap", item.name, fraction=fraction))
     return found
 
 
-def _buried(points: Real, corners: Any) -> float:
+def _buried(mesh: Mesh) -> float:
     """Fraction of a surface whose outer side is inside another part of the mesh."""
-    rays = RayMesh(points, corners)
-    place, outward, area = _largest(points[corners])
+    place, outward, area = _largest(mesh.vertices[mesh.triangles])
     with np.errstate(invalid="ignore"):
-        buried = dots(rays.normals_of(rays.first(place, outward)[0]), outward) > 0
+        behind = mesh.rays.normals_of(mesh.rays.first(place, outward)[0])
+        buried = dots(behind, outward) > 0
     return float(area[buried].sum() / max(area.sum(), 1e-300))
 
 
@@ -200,12 +196,11 @@ def _near(
     for other in np.flatnonzero(meets & shown).tolist():
         if other == row:
             continue
-        with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[other]]) as mesh:
-            if mesh is None or not len(mesh.polygons):
-                continue
-            vertices, corners = read_triangles(mesh)
+        mesh = snapshot.mesh(snapshot.shapes[snapshot.layout.shape[other]])
+        if mesh is None or not len(mesh.sides):
+            continue
         matrix = snapshot.matrix(other)
-        points = (vertices @ matrix[:3, :3].T + matrix[:3, 3])[corners].mean(axis=1)
+        points = (mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles].mean(axis=1)
         yield other, points[:: -(-len(points) // _POINTS)]
 
 
@@ -214,10 +209,11 @@ class _Wall:
 
     def __init__(self, snapshot: Snapshot, row: int) -> None:
         matrix = snapshot.matrix(row)
-        with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]]) as mesh:
-            vertices, corners = read_triangles(mesh)
+        mesh = snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]])
         self._place = matrix[:3, 3]
-        self._rays = RayMesh(vertices @ matrix[:3, :3].T, corners)
+        none = np.empty((0, 3))
+        found = (none, none.astype(int)) if mesh is None else (mesh.vertices, mesh.triangles)
+        self._rays = RayMesh(found[0] @ matrix[:3, :3].T, found[1])
 
     def holds(self, points: Real) -> Mask:
         """Whether points (n, 3) are inside: a ray from each passes an odd number of faces."""
@@ -374,7 +370,7 @@ def _middle_of_plate(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> 
     if attributes.OBJECT_LAYER_THICKNESS not in item:
         return math.nan
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
+    low, high = layer_faces(take_snapshot(depsgraph), [item]).planes(normal[None], ALL_FACES)
     return float(low[0] + high[0]) / 2
 
 
@@ -383,7 +379,7 @@ def _echoes_from_its_rim(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph)
     roughness = (read_surface(slot.material).roughness or 0.0 for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
-        LayerFaces.read([item], depsgraph).rim_fractions(normal[None])[0] > _LEAST_RIM
+        layer_faces(take_snapshot(depsgraph), [item]).rim_fractions(normal[None])[0] > _LEAST_RIM
     )
 
 
@@ -396,16 +392,13 @@ class _Boxes:
     """Bounding boxes of all surfaces and their instances at the depsgraph's moment."""
 
     def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
-        poses, boxes, owners = [], [], []
-        for one in evaluated_objects(depsgraph):
-            if one.visible and one.original.type in SURFACE_TYPES and not one.original.hide_render:
-                poses.append(one.matrix)
-                boxes.append(one.box)
-                owners.append(one.original.as_pointer())
-        self._poses, self._own = np.array(poses), np.array(boxes)
-        corners = np.einsum("nij,nkj->nki", self._poses[:, :3, :3], self._own)
-        self._corners: Real = corners + self._poses[:, None, :3, 3]
-        self._owners = np.array(owners)
+        snapshot = take_snapshot(depsgraph)
+        shown = snapshot.of_shapes([_is_surface(shape) for shape in snapshot.shapes])
+        rows = np.flatnonzero(snapshot.layout.visible & shown)
+        shapes = snapshot.layout.shape[rows]
+        self._poses, self._corners = snapshot.matrices_of(rows), snapshot.corners_of(rows)
+        self._own = np.array([shape.box for shape in snapshot.shapes])[shapes]
+        self._owners = np.array([one.original.as_pointer() for one in snapshot.shapes])[shapes]
         self._centres = self._corners.mean(axis=1)
         self._radii = np.linalg.norm(self._corners - self._centres[:, None], axis=2).max(axis=1)
 

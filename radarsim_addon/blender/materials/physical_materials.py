@@ -67,7 +67,6 @@ from ..state import (
     SettingsRestorer,
     Shape,
     Snapshot,
-    read_numbers,
     slot_materials,
     take_snapshot,
 )
@@ -132,9 +131,8 @@ def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
     """Return the slots that faces use; all of hair curves and point clouds, which have no mesh."""
     if shape.kind in {"CURVES", "POINTCLOUD"}:
         return list(range(count))
-    with snapshot.mesh(shape) as mesh:
-        polygons = () if mesh is None else mesh.polygons
-        found = read_numbers(polygons, "material_index", dtype=np.int32) if polygons else ()
+    mesh = snapshot.mesh(shape)
+    found = () if mesh is None else mesh.slots
     used: list[int] = np.unique(np.clip(found, 0, count - 1)).astype(int).tolist()
     return used
 

@@ -29,7 +29,6 @@ from ...arrays import Indices, Mask, Real, are_finite, norms, turned
 from ...contract import BodyRecord
 from ...signal.motion import BodyMotions, StillBodies, body_record, write_still_bodies
 from ...signal.paths import PathRows
-from ...signal.scene import RayMesh
 from ...typed_json import file_sha256
 from ..scene import InstancePose, Poses, distance_from_box, instance_name
 from ..state import Key, Layout
@@ -81,7 +80,6 @@ class Bodies:
         self.originals: dict[int, Any] = {
             numbers[name]: item for name, item in poses.rendered.items() if name in numbers
         }
-        self._surfaces: dict[int, RayMesh] = {}
         number = poses.numbered(names)
         number[~np.isin(number, list(self.originals))] = 0
         self._order = _body_order(poses, number)
@@ -209,15 +207,15 @@ class Bodies:
         have priority.
         """
         shape, instance = int(self.shape[index]), InstancePose(self.pose[index], self.box[index])
-        if self.snapshot.shapes[shape].original.type != "MESH":
+        known = self.snapshot.shapes[shape]
+        mesh = self.snapshot.mesh(known) if known.original.type == "MESH" else None
+        if mesh is None:
             return np.full(len(points), np.inf)
-        if shape not in self._surfaces:
-            self._surfaces[shape] = RayMesh(*self.snapshot.triangles(self.snapshot.shapes[shape]))
         # one product a point: those of several round otherwise
         local = distance_from_box(instance, points[:, None])[0][:, 0] / self._metres_per_unit
         metres = float(np.linalg.norm(instance.pose[:3, :3], axis=0).max()) * self._metres_per_unit
         reach = within_m * (_BEYOND / metres if metres > 0 else np.inf)
-        return self._surfaces[shape].near(local, reach)[1] * metres
+        return mesh.rays.near(local, reach)[1] * metres
 
 
 class Parts:

@@ -45,6 +45,7 @@ from ..scene import (
     pose_in_metres,
     simulation_frames,
 )
+from ..state import marked_points, points_within, surface_points, vertex_positions
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
@@ -58,12 +59,9 @@ from .deforming import (
     DeformingSurface,
     are_same_points,
     is_cut,
-    marked_points,
+    is_on_grid,
     may_change_points,
     may_deform,
-    points_within,
-    surface_points,
-    vertex_positions,
 )
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
@@ -213,7 +211,8 @@ class BurstMotion:
                 depsgraph = self._show(moment)
                 for name, item in items.items():
                     now = surface_points(item, depsgraph)
-                    if name not in found and not are_same_points(first[name], now):
+                    same = are_same_points(first[name], now, on_grid=is_on_grid(item))
+                    if name not in found and not same:
                         found[name] = item
         return found
 

@@ -28,7 +28,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +40,7 @@ from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import directive_lobe, facet_scattering
 from ...signal.paths import PathFlag, PathRows, has_images
-from ...signal.scene import SMOOTH_BELOW, ScatteredLobe, Surface
+from ...signal.scene import SMOOTH_BELOW, Mesh, ScatteredLobe, Surface
 from ..materials import EXACT_FACETS, surfaces_of
 from ..motion import Bodies
 from ..nodes.physical_material import TABLE_WIDTH, table_angles_rad
@@ -463,8 +462,7 @@ class ReverseMarks:
         mirrors = np.array([any(one.is_mirror_like for one in every) for every in known], bool)
         rounded = np.zeros(len(shapes), dtype=bool)
         for number in np.flatnonzero(mirrors).tolist():
-            with bodies.snapshot.mesh(shapes[number]) as mesh:
-                rounded[number] = is_smooth_shaded(mesh)
+            rounded[number] = is_smooth_shaded(bodies.snapshot.mesh(shapes[number]))
         unknown = mirrors.any()
         return np.append(unknown, mirrors[bodies.shape]), np.append(unknown, rounded[bodies.shape])
 
@@ -495,13 +493,9 @@ class ReverseMarks:
         rows["flags"][several[marked]] |= np.uint16(PathFlag.HAS_REVERSE)
 
 
-def is_smooth_shaded(mesh: bpy.types.Mesh | None) -> bool:
+def is_smooth_shaded(mesh: Mesh | None) -> bool:
     """Whether a mesh, or None, has faces whose normals are not those of their planes."""
-    if mesh is None or not len(mesh.polygons):
-        return False
-    smooth = np.zeros(len(mesh.polygons), dtype=bool)
-    mesh.polygons.foreach_get("use_smooth", smooth)
-    return bool(smooth.any())
+    return mesh is not None and mesh.corner_normals is not None
 
 
 #: Ratio of the widths of two lobes from which on they differ.
@@ -534,9 +528,8 @@ class BetterDirection:
         several = np.array([len(set(shape.materials)) > 1 for shape in shapes], dtype=bool)
         widths[several] = 0.0
         for number in np.flatnonzero((widths > 0) & np.isfinite(widths)).tolist():
-            with bodies.snapshot.mesh(shapes[number]) as mesh:
-                if is_smooth_shaded(mesh):  # normals of light and of faces differ
-                    widths[number] = 0.0
+            if is_smooth_shaded(bodies.snapshot.mesh(shapes[number])):
+                widths[number] = 0.0  # normals of light and of faces differ
         #: Widths of lobes by the body's number, from 1; 0: unknown.
         self._widths = np.append(0.0, widths[bodies.shape])
 

@@ -26,7 +26,7 @@ from ...signal.paths import (
     TriangleMesh,
 )
 from ..motion import Bodies
-from ..state import Shape, read_triangles
+from ..state import Shape
 from .obstacles import DelayedWays
 
 # -------------------------------------------------------------------------------------------------
@@ -124,15 +124,14 @@ class BodyMeshes:
             if shape in self._meshes:
                 continue
             self._meshes[shape] = None
-            with snapshot.mesh(shape) as mesh:
-                if mesh is None:
-                    continue
-                vertices, triangles = read_triangles(mesh)
-            vertices_m = vertices.astype(np.float64) * self._units
-            if len(triangles) > _SMALL_MESH:
-                self._meshes[shape] = TriangleMesh(vertices_m, triangles), 0
+            mesh = snapshot.mesh(shape)
+            if mesh is None:
+                continue
+            vertices_m = mesh.vertices * self._units
+            if len(mesh.triangles) > _SMALL_MESH:
+                self._meshes[shape] = TriangleMesh(vertices_m, mesh.triangles), 0
             else:
-                small.append((shape, vertices_m, triangles))
+                small.append((shape, vertices_m, mesh.triangles))
         if small:
             shapes, vertices_of, triangles_of = zip(*small, strict=True)
             before = np.cumsum([0, *map(len, vertices_of)])

@@ -12,15 +12,14 @@ from __future__ import annotations
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
-import bpy
 import numpy as np
 
 from ...arrays import Indices, Mask, Real, crosses, norms
 from ...contract import ReceiverRecord, TransmitterRecord
-from ...signal.scene import RayMesh, RayScene
+from ...signal.scene import Mesh, RayMesh, RayScene
 from ..materials import SURFACE_TYPES, surfaces_of
 from ..motion import Bodies
-from ..state import Shape, Snapshot, read_numbers, read_triangles
+from ..state import Shape, Snapshot
 
 #: Both ends of a way stay clear of surfaces by this part of the path's length, and by so much [m].
 _CLEAR, _CLEAR_M = 4e-6, 1e-6
@@ -33,12 +32,9 @@ _ITSELF = 1e-5
 class BodyMesh:
     """Triangles of a shape in its own axes [m], with the number of each one's material slot."""
 
-    def __init__(self, mesh: bpy.types.Mesh, metres_per_unit: float) -> None:
-        vertices, self.triangles = read_triangles(mesh)
-        self.vertices_m = vertices.astype(np.float64) * metres_per_unit
-        faces = mesh.loop_triangles
-        self.slots = read_numbers(faces, "material_index", dtype=np.int32)[:, 0]
-        normals = read_numbers(faces, "split_normals", 9).reshape(-1, 3, 3)
+    def __init__(self, mesh: Mesh, metres_per_unit: float) -> None:
+        self.vertices_m, self.triangles = mesh.vertices * metres_per_unit, mesh.triangles
+        self.slots, normals = mesh.slots[mesh.polygons], mesh.triangle_normals
         corners = self.vertices_m[self.triangles]
         across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         size = norms(across)
@@ -50,8 +46,7 @@ class BodyMesh:
             self.curved = ~(np.abs(turned).min(axis=1, initial=1.0) > 1 - 1e-6)
         #: Normals at the corners of triangles, (k, 3, 3); None where nothing is curved.
         self.corner_normals = normals if self.curved.any() else None
-        edges = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
-        self.closed = bool(np.all(np.bincount(edges, minlength=len(mesh.edges)) == 2))
+        self.closed = mesh.is_closed
 
     @cached_property
     def convex(self) -> bool:
@@ -102,9 +97,9 @@ class Obstacles:
         snapshot = self.bodies.snapshot
         shape = snapshot.shapes[number]
         if shape not in self._meshes:
-            with snapshot.mesh(shape) as mesh:
-                usable = mesh is not None and len(mesh.polygons) > 0
-                self._meshes[shape] = BodyMesh(mesh, self._units) if usable else None
+            mesh = snapshot.mesh(shape)
+            found = None if mesh is None or not len(mesh.sides) else BodyMesh(mesh, self._units)
+            self._meshes[shape] = found
         return self._meshes[shape]
 
     def block(self, start_m: Real, end_m: Real, own: Indices) -> tuple[Mask, Mask]:
@@ -153,10 +148,9 @@ class DelayedWays:
                 continue
             if not any(one.delays for one in surfaces.of(shape.materials)):
                 continue
-            with snapshot.mesh(shape) as mesh:
-                if mesh is None:
-                    continue
-                meshes[number] = RayMesh(*read_triangles(mesh))
+            mesh = snapshot.mesh(shape)
+            if mesh is not None:
+                meshes[number] = mesh.rays
         shapes = snapshot.layout.shape
         rows = np.flatnonzero(np.isin(shapes, list(meshes)) & snapshot.layout.visible)
         poses_m = snapshot.matrices_of(rows) * np.array([[metres_per_unit]] * 3 + [[1.0]])

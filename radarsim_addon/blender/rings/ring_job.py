@@ -34,7 +34,7 @@ from ..materials import found_inside
 from ..plan import Plan, Task, instant_at
 from ..run import MeasurementJob, shared_folder
 from ..scene import check_particles_are_baked, ground_truth, moved_by_scripts
-from ..state import Snapshot, read_triangles, take_snapshot
+from ..state import Snapshot, take_snapshot
 from ..views import Region, ViewWindow, set_border
 
 
@@ -231,11 +231,8 @@ def regions_by_ring(
 
 def _triangles(snapshot: Snapshot, shape: int) -> Real | None:
     """Triangles of a shape, own axes, (m, 3, 3) [Blender units]; None if it has no mesh."""
-    with snapshot.mesh(snapshot.shapes[shape]) as mesh:
-        if mesh is None:
-            return None
-        vertices, triangles = read_triangles(mesh)
-        return vertices.astype(np.float64)[triangles]
+    mesh = snapshot.mesh(snapshot.shapes[shape])
+    return None if mesh is None else mesh.vertices[mesh.triangles]
 
 
 def _as_evaluated(shape: Any) -> bool:

@@ -21,7 +21,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ...arrays import Indices, Real
-from ..state import Key, Shape, Snapshot, read_numbers, take_snapshot
+from ..state import Key, Shape, Snapshot, take_snapshot
 from .ground_truth import Boxes
 from .visibility import action_curves
 
@@ -360,17 +360,18 @@ def outermost_points(snapshot: Snapshot, shape: Shape) -> Real:
     """
     if shape not in _outermost:
         points = shape.box
-        with snapshot.mesh(shape) as mesh:
-            if mesh is not None and len(mesh.vertices):
-                vertices = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
-                index = np.arange(_DIRECTIONS) + 0.5  # Fibonacci's sphere, and along the axes
-                z, angle = 1 - 2 * index / _DIRECTIONS, index * np.pi * (3 - np.sqrt(5))
-                around = np.sqrt(1 - z**2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
-                directions = np.concatenate([np.column_stack([around, z]), np.eye(3), -np.eye(3)])
-                size = np.ptp(vertices, axis=0)
-                size[size == 0] = 1.0  # a flat mesh: that axis tells its vertices not apart
-                points = vertices[np.unique((vertices / size @ directions.T).argmax(axis=0))]
-                # What is ahead of the radar closes in faster than edges do.
-                points = np.concatenate([points, shape.box[np.array(_FACES)].mean(axis=1)])
+        mesh = snapshot.mesh(shape)
+        if mesh is not None and len(mesh.vertices):
+            index = np.arange(_DIRECTIONS) + 0.5  # Fibonacci's sphere, and along the axes
+            z, angle = 1 - 2 * index / _DIRECTIONS, index * np.pi * (3 - np.sqrt(5))
+            around = np.sqrt(1 - z**2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
+            directions = np.concatenate([np.column_stack([around, z]), np.eye(3), -np.eye(3)])
+            size = np.ptp(mesh.vertices, axis=0)
+            size[size == 0] = 1.0  # a flat mesh: that axis tells its vertices not apart
+            farthest = np.unique((mesh.vertices / size @ directions.T).argmax(axis=0))
+            # What is ahead of the radar closes in faster than edges do.
+            points = np.concatenate(
+                [mesh.vertices[farthest], shape.box[np.array(_FACES)].mean(axis=1)]
+            )
         _outermost[shape] = points
     return _outermost[shape]

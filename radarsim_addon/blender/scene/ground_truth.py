@@ -291,7 +291,9 @@ def triangles_about(snapshot: Snapshot, rows: Iterable[int], point: Real) -> Ite
     waiting: list[tuple[int, Any, Any]] = []
     size = 0
     for row in rows:
-        found = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
+        mesh = snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]])
+        none = np.empty((0, 3))
+        found = (none, none.astype(int)) if mesh is None else (mesh.vertices, mesh.triangles)
         waiting.append((row, *found))
         size += len(found[1])
         if size > _TOGETHER:

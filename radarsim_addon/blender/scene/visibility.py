@@ -32,7 +32,7 @@ from ..materials import (
 )
 from ..materials.physical_materials import READY, suggest_material
 from ..nodes import is_radar_material
-from ..state import SettingsRestorer, Snapshot, read_numbers, take_snapshot
+from ..state import SettingsRestorer, Snapshot, read_mesh, take_snapshot
 
 #: Object types that Cycles renders and that have no radar model.
 _UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
@@ -521,5 +521,4 @@ def _is_closed(item: bpy.types.Object) -> bool:
     """Whether every edge of an evaluated mesh joins two faces."""
     if item.type != "MESH" or not len(item.data.polygons):
         return False
-    edges = read_numbers(item.data.loops, "edge_index", dtype=np.int32).ravel()
-    return bool(np.all(np.bincount(edges, minlength=len(item.data.edges)) == 2))
+    return read_mesh(item.data).is_closed

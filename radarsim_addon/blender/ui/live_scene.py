@@ -36,7 +36,7 @@ from ..scene import (
     scene_extent,
     transmitter_record,
 )
-from ..state import Shape, Snapshot, read_numbers, read_triangles, take_snapshot
+from ..state import Shape, Snapshot, take_snapshot
 from .fields import tr
 from .scene_reading import any_material_echoes, rig_of
 
@@ -163,8 +163,7 @@ class LiveReader:
         for index in np.unique(snapshot.layout.shape[rows]).tolist():
             shape = snapshot.shapes[index]
             if shape not in self._keys:
-                for part in _polygons(snapshot, shape):
-                    yield None if part is None else mesh_message(self._next, part)
+                yield mesh_message(self._next, _polygons(snapshot, shape))
                 self._keys[shape], self._next = self._next, self._next + 1
         yield from self._scene(scene, depsgraph, snapshot, rows.tolist(), left_out)
 
@@ -255,47 +254,20 @@ def _moves(
     return moves, len(unknown)
 
 
-def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None]:
-    """Yield the evaluated mesh of a shape, before that None after each part that takes long.
-
-    Blender may free a mesh between two parts of an older snapshot, but not of the last one.
-    """
+def _polygons(snapshot: Snapshot, shape: Shape) -> DraftPolygons:
+    """Return the evaluated mesh of a shape."""
     none, flat = np.zeros(0, dtype=np.int32), np.zeros((0, 3), dtype=np.float32)
-    found = False
-    with snapshot.mesh(shape) as mesh:
-        if mesh is not None and len(mesh.polygons):
-            found = True
-            points = read_numbers(mesh.vertices, "co", 3)
-            starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
-            smooth = mesh.normals_domain != "FACE"
-            many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
-    if not found:
-        yield DraftPolygons(flat, none, none, none, flat)
-        return
-    yield None
-    with snapshot.mesh(shape) as mesh:
-        if many_sides:
-            triangles = read_triangles(mesh)[1]
-            corners, starts = triangles.ravel(), 3 * np.arange(len(triangles), dtype=np.int32)
-        else:  # attributes are copied whole, properties one by one
-            data = mesh.attributes[".corner_vert"].data
-            corners = read_numbers(data, "value", dtype=np.int32)[:, 0]
-    yield None
-    with snapshot.mesh(shape) as mesh:
-        slots = none
-        if many_sides:
-            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
-        elif "material_index" in mesh.attributes:
-            data = mesh.attributes["material_index"].data
-            slots = read_numbers(data, "value", dtype=np.int32)[:, 0]
-    yield None
-    with snapshot.mesh(shape) as mesh:
-        normals = flat
-        if smooth and many_sides:
-            normals = read_numbers(mesh.loop_triangles, "split_normals", 9).reshape(-1, 3)
-        elif smooth:
-            normals = read_numbers(mesh.corner_normals, "vector", 3)
-    yield DraftPolygons(points, corners, starts, slots, normals)
+    mesh = snapshot.mesh(shape)
+    if mesh is None or not len(mesh.sides):
+        return DraftPolygons(flat, none, none, none, flat)
+    points, corners, starts = mesh.vertices, mesh.corner_vertices, mesh.first_corners
+    slots, normals = mesh.slots, mesh.corner_normals
+    if mesh.cut is not None:
+        corners, starts = mesh.triangles.ravel(), 3 * np.arange(len(mesh.triangles), dtype=np.int32)
+        slots = slots[mesh.polygons]
+        normals = None if normals is None else normals[mesh.cut].reshape(-1, 3)
+    shading = flat if normals is None else normals.astype(np.float32)
+    return DraftPolygons(points.astype(np.float32), corners, starts, slots, shading)
 
 
 def _notes(

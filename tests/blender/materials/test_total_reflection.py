@@ -18,15 +18,14 @@ from radarsim_addon.blender.materials import (
     layers,
     total_reflection,
     total_reflections,
-    wall_faces,
 )
-from radarsim_addon.blender.materials.wall_faces import find_walls
 from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.blender.state import take_snapshot
 from radarsim_addon.findings import finding_about
-from radarsim_addon.signal.scene import RayMesh
+from radarsim_addon.signal.scene import RayMesh, walls
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
-from tests.blender.slab_scene import physical_material
+from tests.blender.slab_scene import physical_material, walls_of
 
 pytestmark = pytest.mark.blender
 WAVELENGTH = 0.03
@@ -152,7 +151,7 @@ def stacked(*meshes: tuple[Any, Any], flip: float = 1.0) -> Any:
     """Those of meshes that are convex bodies, named by their place."""
     points, corners = (np.stack(parts) for parts in zip(*meshes, strict=True))
     poses = np.stack([np.diag([flip, 1.0, 1.0, 1.0])] * len(points))
-    return wall_faces._stacked(tuple(range(len(points))), points, corners, poses)
+    return walls._stacked(tuple(range(len(points))), points, corners, poses)
 
 
 def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
@@ -208,11 +207,13 @@ def test_many_convex_objects_have_the_numbers_of_each_alone(
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     together = fractions(monkeypatch)
-    losses_db, convex = interior_losses_db(WAVELENGTH, depsgraph), convex_objects(depsgraph)
+    losses_db, convex = (
+        interior_losses_db(WAVELENGTH, depsgraph),
+        convex_objects(take_snapshot(depsgraph)),
+    )
     assert len(convex) == len(together) == 12
     for module in (total_reflection, layers):
         monkeypatch.setattr(module, "convex_parts", lambda _: [])
-        monkeypatch.setattr(module, "least_depths", lambda _: {}, raising=False)
     assert together == pytest.approx(fractions(monkeypatch), abs=2e-3)
     assert losses_db == pytest.approx(interior_losses_db(WAVELENGTH, depsgraph), rel=1e-9)
 
@@ -227,10 +228,10 @@ def test_compact_bodies_have_no_walls() -> None:
         bpy.context.object.data.materials.append(physical_material(2.3, 0.0))
     bpy.context.view_layer.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    (bodies,) = wall_faces.convex_parts(depsgraph)
+    (bodies,) = layers.convex_parts(take_snapshot(depsgraph))
     compact = set(bodies.without_walls())
     assert 3 < len(compact) < 27
-    assert not any(find_walls(item, depsgraph).wall.any() for item in compact)
+    assert not any(walls_of(item, depsgraph).wall.any() for item in compact)
 
 
 @pytest.mark.parametrize(("index", "code"), [(2.05, "total-reflection"), (1.1, "wall-corners")])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.blender.scene import finite_checks, mesh_checks, rig, view_checks
+from radarsim_addon.blender.state import read_mesh
 from radarsim_addon.errors import SceneError
 
 pytestmark = pytest.mark.blender
@@ -33,7 +34,7 @@ def _bent(angle_deg: float) -> bool:
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     angle_rad = np.radians(angle_deg)
     mesh.normals_split_custom_set([(np.sin(angle_rad), 0, np.cos(angle_rad))] * 3)
-    return mesh_checks._bent(mesh) > 0
+    return mesh_checks._bent(read_mesh(mesh)) > 0
 
 
 def _flat(thickness: float) -> bool:
