@@ -21,7 +21,7 @@ from radarsim_addon.blender.materials import (
 from radarsim_addon.blender.materials.physical_materials import ASSETS, Medium
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import refresh_groups
-from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
 from radarsim_addon.blender.ui.material_panel import BLEND
 
 from .case import Bench, Check, absolute_check, worst_of
@@ -197,7 +197,7 @@ def _library_furnace(bench: Bench, name: str, thickness_m: float) -> _Furnace:
         plate = facing_plate((0.0, 0.0, 0.0), 1e3, 90.0, spin_deg=13.0)
         add_plate("Plate", plate, material)
     look_down(scene, 0.0)
-    set_layer_normals(SettingsRestorer(), bpy.context.evaluated_depsgraph_get())
+    set_layer_normals(SettingsRestorer(), evaluated_snapshot(bpy.context.view_layer))
     return _Furnace(bench, scene)
 
 

@@ -14,7 +14,7 @@ from mathutils import Matrix
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.materials import link_group
-from radarsim_addon.blender.state import take_snapshot
+from radarsim_addon.blender.state import Snapshot
 from radarsim_addon.signal.scene import find_walls
 from tests.blender import render_helpers as rh
 
@@ -96,7 +96,6 @@ def cross(
     return Crossing(cosine, ratio[..., 2], -CODE * np.log(ratio[..., 0] / ratio[..., 2]) / 2)
 
 
-def walls_of(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Any:
+def walls_of(item: bpy.types.Object, snapshot: Snapshot) -> Any:
     """Return the walls of an evaluated object."""
-    snapshot = take_snapshot(depsgraph)
     return find_walls(snapshot.mesh_of(item), snapshot.matrix_of(item)[:3, :3])

@@ -134,6 +134,21 @@ def test_blender_uses_few_rooms_of_signal() -> None:
             assert there.removeprefix("signal.") in allowed, item
 
 
+#: Attributes by which Blender's objects and meshes are read.
+READING = {"object_instances", "loop_triangles", "loops", "evaluated_get", "to_mesh_clear"}
+
+
+def test_only_one_room_reads_evaluated_objects() -> None:
+    """All others are given a snapshot and its meshes."""
+    readers = {
+        name
+        for name, path in MODULES.items()
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Attribute) and node.attr in READING
+    }
+    assert readers == {f"radarsim_addon.blender.state.{name}" for name in ("meshes", "snapshot")}
+
+
 def test_no_circle_of_modules() -> None:
     graph: dict[str, set[str]] = defaultdict(set)
     for item in imports_inside():

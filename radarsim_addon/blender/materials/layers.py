@@ -33,7 +33,7 @@ from ...signal.scene import (
     find_walls,
 )
 from ..nodes import attributes
-from ..state import SettingsRestorer, Snapshot, read_mesh, take_snapshot
+from ..state import SettingsRestorer, Snapshot, read_mesh
 from .physical_materials import SHEET_THICKNESS, assigned_materials
 from .surfaces import surfaces_of
 
@@ -193,7 +193,7 @@ _MOST_ACROSS = 0.01
 _WALL_SHARE = 0.75
 
 
-def set_layer_normals(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def set_layer_normals(recorder: SettingsRestorer, snapshot: Snapshot) -> list[Finding]:
     """Set what is known of the walls of each object with a penetrable physical material.
 
     That is normal and thickness of a layer, or the common thickness of walls in several directions.
@@ -202,11 +202,10 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph
     none.
     """
     others: list[str] = []
-    snapshot = take_snapshot(depsgraph)
     surfaces = surfaces_of(snapshot)
     items = [
         item
-        for item, materials in assigned_materials(depsgraph)
+        for item, materials in assigned_materials(snapshot)
         if any(one.is_entered for one in surfaces.of(materials))
     ]
     faces = layer_faces(snapshot, items)
@@ -304,7 +303,7 @@ def convex_parts(snapshot: Snapshot) -> list[ConvexBodies]:
     """Find the objects with an interior that are small closed convex meshes, in several parts."""
     if snapshot not in _of_snapshots:
         surfaces, bodies = surfaces_of(snapshot), []
-        for item, materials in assigned_materials(snapshot.depsgraph):
+        for item, materials in assigned_materials(snapshot):
             shape = snapshot.own_shapes.get(item)
             if shape is None or shape.kind != "MESH":
                 continue
@@ -334,18 +333,17 @@ def thinnest(snapshot: Snapshot, item: bpy.types.Object) -> float:
     return float(depths.depth.min())
 
 
-def interior_losses_db(wavelength: float, depsgraph: bpy.types.Depsgraph) -> dict[str, float]:
+def interior_losses_db(wavelength: float, snapshot: Snapshot) -> dict[str, float]:
     """Return the two-way absorption [dB] of objects of physical materials, by full name.
 
     It is across each where it is thinnest; `wavelength` is in Blender units.
     """
-    snapshot = take_snapshot(depsgraph)
     surfaces = surfaces_of(snapshot)
     depths: dict[Hashable, float] = {}
     for bodies in convex_parts(snapshot):
         depths.update(zip(bodies.items, bodies.thinnest().tolist(), strict=True))
     losses = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         entered = [surface for surface in surfaces.of(materials) if surface.is_entered]
         if item.type != "MESH" or not entered:
             continue
@@ -389,11 +387,10 @@ _NEAR = 10.0
 _LEAST_FRACTION = 0.1
 
 
-def doubled_panes(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> list[Finding]:
+def doubled_panes(snapshot: Snapshot, metres_per_unit: float) -> list[Finding]:
     """Find objects whose thin sheets have another face right behind them: they count twice."""
-    snapshot = take_snapshot(depsgraph)
     named, surfaces = [], surfaces_of(snapshot)
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         sheets = [one for one in materials if surfaces[one].kind == "sheet"]
         if item.type != "MESH" or not sheets:
             continue

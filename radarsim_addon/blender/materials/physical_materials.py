@@ -68,7 +68,6 @@ from ..state import (
     Shape,
     Snapshot,
     slot_materials,
-    take_snapshot,
 )
 
 #: Object types whose surface Cycles shades by material slots.
@@ -89,14 +88,13 @@ class MaterialAssignment(NamedTuple):
 _of_snapshots: WeakKeyDictionary[Snapshot, list[MaterialAssignment]] = WeakKeyDictionary()
 
 
-def assigned_materials(depsgraph: bpy.types.Depsgraph) -> list[MaterialAssignment]:
-    """Return the materials of each rendered object with a surface, in the order of the depsgraph.
+def assigned_materials(snapshot: Snapshot) -> list[MaterialAssignment]:
+    """Return the materials of each rendered object with a surface, in the order of the snapshot.
 
     A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The
     object may be linked, overridden, or a member of an instanced collection that is in no scene.
     The slots of the evaluated object have all of these.
     """
-    snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
         # Instances that Geometry Nodes make have slots of their own. They come after the object's,
         # whose places stay.
@@ -110,15 +108,13 @@ def assigned_materials(depsgraph: bpy.types.Depsgraph) -> list[MaterialAssignmen
     return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
 
 
-def foreign_objects(
-    depsgraph: bpy.types.Depsgraph, is_known: Callable[[Any], bool]
-) -> Iterator[Any]:
+def foreign_objects(snapshot: Snapshot, is_known: Callable[[Any], bool]) -> Iterator[Any]:
     """Yield rendered objects with faces of a material that is not known, or of none (None).
 
     Faces decide, not slots: an object that only holds instances has none, and Set Material of
     Geometry Nodes leaves an empty slot that no face uses.
     """
-    snapshot, is_known = take_snapshot(depsgraph), cache(is_known)
+    snapshot, is_known = snapshot, cache(is_known)
     for shape in snapshot.shapes:
         original, slots = shape.original, shape.materials or (None,)
         if original.type not in SURFACE_TYPES or original.hide_render or all(map(is_known, slots)):

@@ -29,7 +29,7 @@ from ...findings import Finding, finding, finding_about
 from ...physics.fresnel import excess_path_m, slab_power
 from ...signal.scene import ConvexBodies, Mesh, RayMesh, Surface
 from ..nodes import attributes
-from ..state import Snapshot, take_snapshot
+from ..state import Snapshot
 from .layers import convex_parts, thinnest
 from .physical_materials import assigned_materials
 from .surfaces import surfaces_of
@@ -64,7 +64,7 @@ class _Body(NamedTuple):
 
 
 def total_reflections(
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     antennas: Sequence[Sequence[float]],
     wavelength: float,
     extinction_length: float,
@@ -76,11 +76,11 @@ def total_reflections(
     information and one as a caution, if any, with indices and fractions of their objects; and the
     same of ``wall-corners``, of objects whose faces absorb and delay.
     """
-    snapshot, inside_of = take_snapshot(depsgraph), cache(_inside)
+    snapshot, inside_of = snapshot, cache(_inside)
     surfaces = surfaces_of(snapshot)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     bodies: dict[Any, _Body] = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         entered = [surface for surface in surfaces.of(materials) if surface.has_interior]
         if item.type == "MESH" and entered:
             mediums = [inside_of(surface, wavelength, extinction_length) for surface in entered]
@@ -303,16 +303,15 @@ def _spread(triangles: int) -> Real:
     return np.stack([1 - steps.sum(axis=1), *steps.T], axis=1)
 
 
-def straight_interiors(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> list[Finding]:
+def straight_interiors(snapshot: Snapshot, metres_per_unit: float) -> list[Finding]:
     """Find objects that waves cross at the delay of the straight line, whatever its angle.
 
     One ``interior-not-refracted`` has all of them, and what the one with the largest error adds to
     an echo behind it at two angles.
     """
-    snapshot = take_snapshot(depsgraph)
     surfaces = surfaces_of(snapshot)
     worst: dict[str, tuple[float, float]] = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         simple = (s for s in surfaces.of(materials) if s.has_interior and not s.is_entered)
         index = max((one.n for one in simple if one.n is not None), default=1.0)
         if item.type != "MESH" or index <= 1:
@@ -337,26 +336,25 @@ def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
 
-def averaging_objects(depsgraph: bpy.types.Depsgraph) -> dict[str, complex]:
+def averaging_objects(snapshot: Snapshot) -> dict[str, complex]:
     """Return the objects that let waves through in the mean of both polarisations, by name, with
     their largest index.
     """
     found = {}
-    surfaces = surfaces_of(take_snapshot(depsgraph))
-    for item, materials in assigned_materials(depsgraph):
+    surfaces = surfaces_of(snapshot)
+    for item, materials in assigned_materials(snapshot):
         indices = [one.index for one in surfaces.of(materials) if one.passes_by_polarisation]
         if indices:
             found[item.name_full] = max(indices, key=abs)
     return found
 
 
-def average_in_a_row(depsgraph: bpy.types.Depsgraph, objects: Collection[str]) -> bool:
+def average_in_a_row(snapshot: Snapshot, objects: Collection[str]) -> bool:
     """Return whether waves may pass several walls of these objects, by name, one after the other.
 
     Also for one object that consists of several walls, or has several instances; layer normals are
     set.
     """
-    snapshot = take_snapshot(depsgraph)
     shapes = [shape.original for shape in snapshot.shapes]
     ours = snapshot.of_shapes([item.name_full in objects for item in shapes])
     several = (

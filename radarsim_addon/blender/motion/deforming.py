@@ -21,7 +21,7 @@ from ...signal.paths import PathRows
 from ...signal.scene import RayMesh, barycentric
 from ..materials import SURFACE_TYPES
 from ..scene import distance_from_box
-from ..state import SurfacePoints, take_snapshot, vertex_positions
+from ..state import Snapshot, SurfacePoints, vertex_positions
 from .bodies import Bodies, Part
 
 #: Types of parents that deform their children.
@@ -103,16 +103,14 @@ class Deformations:
 class DeformingSurface:
     """Mesh or points of one object at the frame's time, and the vertices that paths need."""
 
-    def __init__(
-        self, item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
-    ) -> None:
+    def __init__(self, item: bpy.types.Object, snapshot: Snapshot, metres_per_unit: float) -> None:
         self.item = item
         self._units = metres_per_unit
-        mesh = take_snapshot(depsgraph).mesh_of(item)
+        mesh = snapshot.mesh_of(item)
         if mesh is not None:
             self._rays, self.triangles, self._vertices = mesh.rays, mesh.triangles, mesh.vertices
         else:  # each point is a triangle of its own
-            self._vertices = vertex_positions(item, depsgraph).astype(np.float64)
+            self._vertices = vertex_positions(snapshot.evaluated(item)).astype(np.float64)
             self.triangles = np.repeat(
                 np.arange(len(self._vertices), dtype=np.int32)[:, None], 3, axis=1
             )
@@ -151,9 +149,9 @@ class DeformingSurface:
         ]
         return np.array(in_series, dtype=np.int32).reshape(-1, 3), weights
 
-    def sample(self, depsgraph: bpy.types.Depsgraph) -> Single | None:
-        """Return the needed vertices at the depsgraph's time [m]; None if their number changed."""
-        positions = vertex_positions(self.item, depsgraph)
+    def sample(self, snapshot: Snapshot) -> Single | None:
+        """Return the needed vertices at its moment [m]; None if their number changed."""
+        positions = vertex_positions(snapshot.evaluated(self.item))
         if len(positions) != self.count:
             return None
         needed = np.fromiter(self.needed, dtype=np.intp, count=len(self.needed))

@@ -21,7 +21,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ...arrays import Indices, Real
-from ..state import Key, Shape, Snapshot, take_snapshot
+from ..state import Key, Shape, Snapshot
 from .ground_truth import Boxes
 from .visibility import action_curves
 
@@ -78,9 +78,8 @@ class Poses:
         return () if self.snapshot is None else self.snapshot.layout.key(int(self.rows[index]))
 
 
-def evaluated_poses(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> Poses:
-    """Return the poses and boxes of all surfaces at the time of a depsgraph."""
-    snapshot = take_snapshot(depsgraph)
+def evaluated_poses(snapshot: Snapshot, metres_per_unit: float) -> Poses:
+    """Return the poses and boxes of all surfaces at the time of a snapshot."""
     shapes = snapshot.shapes
     has_surface = [shape.kind not in {"CAMERA", "LIGHT", "EMPTY"} for shape in shapes]
     rows = np.flatnonzero(snapshot.of_shapes(has_surface))
@@ -197,7 +196,7 @@ def keyed_speeds(
 
     places = []
     for item in antennas:
-        now = np.array(item.evaluated_get(snapshot.depsgraph).matrix_world, dtype=np.float64)
+        now = np.array(snapshot.evaluated(item).matrix_world, dtype=np.float64)
         poses = poses_of(item, now) if _is_keyed(item) else None
         places.append([now[:3, 3]] * 2 if poses is None else poses[:, :3, 3])
     both = np.array(places).transpose(1, 0, 2)

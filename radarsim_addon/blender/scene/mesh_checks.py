@@ -19,7 +19,6 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +27,7 @@ from ...findings import Finding, finding
 from ...signal.scene import Mesh
 from ..materials import assigned_materials, convex_objects, sharpen_edges, surfaces_of
 from ..nodes import attributes
-from ..state import SettingsRestorer, take_snapshot
+from ..state import SettingsRestorer, Snapshot
 from .ground_truth import triangles_about
 from .visibility import rendered_rows
 
@@ -70,9 +69,8 @@ class _Item:
     defect: str = ""
 
 
-def check_meshes(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def check_meshes(snapshot: Snapshot) -> list[Finding]:
     """Find meshes of a scene that Cycles cannot trace as objects with an interior."""
-    snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
     surfaces = surfaces_of(snapshot)
     rows = rendered_rows(snapshot)
@@ -327,14 +325,13 @@ def _nested_too_deep(found: list[_Item]) -> list[Finding]:
     return []
 
 
-def sharpen_walls(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) -> None:
+def sharpen_walls(recorder: SettingsRestorer, snapshot: Snapshot) -> None:
     """Let the normals of walls that are shaded smooth end at their edges, until restored.
 
-    The walls are set for the run in the depsgraph.
+    The walls are set for the run in the snapshot.
     """
     known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
-    snapshot = take_snapshot(depsgraph)
-    assigned, surfaces = assigned_materials(depsgraph), surfaces_of(snapshot)
+    assigned, surfaces = assigned_materials(snapshot), surfaces_of(snapshot)
     walls = [
         one.item
         for one in assigned
@@ -350,9 +347,8 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) ->
             sharpen_edges(recorder, item, _EDGE_DEG)
 
 
-def check_normals(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def check_normals(snapshot: Snapshot) -> list[Finding]:
     """Find the rendered meshes whose normals are far from those of their faces."""
-    snapshot = take_snapshot(depsgraph)
     found: dict[str, float] = {}
     for shape in snapshot.shapes:
         if shape.kind != "MESH" or shape.original.hide_render:

@@ -24,7 +24,7 @@ from ...errors import SceneError
 from ...findings import Finding, finding
 from ...signal.scene import Mesh
 from ..materials import SURFACE_TYPES, assigned_materials
-from ..state import take_snapshot
+from ..state import Snapshot
 from .ground_truth import Boxes, antenna_positions
 from .rig import Rig
 
@@ -154,17 +154,15 @@ def _places(centre: Real, sides: Real, lengths: Real, edges: tuple[float, ...]) 
     return np.stack([range_m, span_m])
 
 
-def no_echo_findings(
-    depsgraph: bpy.types.Depsgraph, rig: Rig, seen: Sequence[str]
-) -> list[Finding]:
+def no_echo_findings(snapshot: Snapshot, rig: Rig, seen: Sequence[str]) -> list[Finding]:
     """Find why a receiver whose rays met the objects `seen` received no echo: one error or more.
 
     Only for such frames, because it looks at every triangle of what may surround an antenna.
     """
-    surrounding = _surrounding(depsgraph, rig)
+    surrounding = _surrounding(snapshot, rig)
     if surrounding:
         return [finding("antenna-inside-mesh", *surrounding)]
-    assigned = {one.item.name_full: one.materials for one in assigned_materials(depsgraph)}
+    assigned = {one.item.name_full: one.materials for one in assigned_materials(snapshot)}
     if not seen:
         return [finding("nothing-in-view", *sorted(assigned)) if assigned else finding("no-echo")]
     reflects = cache(_reflects)  # the links of a socket take a walk over all links of its tree
@@ -174,11 +172,10 @@ def no_echo_findings(
     return found + ([finding("surfaces-return-nothing", *others)] if others else [])
 
 
-def _surrounding(depsgraph: bpy.types.Depsgraph, rig: Rig) -> list[str]:
+def _surrounding(snapshot: Snapshot, rig: Rig) -> list[str]:
     """Return the closed meshes that contain one of the antennas, but not the other."""
-    antennas = np.stack(antenna_positions(depsgraph, rig))
+    antennas = np.stack(antenna_positions(snapshot, rig))
     found = []
-    snapshot = take_snapshot(depsgraph)
     low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
     within = ((antennas[:, None] >= low) & (antennas[:, None] <= high)).all(axis=2)
     for row in np.flatnonzero(within.any(axis=0) & snapshot.layout.visible).tolist():
@@ -239,16 +236,13 @@ def _reflects(material: bpy.types.Material) -> bool:
     return False
 
 
-def ground_below(
-    depsgraph: bpy.types.Depsgraph, point: Real, name: str | None = None
-) -> GroundBelow:
+def ground_below(snapshot: Snapshot, point: Real, name: str | None = None) -> GroundBelow:
     """Find the ground: of the objects straight below a point (3,) the one with the largest area.
 
     Of the object, or of the one with this name, it is the highest face below the point in the world
     [Blender units]. `SceneError` if nothing is below the point, or the face is not level.
     """
     found: list[tuple[float, float, GroundBelow, float]] = []
-    snapshot = take_snapshot(depsgraph)
     low, high = snapshot.corners.min(axis=1)[:, :2], snapshot.corners.max(axis=1)[:, :2]
     above = ((low <= point[:2]) & (point[:2] <= high)).all(axis=1)
     for row in np.flatnonzero(above & snapshot.layout.visible).tolist():

@@ -32,7 +32,7 @@ from ..materials import (
 )
 from ..materials.physical_materials import READY, suggest_material
 from ..nodes import is_radar_material
-from ..state import SettingsRestorer, Snapshot, read_mesh, take_snapshot
+from ..state import SettingsRestorer, Snapshot, read_mesh
 
 #: Object types that Cycles renders and that have no radar model.
 _UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
@@ -56,7 +56,7 @@ def isolate(
     recorder: SettingsRestorer,
     scene: bpy.types.Scene,
     emitter: bpy.types.Object,
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     any_material: bool = False,
 ) -> list[Finding]:
     """Hide other lights than the transmitter, and what cannot echo; name objects without an echo.
@@ -70,14 +70,14 @@ def isolate(
         if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
             _hide(recorder, item)
     _mute_animation(recorder, emitter, "hide_render")
-    assigned = assigned_materials(depsgraph)
+    assigned = assigned_materials(snapshot)
     if any_material:
         known = cache(lambda material: is_radar_material(material) or _is_fog(material))
-        optical = dict.fromkeys(item.name for item in foreign_objects(depsgraph, known))
+        optical = dict.fromkeys(item.name for item in foreign_objects(snapshot, known))
         found = [finding("optical-material", *optical)] if optical else []
         return found + _isolate_any_material(recorder, scene, assigned)
     is_radar = cache(is_radar_material)
-    foreign = set(foreign_objects(depsgraph, is_radar))
+    foreign = set(foreign_objects(snapshot, is_radar))
     silent = [
         one.item.name
         for one in assigned
@@ -440,9 +440,9 @@ def _shown_by_parent(item: bpy.types.Object) -> bool:
     return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
 
 
-def limited_visibility(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def limited_visibility(snapshot: Snapshot) -> list[Finding]:
     """Name the rendered objects without a direct echo, and those that waves pass through."""
-    snapshot, layer = take_snapshot(depsgraph), depsgraph.view_layer
+    layer = snapshot.depsgraph.view_layer
     rows, layout = rendered_rows(snapshot), snapshot.layout
     items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
     # Instances also follow the settings of what makes them.
@@ -477,13 +477,13 @@ def hiding_is_animated() -> bool:
     return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
-def suggest_materials(depsgraph: bpy.types.Depsgraph) -> dict[Any, str | None]:
+def suggest_materials(snapshot: Snapshot) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
     By material the key of `READY` for its name, else for that of an object with it, else None.
     """
     owners: dict[Any, list[str]] = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         for material in materials:
             if material is not None and not is_radar_material(material):
                 owners.setdefault(material, []).append(item.name)
@@ -494,7 +494,7 @@ def suggest_materials(depsgraph: bpy.types.Depsgraph) -> dict[Any, str | None]:
 
 
 def replace_material(
-    material: bpy.types.Material, ready: str, carrier_hz: float, depsgraph: bpy.types.Depsgraph
+    material: bpy.types.Material, ready: str, carrier_hz: float, snapshot: Snapshot
 ) -> Any:
     """Put a radar material, a key of `READY`, in place of an optical one, which the file keeps.
 
@@ -503,8 +503,8 @@ def replace_material(
     """
     asset = READY[ready]
     closed = all(
-        set(one.materials) == {material} and _is_closed(one.item.evaluated_get(depsgraph))
-        for one in assigned_materials(depsgraph)
+        set(one.materials) == {material} and _is_closed(snapshot.evaluated(one.item))
+        for one in assigned_materials(snapshot)
         if material in one.materials
     )
     options: dict[str, Any] = {} if closed else {"penetrable": False}

@@ -107,12 +107,11 @@ def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
 # -- deforming surfaces ----------------------------------------------------------------------------
 
 
-def vertex_positions(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Single:
-    """Return the vertices of the evaluated mesh, in its own axes, (n, 3), Blender units.
+def vertex_positions(evaluated: bpy.types.Object) -> Single:
+    """Return the vertices of an evaluated mesh, in its own axes, (n, 3), Blender units.
 
     Hair curves and point clouds have their points instead.
     """
-    evaluated = item.evaluated_get(depsgraph)
     with evaluated_mesh(evaluated) as mesh:
         if mesh is not None:
             return read_points(mesh)
@@ -163,9 +162,8 @@ class SurfacePoints(NamedTuple):
     ends: tuple[float, ...] = ()
 
 
-def surface_points(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> SurfacePoints:
-    """Return what tells the vertices of an object at the depsgraph's time."""
-    evaluated = item.evaluated_get(depsgraph)
+def surface_points(evaluated: bpy.types.Object) -> SurfacePoints:
+    """Return what tells the vertices of an evaluated object."""
     ends = tuple(getattr(evaluated.data, f"bevel_factor_{end}", 0.0) for end in ("start", "end"))
     with evaluated_mesh(evaluated) as mesh:
         if mesh is None:

@@ -64,12 +64,6 @@ class EvaluatedObject(NamedTuple):
         return np.array([tuple(corner) for corner in self.evaluated.bound_box], dtype=np.float64)
 
 
-def evaluated_depsgraph(view_layer: bpy.types.ViewLayer) -> Any:
-    """Return the depsgraph of a view layer, up to date."""
-    view_layer.update()
-    return view_layer.depsgraph
-
-
 def evaluated_objects(depsgraph: bpy.types.Depsgraph) -> Iterator[EvaluatedObject]:
     """Yield all objects and instances in Blender's order, each one valid until the next one."""
     for item in depsgraph.object_instances:
@@ -290,6 +284,10 @@ class Snapshot:
     def own_shapes(self) -> dict[bpy.types.Object, Shape]:
         """The shapes of original objects themselves."""
         return {shape.original: shape for shape in self.shapes if shape.own}
+
+    def evaluated(self, original: bpy.types.Object) -> bpy.types.Object:
+        """Return an object as it was evaluated."""
+        return original.evaluated_get(self.depsgraph)
 
     def matrix_of(self, original: bpy.types.Object) -> Real:
         """Return the world matrix of an object, (4, 4)."""
@@ -624,3 +622,9 @@ def take_snapshot(depsgraph: bpy.types.Depsgraph) -> Snapshot:
     It is the same snapshot until Blender evaluates something else.
     """
     return _latest.take(depsgraph)
+
+
+def evaluated_snapshot(view_layer: bpy.types.ViewLayer) -> Snapshot:
+    """Bring a view layer up to date; return all of its objects and instances."""
+    view_layer.update()
+    return take_snapshot(view_layer.depsgraph)

@@ -94,8 +94,7 @@ class LivePreview:
             self.pause()
             return _SETTINGS_S
         self._receive(context)
-        depsgraph = context.evaluated_depsgraph_get()
-        snapshot = take_snapshot(depsgraph)
+        snapshot = take_snapshot(context.evaluated_depsgraph_get())
         if self._reading is not None and snapshot is not self._snapshot:
             self._reading = None  # what was read is of a scene that is no more
         due = time.monotonic() - self._read_s > _SETTINGS_S

@@ -153,9 +153,8 @@ class LiveReader:
 
         None after a part of a mesh. Stop where the scene changes before the end.
         """
-        scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
-        rows = echoing_boxes(depsgraph, any_material=True).rows
-        snapshot = take_snapshot(depsgraph)
+        scene, snapshot = context.scene, take_snapshot(context.evaluated_depsgraph_get())
+        rows = echoing_boxes(snapshot, any_material=True).rows
         unseen = [not s.original.visible_camera or s.original.is_holdout for s in snapshot.shapes]
         rows = rows[~snapshot.of_shapes(unseen)[rows]]
         meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
@@ -165,12 +164,11 @@ class LiveReader:
             if shape not in self._keys:
                 yield mesh_message(self._next, _polygons(snapshot, shape))
                 self._keys[shape], self._next = self._next, self._next + 1
-        yield from self._scene(scene, depsgraph, snapshot, rows.tolist(), left_out)
+        yield from self._scene(scene, snapshot, rows.tolist(), left_out)
 
     def _scene(
         self,
         scene: bpy.types.Scene,
-        depsgraph: bpy.types.Depsgraph,
         snapshot: Snapshot,
         rows: list[int],
         left_out: int,
@@ -203,7 +201,7 @@ class LiveReader:
         matrices[:, :3] *= metres
         start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
         if not stop_m:
-            extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
+            extent = scene_extent(snapshot, rig, metres, any_material=any_material)
             stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
         fps = render.fps / shortest_decimal(render.fps_base)
         size = measurement.width_px, measurement.height_px
@@ -211,8 +209,8 @@ class LiveReader:
             radar=measurement.radar,
             link_budget=own_link_budget(radar),
             weather=measurement.weather,
-            receiver=receiver_record(rig, depsgraph, metres, *size),
-            transmitter=transmitter_record(rig, depsgraph, metres),
+            receiver=receiver_record(rig, snapshot, metres, *size),
+            transmitter=transmitter_record(rig, snapshot, metres),
             range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
             surfaces=[one.surface for one in found],
             meshes=[self._keys[shape] for shape in used],

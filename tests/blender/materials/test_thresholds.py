@@ -26,7 +26,7 @@ from radarsim_addon.blender.materials import (
 from radarsim_addon.blender.materials.physical_materials import suggest_material
 from radarsim_addon.blender.nodes import attributes, make_material
 from radarsim_addon.blender.nodes.physical_material import table_angles_rad
-from radarsim_addon.blender.state import SettingsRestorer, take_snapshot
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
 from radarsim_addon.signal.scene import RayMesh, walls
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
@@ -38,7 +38,7 @@ pytestmark = pytest.mark.blender
 
 def updated() -> Any:
     bpy.context.view_layer.update()
-    return bpy.context.evaluated_depsgraph_get()
+    return evaluated_snapshot(bpy.context.view_layer)
 
 
 def two_walls(
@@ -84,7 +84,7 @@ def dented(depth: float) -> bool:
 def many_triangles(count: float) -> bool:
     bpy.ops.mesh.primitive_cone_add(vertices=round(count / 2) + 1, end_fill_type="NGON")
     bpy.context.object.data.materials.append(physical_material(1.5, 0.0))
-    return not convex_objects(take_snapshot(updated()))
+    return not convex_objects(updated())
 
 
 def folded(fold_deg: float) -> bool:

@@ -20,7 +20,7 @@ from radarsim_addon.blender.materials import (
     total_reflections,
 )
 from radarsim_addon.blender.nodes import attributes
-from radarsim_addon.blender.state import take_snapshot
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.findings import finding_about
 from radarsim_addon.signal.scene import RayMesh, walls
 from tests.blender import path_helpers as ph
@@ -48,8 +48,8 @@ def prism(apex_deg: float, index: float) -> Any:
 
 
 def found() -> list[Any]:
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    return total_reflections(depsgraph, [(0, 0, 0), (0, 0, 0)], WAVELENGTH, 1.0)
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    return total_reflections(snapshot, [(0, 0, 0), (0, 0, 0)], WAVELENGTH, 1.0)
 
 
 def fractions(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
@@ -205,17 +205,17 @@ def test_many_convex_objects_have_the_numbers_of_each_alone(
         bpy.context.object.scale = rng.uniform(0.3, 3, 3) * (1, 1, -1 if number == 3 else 1)
         bpy.context.object.data.materials.append(physical_material(2.3, 0.005))
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
     together = fractions(monkeypatch)
     losses_db, convex = (
-        interior_losses_db(WAVELENGTH, depsgraph),
-        convex_objects(take_snapshot(depsgraph)),
+        interior_losses_db(WAVELENGTH, snapshot),
+        convex_objects(snapshot),
     )
     assert len(convex) == len(together) == 12
     for module in (total_reflection, layers):
         monkeypatch.setattr(module, "convex_parts", lambda _: [])
     assert together == pytest.approx(fractions(monkeypatch), abs=2e-3)
-    assert losses_db == pytest.approx(interior_losses_db(WAVELENGTH, depsgraph), rel=1e-9)
+    assert losses_db == pytest.approx(interior_losses_db(WAVELENGTH, snapshot), rel=1e-9)
 
 
 def test_compact_bodies_have_no_walls() -> None:
@@ -227,11 +227,11 @@ def test_compact_bodies_have_no_walls() -> None:
         bpy.context.object.scale = 10 ** rng.uniform(-1.3, 0, 3)
         bpy.context.object.data.materials.append(physical_material(2.3, 0.0))
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    (bodies,) = layers.convex_parts(take_snapshot(depsgraph))
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    (bodies,) = layers.convex_parts(snapshot)
     compact = set(bodies.without_walls())
     assert 3 < len(compact) < 27
-    assert not any(walls_of(item, depsgraph).wall.any() for item in compact)
+    assert not any(walls_of(item, snapshot).wall.any() for item in compact)
 
 
 @pytest.mark.parametrize(("index", "code"), [(2.05, "total-reflection"), (1.1, "wall-corners")])

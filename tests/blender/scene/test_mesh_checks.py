@@ -16,7 +16,7 @@ from mathutils import Matrix
 from radarsim_addon.blender.materials import set_layer_normals
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.scene import check_meshes
-from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
 from radarsim_addon.findings import Finding
 from tests.blender import render_helpers as rh
 from tests.blender.slab_scene import physical_material
@@ -37,7 +37,7 @@ def box(low: tuple[float, ...], high: tuple[float, ...], name: str, **inputs: An
 
 def findings() -> list[Finding]:
     bpy.context.view_layer.update()
-    return check_meshes(bpy.context.evaluated_depsgraph_get())
+    return check_meshes(evaluated_snapshot(bpy.context.view_layer))
 
 
 def edit(item: Any, faces: list[int] | None = None, flip: list[int] | None = None) -> None:
@@ -64,7 +64,7 @@ def test_what_is_no_layer_is_named() -> None:
     box((9, 5, 0), (13, 9, 3), "Told")[attributes.OBJECT_LAYER_NORMAL] = [0.0, 1.0, 0.0]
     bpy.context.view_layer.update()
     recorder = SettingsRestorer()
-    (found,) = set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get())
+    (found,) = set_layer_normals(recorder, evaluated_snapshot(bpy.context.view_layer))
     assert (found.code, found.subjects) == ("not-a-layer", ("Thick",))
     assert found.numbers["least_fraction"] == 0.6
     wall = bpy.data.objects["Wall"]
@@ -89,7 +89,7 @@ def test_two_plates_in_one_object_have_no_thickness() -> None:
         bpy.ops.object.join()
     bpy.context.view_layer.update()
     recorder = SettingsRestorer()
-    assert set_layer_normals(recorder, bpy.context.evaluated_depsgraph_get()) == []
+    assert set_layer_normals(recorder, evaluated_snapshot(bpy.context.view_layer)) == []
     assert attributes.OBJECT_LAYER_NORMAL in first
     assert attributes.OBJECT_LAYER_THICKNESS not in first
     recorder.restore()
@@ -326,7 +326,7 @@ def test_many_faces_in_one_plane(shift: float, touches: bool) -> None:
     grid(100, (shift, 0.25), "Carpet")
     place(45.0, 1.0, (0.0, 0.0, 0.0))
     bpy.context.view_layer.update()
-    found = check_meshes(bpy.context.evaluated_depsgraph_get())
+    found = check_meshes(evaluated_snapshot(bpy.context.view_layer))
     assert [item.code for item in found] == ["coincident-faces"] * touches
 
 

@@ -17,6 +17,7 @@ from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.physical_materials import READY, suggest_material
 from radarsim_addon.blender.nodes.materials import is_radar_material
 from radarsim_addon.blender.scene import replace_material, suggest_materials
+from radarsim_addon.blender.state import evaluated_snapshot
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
@@ -82,11 +83,11 @@ def street() -> dict[str, Any]:
 def test_suggestions_and_replacement() -> None:
     rs.new_scene()
     made = street()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    found = {item.name: ready for item, ready in suggest_materials(depsgraph).items()}
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    found = {item.name: ready for item, ready in suggest_materials(snapshot).items()}
     assert found == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt", "Misc": None}
     new = {
-        name: replace_material(made[name], ready, 5.3e9, bpy.context.evaluated_depsgraph_get())
+        name: replace_material(made[name], ready, 5.3e9, evaluated_snapshot(bpy.context.view_layer))
         for name, ready in found.items()
         if ready is not None
     }
