@@ -34,7 +34,6 @@ from ...physics.rcs import specular_face
 from ...physics.rough import least_rms_height_m
 from ...physics.specular_points import GRAZING, bisectors
 from ...signal.scene import Surface
-from ..materials import surfaces_of
 from ..views import ViewWindow
 from .obstacles import BodyMesh, Obstacles
 from .tiles import Area
@@ -99,11 +98,7 @@ def find_glints(
     objects that no ray meets. Returns at most `MOST_GLINTS`.
     """
     bodies = obstacles.bodies
-    surfaces = surfaces_of(bodies.snapshot)
-    slopes = [
-        np.array([one.glint_slope for one in surfaces.of(shape.materials)])
-        for shape in bodies.snapshot.shapes
-    ]
+    slopes = [np.array([one.glint_slope for one in every]) for every in bodies.surfaces]
     shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
     chosen = np.flatnonzero(shiny[bodies.shape] & ~np.isin(bodies.number, sorted(hidden)))
     if not chosen.size:
@@ -229,8 +224,8 @@ class BrightParts:
 
     def affordable(self, chosen: Indices, most: int = _MOST_LARGE) -> tuple[Indices, Indices]:
         """Return the bodies that are searched, those that look largest, and the others."""
-        shapes = self._bodies.snapshot.shapes
-        faces = np.array([max(self._bodies.snapshot.face_count(one), 1) for one in shapes])
+        meshes = self._bodies.meshes
+        faces = np.array([max(meshes.face_count(number), 1) for number in range(len(meshes))])
         away_m = norms(self._middle_m[chosen] - self._place_m)
         order = chosen[np.argsort(away_m / np.maximum(self._radius_m[chosen], 1e-300))]
         shape = self._bodies.shape[order]
@@ -599,15 +594,14 @@ class SmoothFaces:
         self._faces: dict[int, tuple[float, _Face, float, bool]] = {}
         if receiver.kind == "orthographic":  # its powers tell no cross section
             return
-        bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
-        surfaces = surfaces_of(bodies.snapshot)
+        bodies = obstacles.bodies
 
         @cache
         def slope(one: Surface) -> float:
             smooth = _height_m(one, wavelength_m)[0] < _ROUGH * wavelength_m
             return one.glint_slope if smooth and one.reflectance > 0 else 0.0
 
-        slopes = [np.array(list(map(slope, surfaces.of(one.materials)))) for one in shapes]
+        slopes = [np.array(list(map(slope, every))) for every in bodies.surfaces]
         shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)[bodies.shape]
         chosen = np.flatnonzero(shiny & (np.bincount(bodies.number)[bodies.number] == 1))
         if not chosen.size:
@@ -616,8 +610,7 @@ class SmoothFaces:
         chosen, _ = search.affordable(search.in_view(chosen), _MOST_OBJECTS)
         for shape in np.unique(bodies.shape[chosen]).tolist():
             own = chosen[bodies.shape[chosen] == shape]
-            known = surfaces.of(shapes[shape].materials)
-            by_slope = dict(zip(slopes[shape].tolist(), known, strict=True))
+            by_slope = dict(zip(slopes[shape].tolist(), bodies.surfaces[shape], strict=True))
             for parts in search.candidates(shape, own, self._antennas_m[0]):
                 for face in _faces(search, parts, self._antennas_m, wavelength_m):
                     number, surface = int(bodies.number[face.body]), by_slope[face.slope]

@@ -48,7 +48,7 @@ from ..state import Shape, Snapshot, evaluated_snapshot, take_snapshot, watch_ev
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .frame import FrameWork
-from .hit_points import HitPoints, Meshes
+from .hit_points import HitPoints, Holders
 from .measured_tiles import TileCheckpoints
 from .mirror_paths import MirrorPaths
 from .obstacles import BodyMesh, ways_to_transmitter
@@ -81,7 +81,7 @@ class PathJob(MeasurementJob):
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
-        self._meshes: Meshes = WeakKeyDictionary()
+        self._holders: Holders = WeakKeyDictionary()
         self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
         snapshot = evaluated_snapshot(view_layer)
         foreign = holds_foreign_materials(snapshot)
@@ -335,10 +335,9 @@ class PathJob(MeasurementJob):
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter, ways)
         hits = HitPoints(
             motion.bodies,
-            units,
             self._measurement.waveform.wavelength_m,
             self.path_scene.all_opaque,
-            self._meshes,
+            self._holders,
             ways,
         )
         mirrors = MirrorPaths(

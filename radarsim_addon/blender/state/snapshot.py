@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import weakref
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -117,8 +116,6 @@ def box_spheres(corners: Real) -> Real:
     return np.column_stack([centre, radius])
 
 
-#: Corners of a mesh that a snapshot keeps, at most. Others are kept as long as they are in use.
-_KEPT = 1 << 14
 #: Numbers by which Blender tells the instances of an instancer apart.
 _NUMBERS = 8
 #: Snapshots keep what has moved apart from the rest up to one in so many rows.
@@ -157,9 +154,8 @@ class Shape:
     first: int
     #: What `Snapshot.face_count` has read.
     faces: int | None = None
-    #: What `Snapshot.mesh` has read: a small mesh, or a large one that is in use.
-    small: Mesh | None = None
-    large: weakref.ref[Mesh] | None = None
+    #: What `Snapshot.mesh` has read.
+    mesh: Mesh | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,18 +302,12 @@ class Snapshot:
         """Return the evaluated mesh of a shape, which is read once; None without a surface."""
         if shape.kind not in MESHED:
             return None
-        found = shape.large() if shape.small is None and shape.large else shape.small
-        if found is None:
+        if shape.mesh is None:
             with self._evaluated(shape) as mesh:
-                if mesh is None:
-                    return None
-                found = read_mesh(mesh)
-            shape.faces = len(found.sides)
-            if len(found.corner_vertices) + len(found.vertices) <= _KEPT:
-                shape.small = found
-            else:
-                shape.large = weakref.ref(found)
-        return found
+                if mesh is not None:
+                    shape.mesh = read_mesh(mesh)
+                    shape.faces = len(shape.mesh.sides)
+        return shape.mesh
 
     def face_count(self, shape: Shape) -> int:
         """Return the number of polygons of a shape; 0 without a surface."""

@@ -4,10 +4,12 @@
 `surface` says what a material is at the carrier, as numbers that are read once, and what follows
 from them: whether it mirrors, how wide its lobes are, what passes it. `mesh` has the polygons of an
 object, and `rays` casts rays on them, one mesh by one or as bodies of a scene that share meshes, in
-any one unit of length. `walls` finds which faces of a mesh are walls, and how thick these are.
+any one unit of length. `model` joins them: which bodies there are, where, and of what. `walls`
+finds which faces of a mesh are walls, and how thick these are.
 """
 
 from .mesh import Mesh
+from .model import Meshes, SceneModel
 from .rays import RayMesh, RayScene, barycentric, triangle_distances
 from .surface import (
     SHARP,
@@ -47,10 +49,12 @@ __all__ = [
     "Kind",
     "LayerFaces",
     "Mesh",
+    "Meshes",
     "RayMesh",
     "RayScene",
     "RoughSurface",
     "ScatteredLobe",
+    "SceneModel",
     "Shader",
     "Surface",
     "WallFaces",

@@ -371,7 +371,7 @@ def test_of_two_sheets_at_one_place_the_first_is_hit() -> None:
     bpy.context.view_layer.update()
     snapshot = take_snapshot(bpy.context.evaluated_depsgraph_get())
     bodies = Bodies(["Plate"], evaluated_poses(snapshot, 1.0), 1.0)
-    hits = HitPoints(bodies, 1.0, 0.05, True, WeakKeyDictionary())
+    hits = HitPoints(bodies, 0.05, True, WeakKeyDictionary())
     for side in (1.0, -1.0):
         start = np.array([0.3, 1000.0 - side * 1000.0, 0.2])
         points = np.array([[x, 1000.0, z] for x in (-1.0, 0.4) for z in (-0.7, 1.3)])

@@ -258,7 +258,7 @@ def has_curved_path(power: float) -> bool:
 def refined(order: int, away_m: float, sigma_m: float) -> bool:
     """Whether a path is computed again for a wavelength of 1 m."""
     anything: Any = None
-    hits = HitPoints(anything, 1.0, 1.0, True, anything)
+    hits = HitPoints(anything, 1.0, True, anything)
     hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
         hit=lambda bodies, *_: (np.full(bodies.size, np.nan), np.full((bodies.size, 3), np.nan))
     )
@@ -272,7 +272,7 @@ def refined(order: int, away_m: float, sigma_m: float) -> bool:
 def is_delayed(order: int, sigmas: float) -> bool:
     """Whether the encoded length of a path from the origin stays: of so many deviations more."""
     anything: Any = None
-    hits = HitPoints(anything, 1.0, 1e-3, True, anything)
+    hits = HitPoints(anything, 1e-3, True, anything)
     hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
         hit=lambda bodies, *_: (
             np.where(bodies > 0, 1.0, np.nan),
@@ -297,7 +297,7 @@ def is_another_mesh(fraction: float) -> bool:
     mesh = SimpleNamespace(hit=lambda *_: (np.where(lost, np.nan, 1.0), normals.copy()))
     bodies: Any = SimpleNamespace(pose=np.eye(4)[None], shape=np.zeros(1, int))
     anything: Any = None
-    meshes: Any = BodyMeshes(bodies, 1.0, anything)
+    meshes: Any = BodyMeshes(bodies, anything)
     meshes._meshes_of = lambda *_: [(mesh, np.zeros(1, int))]
     found, _ = meshes.hit(np.ones(1000, int), np.zeros(3), normals, normals, np.ones(1000))
     return bool(np.isnan(found).all())
