@@ -39,7 +39,7 @@ from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights, phasors, reduce_cycles, reduced_cycles
 from .nufft import LEAST_ERROR, MARGIN, NARROW, TIGHTEST, nufft_lines
-from .transform import RANDOM_STATE, ErrorSum, engine_tolerance, joined_error, l2_norm
+from .transform import RANDOM_STATE, ErrorSum, PulseBlock, engine_tolerance, joined_error, l2_norm
 
 #: Points of the fine grids of one block (16 bytes each), points of it for one of the coarse grid,
 #: and targets (100 bytes).
@@ -87,16 +87,6 @@ class LinearRows:
 
 
 @dataclass(frozen=True)
-class BlockResult:
-    """Spectra of some pulses."""
-
-    pulses: slice
-    values: Complex
-    error: ErrorSum
-    cpu_s: float
-
-
-@dataclass(frozen=True)
 class LinearPlan:
     """Blocks of pulses for type 3, and the cost of either way."""
 
@@ -120,7 +110,7 @@ def plan_linear(
     if sums.pulse is not None:
         burst_s += 2 * sums.pulse.half_s
         pulses *= sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
-    middle = _middle_motion(delay, rate, 0.0, sums)
+    middle = MiddleMotion.of(delay, rate, 0.0, sums)
     remains_rad = middle.remains_rad(burst_s / 2, abs(grid.step_hz) * grid.count / 2)
     # half of a burst for which the first order would do
     longest_s = burst_s / 2 * min(1.0, math.sqrt(2 * _SHARE * tolerance) / max(remains_rad, 1e-300))
@@ -158,7 +148,7 @@ def linear_block(
     pulses: slice,
     tolerance: float,
     terms: Real | None = None,
-) -> BlockResult:
+) -> PulseBlock:
     """Spectra of some pulses by one transform; times are in rising order. Amplitudes of several
     terms take a transform each; `terms` are T_k at all pulses.
     """
@@ -174,7 +164,7 @@ def linear_block(
     if sums.pulse is not None:
         result = sums.pulse.joined(result.reshape(-1, nodes, grid.count))
         error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)
-    return BlockResult(pulses, result, error, time.thread_time() - start)
+    return PulseBlock(pulses, result, error, time.thread_time() - start)
 
 
 @dataclass(frozen=True)
@@ -202,7 +192,7 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
     cycles = rows.order * sums.shift_centre
     cycles -= reduced_cycles(rows.length_m, sums.centre)
     cycles -= reduced_cycles(shift_m, sums.centre)
-    middle = _middle_motion(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
+    middle = MiddleMotion.of(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
     cycles += middle.path_cycles()
     turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
     return _Points(middle, np.atleast_2d(amplitude.T) * turns, reference_m)
@@ -249,13 +239,6 @@ def _transformed(
     return result, ErrorSum.of(max(engine, LEAST_ERROR), since_s.size, squares, total)
 
 
-def _middle_motion(
-    delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
-) -> MiddleMotion:
-    slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
-    return MiddleMotion.of(delay_s, rate, reference_s, slope, float(sums.grid.exact_centre_hz))
-
-
 @dataclass(frozen=True)
 class MiddleMotion:
     """The phase about the middle of n paths with delays and rates at the time 0."""
@@ -271,9 +254,11 @@ class MiddleMotion:
 
     @classmethod
     def of(
-        cls, delay_s: Real, rate: Real, reference_s: float, slope: float, carrier_hz: float
+        cls, delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
     ) -> MiddleMotion:
         """For delays [s] that are counted from a reference."""
+        slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
+        carrier_hz = float(sums.grid.exact_centre_hz)
         middle = float(delay_s.min() + delay_s.max()) / 2
         middle_rate = float(rate.min() + rate.max()) / 2
         x, y = delay_s - middle, rate - middle_rate

@@ -35,14 +35,23 @@ from numpy.typing import NDArray
 
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .amplitudes import AMPLITUDE_NODES, BurstBasis, used_terms
-from .grid import SynthesisContext, Weights, lagrange, phasors, reduce_cycles
+from .grid import (
+    AMPLITUDE_NODES,
+    BurstBasis,
+    SynthesisContext,
+    Weights,
+    lagrange,
+    phasors,
+    reduce_cycles,
+    used_terms,
+)
 from .linear_motion import LinearRows
 from .nufft import TIGHTEST, Backend
 from .transform import (
     EachPulse,
     ErrorSum,
     Motion,
+    PulseBlock,
     PulseMotionTransform,
     PulseTransform,
     RampTransform,
@@ -105,20 +114,6 @@ class OrderedExecutor:
             self._pool = None
 
 
-@dataclass(frozen=True)
-class PulseBlock:
-    """Spectra of some pulses, (pulses, frequencies); `heard` and `folded` count paths once per
-    pulse.
-    """
-
-    pulses: slice
-    values: Complex
-    error: ErrorSum
-    heard: int
-    folded: int
-    cpu_s: float
-
-
 class TransformPool:
     """Transforms with their buffers, made when a thread finds none free."""
 
@@ -154,7 +149,7 @@ class TransformPool:
                 folded += found.folded
         finally:
             self._free.put(transform)
-        return PulseBlock(pulses, values, error, heard, folded, time.thread_time() - start)
+        return PulseBlock(pulses, values, error, time.thread_time() - start, heard, folded)
 
 
 #: Widest group, and largest bend of a path in it [rad].

@@ -113,6 +113,20 @@ class PulseResult:
     folded: int
 
 
+@dataclass(frozen=True)
+class PulseBlock:
+    """Spectra of some pulses, (pulses, frequencies); `heard` and `folded` count paths once per
+    pulse.
+    """
+
+    pulses: slice
+    values: Complex
+    error: ErrorSum
+    cpu_s: float
+    heard: int = 0
+    folded: int = 0
+
+
 class EachPulse(ABC):
     """Transforms of pulses one by one. For one thread at a time."""
 
