@@ -71,7 +71,7 @@ def render_command(
 
 def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
     """Coordinate workers; without Blender, unless this runs in its program."""
-    from .signal.distributed import run_frames
+    from .coordinator import run_frames
 
     if process:  # what is missing is told before the renders; else the workers start sooner
         from .signal.pipeline import main as process_main

@@ -218,7 +218,7 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove what killed processes left half-written in a folder; nobody may be writing there."""
+    """Remove half-written files of killed processes. No other process may write to the folder."""
     for path in folder.glob(TEMPORARY_PATTERN):
         with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
             path.unlink(missing_ok=True)

@@ -60,7 +60,7 @@ Choices = tuple[tuple[str, str, str], ...]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a field declares in addition to its name, type and default; bounds are in SI."""
+    """The declaration of a field, in addition to its name, type and default. Bounds are in SI."""
 
     label: str  # in the window, without unit; a noun in sentence case
     help: str  # tooltip and help of the option: verb first, no final full stop
@@ -175,7 +175,7 @@ class Declared:
 
     @property
     def expected(self) -> str:
-        """What a value must be, for messages: "a whole number from 1 to 64"."""
+        """Description of allowed values, for messages: "a whole number from 1 to 64"."""
         of = self.of
         if of.choices:
             return f"one of {', '.join(map(repr, self.values))}"
@@ -219,7 +219,7 @@ class Declared:
         )
 
     def _expected(self, value: object) -> str:
-        """What a value must be, where this one is not it."""
+        """Return the description of allowed values for a message about this refused value."""
         most, unit = self._most, f" {self.of.unit}" if self.of.unit else ""
         huge = (
             self.number is not None
@@ -231,7 +231,7 @@ class Declared:
 
     @property
     def _most(self) -> float:
-        """What no value exceeds where no maximum is declared."""
+        """Largest magnitude of a value if no maximum is declared."""
         return MAX_LENGTH_M if self.of.unit == "m" else _MOST
 
     def typed(self, text: str, value: object) -> str:
@@ -247,7 +247,7 @@ class Declared:
         return f"{text}{unit} is out of bounds; expected {expected}.{hint}"
 
     def fits(self, value: object) -> bool:
-        """Whether a value (SI) has the type and is within the bounds."""
+        """Return True if a value (SI) has the type and is within the bounds."""
         of = self.of
         if of.choices:
             listed = of.lists and isinstance(value, list | tuple)
@@ -395,7 +395,7 @@ def add_arguments(
 
 
 def _reading(item: Declared) -> dict[str, Any]:
-    """How argparse reads the text of an option."""
+    """Return the arguments of argparse that read the text of an option."""
     if item.kind is bool:
         return {"action": argparse.BooleanOptionalAction}
     if item.of.choices:
@@ -477,7 +477,7 @@ class Share:
 
     @property
     def by_workers(self) -> bool:
-        """Whether other processes do the frames."""
+        """True if other processes do the frames."""
         return self.workers is not None or self.dask is not None
 
     @property

@@ -191,7 +191,7 @@ def _known(
 
 
 def _fits(value: object, setting: Declared | None) -> bool:
-    """Whether a plain value of the right type is within its bounds."""
+    """Return True if a plain value of the right type is within its bounds."""
     if setting is not None:
         return setting.fits(value)
     return type(value) is not float or math.isfinite(value)
@@ -199,14 +199,14 @@ def _fits(value: object, setting: Declared | None) -> bool:
 
 @functools.cache
 def _parts(hint: object) -> tuple[Any, bool, Any, tuple[Any, ...]]:
-    """Kind of the values, whether None is one, and what the kind is made of."""
+    """Return the kind of the values, True if None is one of them, and the parts of the kind."""
     kind, optional = value_type(hint)
     return kind, optional, typing.get_origin(kind), typing.get_args(kind)
 
 
 @functools.cache
 def _limited(limits: Callable[[str], Setting] | None, name: str, hint: object) -> Declared | None:
-    """What the numbers in a field may be that is no setting."""
+    """Return the bounds of the numbers in a field that is no setting."""
     kind, optional, origin, inner = _parts(hint)
     while origin in (list, dict):
         kind, optional, origin, inner = _parts(inner[-1])

@@ -2,9 +2,8 @@
 """Findings: made from the catalogue, merged, to JSON and back.
 
 `finding` fills the templates of a code with its numbers. `merge` makes one finding of all of a
-code,
-over frames and objects: subjects and frames are joined, a number becomes its least and largest
-value, and the templates are filled again.
+code, over frames and objects: subjects and frames are joined, a number becomes its least and
+largest value, and the templates are filled again.
 """
 
 from __future__ import annotations
@@ -145,15 +144,15 @@ class Finding:
         return " ".join(part for part in (self.text, self.cause, self.remedy) if part)
 
     def about(self, *subjects: str) -> Finding:
-        """The same finding about these objects or materials."""
+        """Return this finding about other objects or materials."""
         return written(replace(self, subjects=tuple(dict.fromkeys(subjects))))
 
     def as_information(self) -> Finding:
-        """The same finding where it is no danger."""
+        """Return this finding with the severity "info"."""
         return replace(self, severity="info")
 
     def in_frame(self, frame: int) -> Finding:
-        """The same finding of one radar frame."""
+        """Return this finding, of one radar frame."""
         return replace(self, frames=(frame,))
 
 

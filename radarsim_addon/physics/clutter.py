@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Real
 from ..errors import ConfigError
 from .checks import EDGE_SLACK, CsvTable, read_csv, real_array
-from .material_model import Parameter
+from .materials import Parameter
 
 _COLUMNS = (("grazing_deg", "sigma0_db"), ("grazing_deg", "sigma0"))
 #: What a cell of the column polarisation may hold.

@@ -11,8 +11,7 @@ Attenuation is in dB per kilometre of path, one way: a radar's two-way path of l
 
 Rain's echo is the Mie series of its drops, spheres of pure water, summed over the sizes of
 Marshall and Palmer (J. Meteorol. 5, 165, 1948): N(D) = 8000 exp(-4.1 R^-0.21 D) drops per m^3 and
-mm
-of diameter D [mm].
+mm of diameter D [mm].
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from ..arrays import Complex, Real
 from ..errors import ConfigError
 from .checks import passive_index, real_array
 from .constants import SPEED_OF_LIGHT_MPS, ZERO_CELSIUS_K
-from .materials_water import liebe_permittivity
+from .materials import liebe_permittivity
 
 # Spectral lines up to 1 THz, ITU-R P.676-12, tables 1 and 2. A row: line frequency [GHz], then the
 # six coefficients a1 to a6 or b1 to b6 of the tables.

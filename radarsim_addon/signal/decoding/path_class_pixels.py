@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, are_finite, distances, dots, largest
 from ..paths import Flags, PathFlag, PathRows
-from .cameras import PixelRays
+from .ring_pixels import PixelRays
 
 #: Rounding of one float32 operation, relative (one standard deviation).
 _EPS32 = float(np.finfo(np.float32).eps) / 2
@@ -183,7 +183,9 @@ def _one_reflection(
     sigma_m: Real,
     shared: TileReplicate,
 ) -> _Vertices:
-    """Order 1: the scatterer is the surface that the pixel sees, or lies where encoding says."""
+    """Place the scatterer of order 1 on the surface that the pixel sees, or where the range
+    encoding puts it.
+    """
     transmitter_m = shared.transmitter_m
     # Rounding of the world's coordinates, and of the ray, which ends near the pixel's own.
     there_m = distances(pixels.position_m, origin_m)

@@ -208,8 +208,8 @@ def line_waveform(radar: Radar) -> LineWaveform:
 
 
 def line_times_s(radar: Radar) -> Real:
-    """When each row of samples begins, from the frame's time, (rows,) [s]: one row per pulse, for
-    PMCW one per code.
+    """Return the start of each row of samples, from the frame's time, (rows,) [s]: one row per
+    pulse, for PMCW one per code.
     """
     waveform, times_s = radar.waveform, pulse_times_s(radar)
     if isinstance(waveform, PmcwWaveform):
@@ -219,7 +219,9 @@ def line_times_s(radar: Radar) -> Real:
 
 
 def render_times_s(frame_input: FrameInput) -> list[float]:
-    """When each render of a frame's burst shows the scene, after the frame's time t [s]."""
+    """Return the scene time that each render of a frame's burst shows, after the frame's time t
+    [s].
+    """
     motions = [table.motion for table in frame_input.tables]
     times = [0.0 if motion is None else motion.epoch_offset_s for motion in motions]
     if any(later <= earlier for earlier, later in itertools.pairwise(times)):
@@ -231,16 +233,16 @@ def render_times_s(frame_input: FrameInput) -> list[float]:
 
 
 def pulses_of_render(radar: Radar, shown_s: Sequence[float], number: int) -> Mask:
-    """Pulses to whose interpolated echoes this render contributes, in any channel, (pulses,).
+    """Return a mask of the pulses to which this render contributes, in any channel, (pulses,).
     `shown_s` are the scene times of all renders after the start of the burst, ascending.
     """
     return np.asarray((_weights(radar, shown_s, number) > 0).any(axis=0))
 
 
 def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
-    """Echoes of a burst from those of its renders, which show the scene at the ascending times
-    `shown_s`. Each needs the pulses of `pulses_of_render` only; from a generator, one at a time is
-    in memory.
+    """Interpolate the echoes of a burst between its renders, which show the scene at the ascending
+    times `shown_s`. Each part needs the pulses of `pulses_of_render` only. A generator keeps one
+    part in memory at a time.
     """
     total: Echoes | None = None
     for number, part in enumerate(parts):

@@ -215,7 +215,7 @@ def _through_codes(echoes: Echoes, waveform: PmcwWaveform, noise: PhaseNoise, se
 
 
 def takes_phase_noise_by_path(radar: Radar) -> bool:
-    """Whether phase noise belongs into the synthesis: FMCW and stepped frequency."""
+    """Return True for FMCW and stepped frequency: the synthesis adds their phase noise."""
     return radar.waveform.family == "line" and not isinstance(radar.waveform, PmcwWaveform)
 
 
@@ -289,7 +289,7 @@ class Receiver:
 
     @property
     def ideal(self) -> bool:
-        """Whether echoes pass unchanged."""
+        """True if echoes pass unchanged."""
         return self.noise_figure_db is None and self.adc_bits is None and self.phase_noise is None
 
     @property
@@ -327,7 +327,7 @@ class ReceivedSignal:
 
     @property
     def findings(self) -> list[Finding]:
-        """What to know before trusting the samples."""
+        """Limits of the samples: clipping, and phase noise within frequency steps."""
         found = []
         if self.clipped:
             size = self.echoes.samples.size

@@ -28,6 +28,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -88,8 +89,22 @@ class ChannelPaths:
         return np.repeat(used, rows // pulses)
 
     def times_of(self, channel: Channel, times_s: Real) -> Real:
-        """Times of the rows that are formed, out of those of all rows [s]."""
+        """Select the times of the rows that are formed from those of all rows [s]."""
         return np.asarray(times_s[self.rows_of(channel, times_s.size)])
+
+    def accumulator(self, grid: FrequencyGrid, times_s: Real, **own: Any) -> SpectrumAccumulator:
+        """An empty sum at some times [s]; `own` are the arguments that depend on the waveform."""
+        options, burst = self.options, self.radar.burst
+        return SpectrumAccumulator(
+            grid,
+            times_s,
+            tolerance=options.tolerance,
+            method=options.slow_time_transform,
+            backend=options.nufft_backend,
+            interval_s=1 / burst.prf_hz if burst.pulses > 1 else 0.0,
+            chunk=options.chunk,
+            **own,
+        )
 
     def lengths_of(self, paths: Paths, channel: Channel) -> PathMotion:
         antennas = self.antennas or (None if self.link is None else self.link.antennas)
@@ -132,7 +147,7 @@ class ChannelSums:
             )
 
     def results(self, times_s: Real) -> list[Spectrum]:
-        """Spectra of all channels for rows at these times; those of rows not formed are 0."""
+        """Return the spectra of all channels at these times. Rows that are not formed are 0."""
         found = []
         for channel, total in self._sums:
             formed, used = total.result(), self._source.rows_of(channel, times_s.size)
@@ -225,21 +240,13 @@ class EchoSynthesizer:
         self._sums = ChannelSums(self._source, self._accumulator)
 
     def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
-        options = self._options
-        return SpectrumAccumulator(
-            self._grid,
-            self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s,
-            tolerance=options.tolerance,
-            method=options.slow_time_transform,
-            backend=options.nufft_backend,
-            listening=self._window,
-            pulse=self._pulse,
-            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
-            chunk=options.chunk,
+        times_s = self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s
+        return self._source.accumulator(
+            self._grid, times_s, listening=self._window, pulse=self._pulse
         )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
+        """Add the echoes of paths. `PathDataError`: a length or an amplitude is not finite."""
         self._sums.add(paths)
 
     def result(self) -> Echoes:
@@ -328,23 +335,17 @@ class StretchSynthesizer:
         if waveform.grid_interval_s != 0:
             video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
             ramp = Ramp(waveform.grid_interval_s, video)
-        return SpectrumAccumulator(
+        times_s = self._source.times_of(channel, line_times_s(self.radar)) + middle_s
+        return self._source.accumulator(
             self._grid,
-            self._source.times_of(channel, line_times_s(self.radar))
-            + middle_s
-            + channel.start_offset_s,
-            tolerance=self._options.tolerance,
-            method=self._options.slow_time_transform,
-            backend=self._options.nufft_backend,
+            times_s + channel.start_offset_s,
             listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
             ramp=ramp,
             pulse=self._code,
-            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
-            chunk=self._options.chunk,
         )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
+        """Add the echoes of paths. `PathDataError`: a length or an amplitude is not finite."""
         beyond = paths.range_m >= self._waveform.unambiguous_range_m
         if not self._noisy:
             self._sums.add(paths)

@@ -195,7 +195,7 @@ class BodyMotion:
 
     @property
     def turning(self) -> bool:
-        """Whether the body turns or is stretched."""
+        """True if the body turns or is stretched."""
         return any(np.any(part.rotation) or part.linear is not None for part in self.segments)
 
     def _segment_at(self, times_s: Real | float) -> Indices:

@@ -47,9 +47,8 @@ from ..pictures import (
     plot_antennas,
     save_figure,
 )
-from ..products import SUMMARY_ENDING
+from ..products import SUMMARY_ENDING, FrameResult, frame_file, remove_stale, write_result
 from ..radar import make_system
-from ..results import FrameResult, frame_file, remove_stale, write_result
 from ..runs import RadarFrame, Run, open_run, shared_plan
 from .frame import frame_steps
 from .options import AnimationFormat, ProcessOptions, ResolvedOptions
@@ -187,7 +186,7 @@ def _process_frames(
 def open_products(
     run: Run, options: ResolvedOptions, out: str | Path | None, allow_incomplete: bool
 ) -> Iterator[Products]:
-    """Make the folder for a run's products; what is refused leaves none behind."""
+    """Make the folder for a run's products. If the run is refused, no new folder remains."""
     if options.animation_format == "mp4" and options.animate is not False:
         movie_encoder()  # an error now, not after the frames
     folder = products_folder(run, out)
@@ -233,7 +232,7 @@ class Products:
         return Fingerprints(self.run, self.options)
 
     def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
-        """Open, process and write a frame; yield what was done, the result in the end."""
+        """Open, process and write a frame. Yield a text about each step, and the result at the end."""
         options, folder, number = self.options, self.folder, frame.number
         fingerprint, summary = self._fingerprints.of(frame), self._summary(frame)
         result = yield from frame_steps(options.open(frame), options)
@@ -276,8 +275,8 @@ class Products:
         return skipped if gaps else None
 
     def draw_common(self, maps: Sequence[MapFile]) -> Path | None:
-        """Draw what all frames share, when they are done: the antennas and, if asked for, the maps
-        with common colours. Return the file of the maps.
+        """Draw the pictures of all frames together: the antennas and, if asked for, the maps with
+        common colours. Return the file of the maps.
         """
         if not maps:
             raise FrameFileError(
@@ -299,7 +298,7 @@ class Products:
 
 
 class Fingerprints:
-    """Fingerprints of a run's frames, processed with these options."""
+    """Fingerprints of a run's frames for these options."""
 
     def __init__(self, run: Run, options: ResolvedOptions) -> None:
         plan = shared_plan(run.record)
@@ -333,7 +332,9 @@ class Fingerprints:
 
 
 def kept_frame(folder: Path, frame: RadarFrame, fingerprint: str) -> KeptFrame | None:
-    """Return what an earlier process left of a frame in `folder`; None where it has to be done."""
+    """Return the products of a frame that an earlier process left in `folder`. None: the frame must
+    be processed.
+    """
     path = frame_file(folder, frame.number, SUMMARY_ENDING)
     try:
         summary = read_json(path, _MOST_BYTES, "", FrameFileError)

@@ -301,7 +301,9 @@ class Run:
 
     @property
     def range_limits_m(self) -> tuple[float, float]:
-        """One-way ranges of profile and map: the plan's, else those that the rings cover [m]."""
+        """One-way ranges of profile and map: those of the plan, or else those that the rings cover
+        [m].
+        """
         record = self.record
         return record.range_start_m, record.range_stop_m or record.rings * record.ring_step_m
 
@@ -382,8 +384,8 @@ def shared_plan(record: RunRecord) -> dict[str, Any]:
 
 
 def frame_findings(folder: Path, frames: Iterable[int]) -> list[Finding]:
-    """Return the findings that renders left in the records of these frames, as far as the frames
-    are done. Rings have none of their own.
+    """Return the findings in the records of these frames, as far as the frames are done. Frames of
+    rings have no such findings.
     """
     found: list[Finding] = []
     for frame in frames:

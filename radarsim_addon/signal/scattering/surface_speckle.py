@@ -251,7 +251,9 @@ class SurfaceCells:
             yield mine, *self._poses[number]
 
     def local_m(self, cells: Cells) -> Real:
-        """Scatterers of cells in the axes of their bodies, within those, (n, 3) [m]."""
+        """Return the scatterers of cells in the axes of their bodies, inside these bodies, (n, 3)
+        [m].
+        """
         draw, points_m = cells.state, np.empty((cells.state.size, 3))
         held = np.flatnonzero(np.isfinite(self._extents_m[0, 0, cells.body]))
         for axis, corner in enumerate(cells.corner):
@@ -308,7 +310,9 @@ class SurfaceCells:
         return hash_step(hash_step(first ^ way) ^ last)
 
     def apart(self, rows: PathRows) -> Indices:
-        """Rows whose first vertex is another than the last: none of those of one reflection."""
+        """Return the rows whose first vertex differs from the last one. Rows of one reflection are
+        not among them.
+        """
         same = rows["first_object"] == rows["last_object"]
         same &= rows[self._columns[0]] == rows[self._columns[1]]
         for first_m, last_m in zip(rows["first_scatterer_m"].T, rows["last_scatterer_m"].T):
@@ -447,7 +451,7 @@ class Roughness:
 
 @dataclass(frozen=True)
 class Scattering:
-    """How n paths scatter, (n,) each."""
+    """Scattering of n paths; each field is (n,)."""
 
     factor: Complex  #: without the phase of the length over the scatterers
     longer_m: Real  #: length over the scatterers, minus the path's own [m]
@@ -538,7 +542,7 @@ class SurfaceSpeckle:
         return float(2.0 ** (middle - _EXPONENTS // 2))
 
     def known(self, rows: PathRows) -> NDArray[np.bool_]:
-        """Paths whose vertices are all known, (n,): those of one and two reflections."""
+        """Return a mask of the paths of one or two reflections with known vertices, (n,)."""
         order = scatterer_rows(rows)["order"]
         found = (order >= 1) & (order <= 2)
         for name in ("first_scatterer_m", "last_scatterer_m"):
@@ -622,7 +626,7 @@ class SurfaceSpeckle:
         return keys, sums[0], leaders, places_m
 
     def report(self) -> SpeckleReport:
-        """How many scatterers share a range cell."""
+        """Return statistics of the scatterers in a range cell."""
         if not self._powers.sum() > 0:
             return SpeckleReport(self.cell_m, int(self._keys.size), 0.0, 0.0)
         number = np.floor(self._mean_m / 2 / self._resolution_m).astype(np.int64)
@@ -673,7 +677,7 @@ class SurfaceSpeckle:
         return np.asarray(found.factor * np.exp(-1j * self._wavenumber * found.longer_m))
 
     def scattering(self, rows: PathRows) -> Scattering:
-        """How rows scatter whose vertices are all known."""
+        """Return the scattering of rows with known vertices."""
         rows = scatterer_rows(rows)
         place = next((at for own, at in self._placed if own is rows), None)
         if place is None:

@@ -108,8 +108,8 @@ class MovingPathAccumulator(PulseSums):
     def add(
         self, motion: PathMotion, rows: NDArray[np.intp], amplitude: Weights, first: int
     ) -> None:
-        """Add these rows, which move; `first` is the number of the motion's row 0 in errors.
-        `amplitude` is (rows,), or coefficients of T_k over the burst, (rows, AMPLITUDE_NODES).
+        """Add moving rows. In errors, row 0 of the motion has the number `first`. `amplitude` is
+        (rows,), or coefficients of T_k over the burst, (rows, AMPLITUDE_NODES).
         """
         self._added = first
         basis = self._basis
@@ -191,7 +191,7 @@ class MovingPathAccumulator(PulseSums):
             self._flush_linear()
 
     def _flush_linear(self) -> None:
-        """All pulses of the rows of constant rate that wait, the cheaper way."""
+        """Sum up the waiting rows of constant rate at all pulses, in the cheaper way."""
         if not self._linear_rows:
             return
         rows = LinearRows.join(self._linear_rows)

@@ -94,7 +94,9 @@ def phasors(amplitude: NDArray[np.inexact[Any]], cycles: Real, out: Complex) -> 
 
 @dataclass(frozen=True)
 class Meeting:
-    """When the wave meets the path: `side` 1 after its emission, -1 before its reception."""
+    """Time at which the wave meets the path: after its emission (`side` 1), or before its reception
+    (-1).
+    """
 
     side: float
 
@@ -102,7 +104,7 @@ class Meeting:
         return self.side * rate_mps / (2 * SPEED_OF_LIGHT_MPS)
 
     def seen_mps(self, rate_mps: Real) -> Real:
-        """c times the rate of the delay, of lengths that change at these rates, (n,) [m/s]."""
+        """Return c times the rate of the delay, (n,) [m/s], from the rates of the lengths [m/s]."""
         return np.asarray(rate_mps / (1 - self._halfway(rate_mps)))
 
     def moved_m(self, length_m: Real, rate_mps: Real, later_s: Real | float = 0.0) -> Real:
@@ -163,12 +165,14 @@ class PulseShape:
         return self.half_s * chebyshev_nodes(nodes)
 
     def joined(self, spectra: Complex) -> Complex:
-        """Spectra of the echoes from those S at each node, (..., nodes, frequencies)."""
+        """Return the spectra of the echoes from the spectra S at each node, (..., nodes,
+        frequencies).
+        """
         weights = self._weights(spectra.shape[-2])
         return np.asarray(np.einsum("...jf,jf->...f", spectra, weights))
 
     def nodes(self, rate_mps: Real, highest_hz: float, tolerance: float) -> int:
-        """Number of nodes for paths whose lengths change at these rates [m/s]."""
+        """Return the number of nodes for paths with these rates of the length [m/s]."""
         fastest = float(np.abs(rate_mps).max(initial=0.0)) / SPEED_OF_LIGHT_MPS
         phase_rad = 2 * math.pi * highest_hz * fastest * self.half_s
         return nodes_for(phase_rad, NODES_SHARE * tolerance)
@@ -423,7 +427,7 @@ class SynthesisContext:
 
     @property
     def meeting(self) -> Meeting | None:
-        """When waves meet paths that move while the pulse is under way; None: stop and go."""
+        """Time at which waves meet paths that move during the pulse. None: stop and go."""
         if self.pulse is not None:
             return self.pulse.meeting
         return RECEPTION if self.ramp is not None else None

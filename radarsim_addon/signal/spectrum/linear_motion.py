@@ -308,7 +308,9 @@ class MiddleMotion:
         return np.asarray(turns.T)
 
     def remains(self, values: Complex) -> Complex:
-        """Strengths (2 sets, n) of what the transform of strengths (sets, n) leaves."""
+        """Return the strengths (2 sets, n) of the phase that the transform of strengths (sets, n)
+        leaves out.
+        """
         values = values * 2j * np.pi
         return np.concatenate([values * self.product, values * self.square])
 

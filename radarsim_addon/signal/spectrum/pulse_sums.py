@@ -171,7 +171,7 @@ class CommonMotion:
     nodes_s: Real
 
     def at_pulses(self, spectra: Complex, sums: SynthesisContext, times_s: Real) -> Complex:
-        """Spectra at pulses, (pulses, frequencies), from those at the nodes."""
+        """Interpolate spectra at the nodes to spectra at the pulses, (pulses, frequencies)."""
         place = (times_s - self.nodes_s[0]) / (self.nodes_s[-1] - self.nodes_s[0])
         weights = lagrange(_lobatto(self.nodes_s.size - 1), 2 * place - 1).T
         found: Complex = weights @ (spectra * self._turns(sums, self.nodes_s).conj())
@@ -463,8 +463,8 @@ class PulseSums:
 
     @contextmanager
     def _nodes_of(self, group: CommonMotion, amplitude: Weights) -> Iterator[Self]:
-        """As this one, empty, at the nodes of a group with these amplitudes; on exit its sums are
-        added at all pulses.
+        """Return a copy of this sum that is empty and has the nodes of a group as its pulses. On
+        exit, its sums are interpolated and added at all pulses.
         """
         other = copy.copy(self)
         other._times_s, other.values, other.error = group.nodes_s, None, ErrorSum()

@@ -175,8 +175,8 @@ class PulseTransform(EachPulse):
         order: Real | None,
         moved_m: Real | None = None,
     ) -> PulseResult:
-        """The same sum over all paths, folded by `order` (None: by none). `moved_m` adds to the
-        lengths, without their rounding.
+        """Return the same sum over all paths, folded by `order` (None: by none). `moved_m` is added
+        to the lengths without their rounding.
         """
         count = self._sums.grid.count
         squares, total = self._fill(length_m, amplitude, order, moved_m)
@@ -250,8 +250,8 @@ class PulseTransform(EachPulse):
 
 
 class PulseMotionTransform(EachPulse):
-    """As `PulseTransform`, for lengths in the middle of a pulse and their rates, to spectra of
-    echoes: the pulse's spectrum is included.
+    """Sums as `PulseTransform` forms them, for paths that move during the pulse. The input is the
+    length in the middle of a pulse and its rate. The spectra include that of the pulse.
     """
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
@@ -263,8 +263,8 @@ class PulseMotionTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """Lengths [m] and rates [m/s], (2, rows), or also what the lengths lost by rounding [m],
-        (3, rows); with `order` all are received, folded by it.
+        """Take lengths [m] and rates [m/s], (2, rows), and optionally the rounding of the lengths
+        [m], (3, rows). With `order`, all rows are received, folded by it.
         """
         sums, pulse = self._sums, self._pulse
         middle, rate_mps, *lost_m = length_m
@@ -344,7 +344,7 @@ _MAX_TERMS = 1 << 20
 
 
 class RampTransform(EachPulse):
-    """As `PulseTransform`, for lengths at three times of each ramp."""
+    """Sums as `PulseTransform` forms them, for lengths at three times of each ramp."""
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
         assert sums.ramp is not None
@@ -392,8 +392,8 @@ class RampTransform(EachPulse):
     def pulses(
         self, lengths_m: Real, weights: Weights, order: Real | None
     ) -> Iterator[PulseResult]:
-        """As the base class; lengths (pulses, 3, rows). Pulses of few rows are transformed
-        together.
+        """Transform several pulses as the base class does; lengths are (pulses, 3, rows). Pulses of
+        few rows are transformed together.
         """
         shape = lengths_m.shape[0], lengths_m.shape[2]
         together = self._rows is not None and shape[0] > 1 and 0 < shape[1] <= _FEW_ROWS
@@ -451,7 +451,9 @@ class RampTransform(EachPulse):
     def _straight(
         self, points: Real, cycles: Real, curve: Real, amplitude: Weights
     ) -> tuple[Complex, int]:
-        """As `_bent` for rows of points in one group, (pulses, n), and the number of nodes."""
+        """Compute `_bent` for rows of points in one group, (pulses, n). Return the number of nodes,
+        too.
+        """
         assert self._rows is not None
         mean = (curve.min(axis=1) + curve.max(axis=1))[:, None] / 2
         bends = curve - mean
@@ -526,7 +528,7 @@ def _with_nodes(engine: float, nodes: int) -> float:
 
 
 def _received(lengths_m: Real, half_s: float) -> Real:
-    """c tau of what is received, from lengths (3, rows) at times that are half_s apart [m]."""
+    """Return c tau at reception from lengths (3, rows) at times that are half_s apart [m]."""
     first, middle, last = lengths_m
     rate_mps = (last - first) / (2 * half_s)
     change_mps = ((last - middle) - (middle - first)) / half_s
@@ -535,9 +537,10 @@ def _received(lengths_m: Real, half_s: float) -> Real:
 
 
 def ramp_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase that the motion (pulses, 3, rows) [m] has beyond `RampTransform`, about. In
-    n^3: f_c times the change of the acceleration (between pulses; unknown for a single one), less
-    what the parabola through three lengths takes off, and n df times half the acceleration.
+    """Return about the largest phase of the motion (pulses, 3, rows) [m] that `RampTransform`
+    leaves out. It has two terms. The first is in n^3: f_c times the change of the acceleration
+    between pulses (unknown for a single pulse), reduced by the part that the parabola through three
+    lengths contains. The second is n df times half the acceleration.
     """
     assert sums.ramp is not None
     first, middle, last = (lengths_m[:, i] for i in range(3))
