@@ -116,7 +116,7 @@ _MAX_STARTS = 10
 
 
 class _Child:
-    """A worker process. `frame` is the frame that it does now; None stands for the run as a whole."""
+    """A worker process. `frame` is the frame that it does now, or None for the run as a whole."""
 
     def __init__(self, command: Sequence[str], replies: queue.Queue[tuple[_Child, str]]) -> None:
         package_parent = str(Path(__file__).resolve().parents[1])

@@ -421,7 +421,7 @@ def _reading(item: Declared) -> dict[str, Any]:
 
 
 def _pair_reader(reader: Callable[[str], Any], metavar: str) -> Callable[[str], Any]:
-    """Reader of two numbers, between them what is between those of the placeholder "A:B"."""
+    """Return a reader of two numbers. The separator is that of the placeholder, such as "A:B"."""
 
     def pair(text: str) -> tuple[Any, Any]:
         first, second = (reader(part) for part in text.split(metavar[1]))

@@ -16,8 +16,7 @@ from typing import Any, cast, get_args
 
 from ..errors import FrameFileError
 from ..terminal import printable
-from .catalogue import CATALOGUE
-from .scene_kinds import Severity
+from .catalogue import CATALOGUE, Severity
 
 # -- numbers, spans of numbers, names and frames as text -------------------------------------------
 

@@ -429,7 +429,9 @@ def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tup
 
 
 def _first_of_each(found: SpecularPoints) -> Mask:
-    """Which reflections are no repetition, on a common edge, of one before at the same place."""
+    """Return a mask that omits repetitions: reflections on a common edge, at the place of an
+    earlier one.
+    """
     kept = np.ones(found.place.size, dtype=bool)
     apart = 0
     while True:

@@ -106,7 +106,7 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
 def frame_steps(
     frame_input: FrameInput, options: ResolvedOptions
 ) -> Generator[str, None, FrameResult]:
-    """Process one radar frame step by step, as `process_frame` does. Yield a text about each step."""
+    """Process a radar frame step by step, as `process_frame` does. Yield a text about each step."""
     number, radar = frame_input.frame.number, frame_input.radar
     statistics_sum = StatisticsSum(radar, options.receiver_gain, frame_input.range_limits_m)
     folds = DopplerFolds(radar)

@@ -232,7 +232,7 @@ class Products:
         return Fingerprints(self.run, self.options)
 
     def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
-        """Open, process and write a frame. Yield a text about each step, and the result at the end."""
+        """Open, process and write a frame. Yield a text about each step, then the result."""
         options, folder, number = self.options, self.folder, frame.number
         fingerprint, summary = self._fingerprints.of(frame), self._summary(frame)
         result = yield from frame_steps(options.open(frame), options)
@@ -379,7 +379,8 @@ def _software() -> dict[str, str]:
     for name in ("finufft", "matplotlib"):
         found[name] = importlib.metadata.version(name)
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        if path.relative_to(root).parts[0] != "blender":
+    for path in sorted(root.rglob("*.*")):
+        of_source = path.suffix in (".py", ".md")  # products hold the texts of findings
+        if of_source and path.relative_to(root).parts[0] != "blender":
             digest.update(path.read_bytes())
     return found | {"source": digest.hexdigest()}

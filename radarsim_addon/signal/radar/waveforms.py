@@ -279,7 +279,7 @@ class Waveform(PulseNumbers):
 
 
 class LineNumbers(WaveformNumbers):
-    """What follows for the family "line" from the grid of frequencies.
+    """Numbers of the family "line" that follow from the grid of frequencies.
 
     Frequency k of `grid_count` is f0 + (k - grid_middle) grid_step_hz, observed at the time
     `grid_start_s` + k `grid_interval_s` of each pulse.
