@@ -93,17 +93,19 @@ STILL_BODIES_FILE = "still_bodies.npz"
 
 
 def frame_dir(frame: int) -> str:
-    """Folder of a radar frame, relative to the run's folder."""
+    """Return folder of a radar frame, relative to the run's folder."""
     return f"{FRAMES_DIR}/frame_{frame:04d}"
 
 
 def burst_dir(frame: int, render: int) -> str:
-    """Folder of a render of a burst, relative to the run's; the first: the frame's own."""
+    """Return the folder of a render of a burst, relative to the run's folder. The first render is
+    in the frame's own folder.
+    """
     return frame_dir(frame) if render == 0 else f"{frame_dir(frame)}/burst_{render:03d}"
 
 
 def render_stem(ring: int, snapshot_index: int) -> str:
-    """File name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
+    """Return file name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
     return f"ring_{ring:03d}_t{snapshot_index}"
 
 

@@ -334,7 +334,7 @@ class DaskWorkers:
                 self._seen_s = now_s
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:
-        """Wait; WorkerError where the cluster has no worker for too long."""
+        """Wait until a condition holds. WorkerError: the cluster has no worker for too long."""
         while not ready():
             time.sleep(_POLL_S)
             self._count()

@@ -164,13 +164,13 @@ class Declared:
         return self.default if self.of.initial is None else self.of.initial
 
     def from_shown(self, value: float) -> float:
-        """A number given in the shown unit, in SI, to the last decimal digit."""
+        """Convert a number from the shown unit to SI, to the last decimal digit."""
         if not self.exponent or not math.isfinite(value):
             return float(value)
         return float(Decimal(repr(float(value))).scaleb(self.exponent))
 
     def to_shown(self, value: float) -> float:
-        """A number given in SI, in the shown unit, to the last decimal digit."""
+        """Convert a number from SI to the shown unit, to the last decimal digit."""
         return float(Decimal(repr(float(value))).scaleb(-self.exponent))
 
     @property
@@ -235,7 +235,9 @@ class Declared:
         return MAX_LENGTH_M if self.of.unit == "m" else _MOST
 
     def typed(self, text: str, value: object) -> str:
-        """Say why a number (SI) that was typed in the shown unit is refused; "" where it is not."""
+        """Return the reason to refuse a number (SI) that was typed in the shown unit. Empty: it is
+        allowed.
+        """
         if self._in_bounds(value):
             return ""
         expected = self._expected(value)
@@ -340,7 +342,7 @@ class CommandParser(argparse.ArgumentParser):
         self.exit(2, text)
 
     def _near(self, word: str) -> list[str]:
-        """Options of this parser and of its commands that resemble a word."""
+        """Return options of this parser and of its commands that resemble a word."""
         commands = [
             command
             for action in self._actions
@@ -488,7 +490,7 @@ class Share:
         return [text for name, value in given.items() if value for text in (name, str(value))]
 
     def part(self, frames: Sequence[int]) -> list[int]:
-        """Frames of this shard: every n-th, so that all shards have as much to do."""
+        """Return the frames of this shard: every n-th, so that all shards have as much to do."""
         index, count = self.shard or (1, 1)
         return list(frames[index - 1 :: count])
 

@@ -144,7 +144,9 @@ def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
 
 
 def _seen(height: Real | float, distance: Real, curvature: float) -> tuple[Real, Real]:
-    """Height above the tangent plane and distance in it of points, seen from the ground [m]."""
+    """Return the height of points above the tangent plane, and their distance in it, seen from the
+    ground [m].
+    """
     chord = distance * np.sinc(curvature * distance / (2 * np.pi))
     up = height * np.cos(curvature * distance) - curvature / 2 * chord**2
     out = (1 + curvature * height) * distance * np.sinc(curvature * distance / np.pi)
@@ -152,7 +154,7 @@ def _seen(height: Real | float, distance: Real, curvature: float) -> tuple[Real,
 
 
 def _reflection_distance(antenna: float, height: Real, x: Real, curvature: float) -> Real:
-    """Distance from the foot of the antenna to the point of reflection [m]."""
+    """Return distance from the foot of the antenna to the point of reflection [m]."""
     low, high = np.zeros(x.shape), x.copy()
     at = x * antenna / (antenna + height)
     for _ in range(_MOST_STEPS):

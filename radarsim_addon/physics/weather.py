@@ -103,7 +103,7 @@ def _gaussians(
     slope: float,
     constant: float,
 ) -> Real:
-    """P.838-3, eq. (2) and (3): a sum of Gaussians and a line over lg f."""
+    """Evaluate P.838-3, eq. (2) and (3): a sum of Gaussians and a line over lg f."""
     steps = (log_ghz[..., None] - np.array(centre)) / np.array(width)
     total = np.sum(np.array(height) * np.exp(-(steps**2)), axis=-1)
     return np.asarray(total + slope * log_ghz + constant)
@@ -216,7 +216,7 @@ def _line_shape(f_ghz: Real, line_ghz: Real, width: Real, mixing: Real) -> Real:
 
 
 def _dry_continuum(f_ghz: Real, dry_hpa: Real, vapour_hpa: Real, theta: Real) -> Real:
-    """Oxygen's Debye spectrum and nitrogen under pressure (eq. 8 and 9)."""
+    """Return oxygen's Debye spectrum and nitrogen under pressure (eq. 8 and 9)."""
     width = 5.6e-4 * (dry_hpa + vapour_hpa) * theta**0.8
     # without air there is no width: the product with the pressure is 0 then
     oxygen = 6.14e-5 * width / np.maximum(width**2 + f_ghz**2, 1e-300)

@@ -66,8 +66,9 @@ class PixelRays:
 
 
 def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
-    """Camera coordinates u (w,) and v (h,), falling with the row, of the pixel centres: tangents
-    (perspective), metres (orthographic) or longitude and latitude in radians.
+    """Return the camera coordinates of the pixel centres: u (w,), and v (h,), which falls with the
+    row. They are tangents (perspective), metres (orthographic), or longitude and latitude in
+    radians.
     """
     u = receiver.left + (np.arange(width_px) + 0.5) * ((receiver.right - receiver.left) / width_px)
     v = receiver.top - (np.arange(height_px) + 0.5) * ((receiver.top - receiver.bottom) / height_px)
@@ -75,7 +76,7 @@ def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tu
 
 
 def solid_angles_sr(receiver: ReceiverRecord, width_px: int, height_px: int) -> Real:
-    """Solid angle of every pixel (h, w); orthographic: the area [m^2].
+    """Return the solid angle of every pixel (h, w). Orthographic: its area [m^2].
 
     Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv by 3 x 3 point Gauss-Legendre, exact to
     1e-9 for pixels up to two degrees wide; the closed form cancels for pixels of a microradian.
@@ -401,8 +402,8 @@ def range_rate(
 
 
 def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
-    """Scatterers of paths with one reflection, (n, 3) [m], from total lengths L (n,) and unit
-    vectors d from the receiver, (n, 3); NaN where the length is below the baseline.
+    """Return the scatterers of paths with one reflection, (n, 3) [m], from total lengths L (n,) and
+    unit vectors d from the receiver, (n, 3). NaN: the length is below the baseline.
 
     On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
     baseline b = |C - T|.
@@ -423,8 +424,8 @@ def ring_geometry(
     transmitter: TransmitterRecord,
     single: bool,
 ) -> PathGeometry:
-    """Geometry of some pixels (row, col) of a ring, with poses at t. `single`: every path has one
-    reflection; else vertices and orders are unknown (NaN and 0).
+    """Return the geometry of some pixels (row, col) of a ring, with poses at t. `single`: every
+    path has one reflection. Otherwise vertices and orders are unknown (NaN and 0).
     """
     pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)

@@ -79,7 +79,7 @@ class ChannelPaths:
     wanted: Mask | None = None  #: pulses whose echoes are formed, (pulses,); None: all
 
     def rows_of(self, channel: Channel, rows: int) -> Mask:
-        """Mask of the rows of samples that are formed: of wanted pulses with the channel."""
+        """Return a mask of the rows of samples that are formed: wanted pulses that use the channel."""
         pulses = self.radar.burst.pulses
         used = channel.active_mask(pulses)
         if self.wanted is not None:
@@ -93,7 +93,9 @@ class ChannelPaths:
         return np.asarray(times_s[self.rows_of(channel, times_s.size)])
 
     def accumulator(self, grid: FrequencyGrid, times_s: Real, **own: Any) -> SpectrumAccumulator:
-        """An empty sum at some times [s]; `own` are the arguments that depend on the waveform."""
+        """Return an empty sum at some times [s]; `own` are the arguments that depend on the
+        waveform.
+        """
         options, burst = self.options, self.radar.burst
         return SpectrumAccumulator(
             grid,
@@ -250,7 +252,7 @@ class EchoSynthesizer:
         self._sums.add(paths)
 
     def result(self) -> Echoes:
-        """Echoes of all paths added so far."""
+        """Return the echoes of all paths added so far."""
         spectra = self._sums.results(pulse_times_s(self.radar))
         size, pulses = self._grid.count, self.radar.burst.pulses
         # S has delays from the middle of the pulse; sample 0 is at first_s
@@ -363,7 +365,7 @@ class StretchSynthesizer:
         oscillator: LineOscillator,
         noisy: NoisyPathAccumulator,
     ) -> None:
-        """Each path between the two nearest delays for which there is a factor."""
+        """Divide each path between the two nearest delays that have a factor."""
         rows = slice(0, len(paths))
         lengths = self._source.lengths_of(paths, channel)
         amplitudes = self._source.amplitudes_of(paths, channel)
@@ -379,7 +381,9 @@ class StretchSynthesizer:
             noisy.add(accumulator.result(), oscillator.factor(int(order)))
 
     def result(self) -> Echoes:
-        """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
+        """Return the echoes of all paths added so far. They are complex with a real ADC, too; see
+        `receiver`.
+        """
         waveform = self._waveform
         # (channels, rows, N), for PMCW with the code's spectrum where paths move within it
         spectra = self._sums.results(line_times_s(self.radar))
@@ -418,7 +422,7 @@ class NoisyPathAccumulator:
         self.values += values
 
     def report(self, empty: SynthesisReport, paths: int) -> SynthesisReport:
-        """One report of all; a path counts in the steps of both delays that it lies between."""
+        """Return one report of all parts. A path counts in the steps of both delays next to it."""
         report = replace(empty, paths=paths, steps=[], notes=[])
         energy = float(np.vdot(self.values, self.values).real)
         expected, fast, notes = 0.0, 0, []
@@ -458,8 +462,8 @@ def synthesizer_for(
     antennas: AntennaMotion | None = None,
     wanted: Mask | None = None,
 ) -> EchoSynthesizer | StretchSynthesizer:
-    """The synthesizer for the waveform's family; parameters as of `EchoSynthesizer`. Phase noise is
-    for FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
+    """Return the synthesizer for the waveform's family. Parameters are those of `EchoSynthesizer`.
+    Phase noise is for FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
     """
     if radar.waveform.family == "pulse":
         return EchoSynthesizer(

@@ -433,7 +433,7 @@ class ReplicateMean:
         self._squares += change
 
     def variance(self) -> Real:
-        """Variance of the mean; NaN for one replicate, which gives no error."""
+        """Return the variance of the mean. It is NaN for one replicate, which gives no error."""
         if self._count < 2:
             return np.full(self.mean.shape, np.nan)
         return np.asarray(self._squares / ((self._count - 1) * self._count))

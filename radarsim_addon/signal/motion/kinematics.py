@@ -638,7 +638,7 @@ class _SurfacePoints(NamedTuple):
     weights: Real
 
     def start(self, epoch_s: float) -> Real:
-        """Positions at the epoch in the body's own axes, (rows, 3) [m]."""
+        """Return positions at the epoch in the body's own axes, (rows, 3) [m]."""
         positions = self.series.positions(self.corners, np.array([epoch_s]))
         return np.asarray(np.einsum("nk,tnki->tni", self.weights, positions)[0])
 

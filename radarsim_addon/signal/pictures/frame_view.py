@@ -179,7 +179,7 @@ def write_view(result: Any, folder: Path) -> None:
 
 
 def _spectrogram_rows(result: Any, targets: list[Target]) -> list[int]:
-    """Numbers of the targets in the ranges, and on the objects, of the spectrogram."""
+    """Return numbers of the targets in the ranges, and on the objects, of the spectrogram."""
     shown = result.spectrogram
     if shown is None:
         return []
@@ -198,7 +198,7 @@ def _finite(value: float) -> float | None:
 
 
 def _lines(found: Any) -> list[list[list[float]]]:
-    """Corners of paths, to a tenth of a millimetre."""
+    """Return corners of paths, to a tenth of a millimetre."""
     return [np.round(line, 4).tolist() for line in found.lines_m]
 
 

@@ -203,7 +203,7 @@ class FrameProcessor:
         sys.exit()
 
     def close(self) -> None:
-        """Nothing is kept open."""
+        """Do nothing: no file is kept open."""
 
 
 def _reply(lines: list[str], findings: list[Finding], shown: MapFile) -> dict[str, Any]:

@@ -374,7 +374,9 @@ class Radar:
         return self.waveform.wavelength_m * self.burst.prf_hz / 4
 
     def prf_for_hz(self, velocity_mps: float) -> float:
-        """PRF that holds range rates up to +- `velocity_mps`, rounded up to three digits [Hz]."""
+        """Return the PRF at which range rates up to +- `velocity_mps` do not fold, rounded up to
+        three digits [Hz].
+        """
         prf_hz = 4 * abs(velocity_mps) / self.waveform.wavelength_m
         step_hz = 10.0 ** (math.floor(math.log10(max(prf_hz, 1.0))) - 2)
         return math.ceil(prf_hz / step_hz) * step_hz
@@ -385,5 +387,5 @@ class Radar:
         return self.waveform.wavelength_m * self.burst.prf_hz / (2 * self.burst.pulses)
 
     def doppler_hz(self, range_rate_mps: float) -> float:
-        """Doppler shift of a range rate: -2 v / lambda [Hz] (receding is negative)."""
+        """Return the Doppler shift of a range rate: -2 v / lambda [Hz] (receding is negative)."""
         return -2 * range_rate_mps / self.waveform.wavelength_m

@@ -149,7 +149,7 @@ class PhaseCodedPulse(ChipNumbers, PulseNumbers):
         return self.code_length * self.chip_duration_s
 
     def replica_samples(self) -> Complex:
-        """The transmitted samples, (chips x samples_per_chip,)."""
+        """Return the transmitted samples, (chips x samples_per_chip,)."""
         return self.sampled(barker(self.code_length))
 
 
@@ -218,7 +218,7 @@ class ArbitraryPulse(PulseNumbers):
         return self.samples.size / self.sampling_rate_hz
 
     def replica_samples(self) -> Complex:
-        """The transmitted samples, mean power 1."""
+        """Return the transmitted samples, mean power 1."""
         return self.samples
 
 
@@ -588,7 +588,7 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
         return self.grid_count // 2
 
     def replica_samples(self) -> Complex:
-        """One code, (chips x samples_per_chip,)."""
+        """Return one code, (chips x samples_per_chip,)."""
         return self.sampled(m_sequence(self.code_degree))
 
 
@@ -680,7 +680,7 @@ def slow_time_window(spec: str, pulses: int) -> Real:
 
 
 def _taylor(angle: Real, nbar: int, sidelobe_db: float) -> Real:
-    """Taylor window (Carrara, Goodman, Majewski, Spotlight SAR, appendix D)."""
+    """Evaluate the Taylor window (Carrara, Goodman, Majewski, Spotlight SAR, appendix D)."""
     if not 0 < sidelobe_db <= 200 or nbar > 1000:
         raise ConfigError(
             f"Taylor window with nbar {nbar} and {sidelobe_db} dB; expected nbar up to 1000 and a "

@@ -102,7 +102,7 @@ def uniform(state: NDArray[np.uint64]) -> NDArray[np.float64]:
 
 
 def hash_step(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """One step of SplitMix64 (Steele, Lea, Flood 2014): every bit depends on every other."""
+    """Do one step of SplitMix64 (Steele, Lea, Flood 2014): every bit depends on every other."""
     with np.errstate(over="ignore"):
         state = state + _U64(0x9E3779B97F4A7C15)
         state = (state ^ (state >> _U64(30))) * _U64(0xBF58476D1CE4E5B9)
@@ -148,7 +148,7 @@ class PathEnds:
 
     @classmethod
     def of_rows(cls, rows: PathRows, scene: FrameMotion | None) -> PathEnds:
-        """Ends of rows of a table, which move as the scene does."""
+        """Take the ends of rows of a table, which move as the scene does."""
         motion: PathMotion = LinearMotion(rows["length_m"], rows["range_rate_mps"])
         if scene is not None:
             motion = motion_of_rows(rows, scene)
@@ -172,7 +172,7 @@ class PathEnds:
         )
 
     def unfolded(self, end: int, points_m: Real) -> Real:
-        """First (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
+        """Return first (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
         return points_m if self.images is None else self.images.unfolded(end, points_m)
 
 
@@ -189,7 +189,7 @@ class _MeanNodes:
 
     @classmethod
     def of(cls, times_s: Real) -> _MeanNodes | None:
-        """Nodes of rising times; None: they are too few."""
+        """Choose nodes from rising times. None: there are too few times."""
         if times_s.size < 2 * _MEAN_NODES:
             return None
         chosen = np.rint(np.linspace(0, times_s.size - 1, _MEAN_NODES)).astype(np.intp)
@@ -199,7 +199,9 @@ class _MeanNodes:
         return cls(times_s[chosen], basis.mean(axis=0) @ inverse, inverse[-2:])
 
     def mean(self, values: Real) -> tuple[Real, Mask]:
-        """Means of values (n, nodes), and which change smoothly, (n,) each."""
+        """Return the means of values (n, nodes), and a mask of the values that change smoothly,
+        (n,) each.
+        """
         tail = np.abs(np.einsum("nk,ck->cn", values, self.tail))
         smooth = tail <= np.multiply.outer(_MEAN_TAIL, np.abs(values).max(axis=1))
         return np.einsum("nk,k->n", values, self.weights), smooth.all(axis=0)
@@ -256,13 +258,13 @@ class Link:
         return self.antennas.transmitter.pose[:3, 3]
 
     def transmit_gain(self, points_m: Real) -> Real:
-        """G_t towards points (n, 3) [m] at the frame's time, (n,)."""
+        """Return G_t towards points (n, 3) [m] at the frame's time, (n,)."""
         return self.system.transmitter.gain(
             to_antenna_frame(self.antennas.transmitter.pose, points_m - self.emitter_m)
         )
 
     def receive_gain(self, direction: Real) -> Real:
-        """G_r for rays that leave the receiver in these directions, (n, 3)."""
+        """Return G_r for rays that leave the receiver in these directions, (n, 3)."""
         return self.system.receiver.gain(to_antenna_frame(self.antennas.receiver.pose, direction))
 
     def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
@@ -302,8 +304,8 @@ class Link:
         return varies
 
     def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
-        """P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n, times).
-        Unknown vertices are taken as for `factor`, and not to move.
+        """Return P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n,
+        times). Unknown vertices are assumed as in `factor`, and stationary.
         """
         count = ends.length_m.size
         result = np.empty((count, times_s.size))
@@ -317,7 +319,7 @@ class Link:
     def _end_gain(
         self, ends: PathEnds, times_s: Real, end: int, element: Element, antenna: PeakedAntenna
     ) -> Real:
-        """Gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
+        """Return gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
         body = (self.antennas.receiver, self.antennas.transmitter)[end]
         if element.antenna is not None:
             key = id(element.antenna)
@@ -342,7 +344,7 @@ class Link:
         return np.asarray(antenna.gain(local), dtype=np.float64)
 
     def _vertices(self, ends: PathEnds, end: int) -> Real:
-        """First or last vertices at t, (n, 3) [m], guessed where unknown."""
+        """Return first or last vertices at t, (n, 3) [m], guessed where unknown."""
         if end == 1:
             return self._last_vertices(ends.length_m, ends.direction, ends.last_scatterer_m)
         first = ends.first_scatterer_m
@@ -367,8 +369,8 @@ class Link:
         return last_scatterer_m
 
     def mean_factor(self, ends: PathEnds) -> Real:
-        """Mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it; where nothing changes
-        gains it is `factor`, to the last bit.
+        """Return the mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it. Where nothing
+        changes the gains, it is `factor` to the last bit.
         """
         gain = self.ends_factor(ends)
         if self._mean_times_s.size:
@@ -420,7 +422,9 @@ class Link:
 def antenna_motion(
     camera: ReceiverRecord, emitter: TransmitterRecord, scene: FrameMotion | None = None
 ) -> AntennaMotion:
-    """Motion of a frame's antennas, from their poses and the scene; None: stationary."""
+    """Return the motion of a frame's antennas from their poses and the scene. Without a scene they
+    are stationary.
+    """
 
     def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:
         if moving is not None and moving.moving:
@@ -623,8 +627,9 @@ def interference_factors(
     range_resolution_m: float,
     range_taper: str = "none",
 ) -> Real:
-    """Factors from the powers of paths by themselves (n,), with their gains, to their expected
-    powers. Rows are of whole tile replicates; 1 for a path that shares its scatterer with no other.
+    """Return the factors that turn the powers (n,) of single paths, with their gains, into expected
+    powers. The rows must be whole tile replicates. The factor is 1 for a path that shares its
+    scatterer with no other.
     """
     factors = np.ones(rows.size)
     if not has_images(rows):
@@ -655,7 +660,7 @@ def interference_factors(
 
 
 def range_overlap(apart_m: Real, range_resolution_m: float, taper: str = "none") -> Real:
-    """Correlation of range responses whose total lengths differ."""
+    """Return correlation of range responses whose total lengths differ."""
     # A difference d of the length turns the phase over the band by 2 pi B d / c.
     turns = np.abs(apart_m / (2 * range_resolution_m))
     return np.asarray(np.interp(turns, *_overlap_table(taper), right=0.0))
@@ -663,7 +668,7 @@ def range_overlap(apart_m: Real, range_resolution_m: float, taper: str = "none")
 
 @lru_cache(maxsize=16)
 def _overlap_table(taper: str) -> tuple[Real, Real]:
-    """Turns of the phase over the band, and the correlation there."""
+    """Return the turns of the phase over the band, and the correlation at them."""
     place = (np.arange(_BAND_POINTS) + 0.5) / _BAND_POINTS - 0.5
     weight = window_at(taper, place) ** 2
     grid = np.arange(_MOST_TURNS * _STEPS + 1) / _STEPS
@@ -676,7 +681,9 @@ def reverse_factors(
     carrier_hz: float,
     range_resolution_m: float,
 ) -> Real:
-    """Factors on the expected powers of rows of a table, (n,); 1 for a path without a reverse."""
+    """Return the factors on the expected powers of rows of a table, (n,). They are 1 for paths
+    without a reverse.
+    """
     factors = np.ones(rows.size)
     chosen = np.flatnonzero(rows["flags"] & PathFlag.HAS_REVERSE)
     if record.receiver.kind == "orthographic" or not chosen.size:
@@ -702,8 +709,8 @@ def reverse_amplitudes(
     carrier_hz: float,
     range_resolution_m: float,
 ) -> Complex | None:
-    """Factors on the amplitudes of n speckled paths in a channel, elements at the frame's time;
-    None where no path has a reverse.
+    """Return the factors on the amplitudes of n speckled paths in a channel, with its elements at
+    the frame's time. None: no path has a reverse.
     """
     chosen = np.flatnonzero(paths.flags & PathFlag.HAS_REVERSE)
     geometry = paths.geometry
@@ -732,7 +739,7 @@ def _in_one_place(receiver_m: Real, transmitter_m: Real, carrier_hz: float) -> b
 
 
 def _both(longer_m: Real, carrier_hz: float, range_resolution_m: float) -> Complex:
-    """1 + o exp(-j k d), (n,); the real part is the factor on the power."""
+    """Return 1 + o exp(-j k d), (n,); the real part is the factor on the power."""
     turned = np.exp(-2j * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
     return np.asarray(1 + range_overlap(longer_m, range_resolution_m) * turned)
 

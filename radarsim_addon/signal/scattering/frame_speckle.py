@@ -130,7 +130,7 @@ class FrameSpeckle:
     def _following(
         self, motion: KinematicMotion, going: Indices, cells: Indices
     ) -> KinematicMotion:
-        """The motion, in which rows `going` are over the scatterers of `cells`."""
+        """Return the motion with the rows `going` moved to the scatterers of `cells`."""
         assert self._speckle is not None
         first_m, last_m = motion.first_scatterer_m.copy(), motion.last_scatterer_m.copy()
         first_m[going], last_m[going] = self._speckle.scatterers_m(cells)
@@ -161,7 +161,7 @@ class FrameSpeckle:
         return dataclasses.replace(paths, geometry=geometry)
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
-        """The paths, with the range rates of clutter that moves by itself. Its scatterers keep
+        """Add the range rates of clutter that moves by itself to the paths. Its scatterers keep
         their velocities from frame to frame: phases follow the frame's time.
         """
         if not sway_mps.any() or paths.phasors is None:
@@ -185,7 +185,7 @@ class FrameSpeckle:
         )
 
     def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
-        """The paths of points, each with the gain of the path that it belongs to."""
+        """Return paths for points, each with the gain of its original path."""
         motion = paths.motion
         if isinstance(motion, KinematicMotion):
             motion = dataclasses.replace(
@@ -217,7 +217,9 @@ class FrameSpeckle:
 
 
 def table_footprints(frame_input: FrameInput) -> TableFootprints:
-    """Points over which rows of a frame's table are spread, as near as its echoes need them."""
+    """Return the points over which rows of a frame's table are spread, as close together as its
+    echoes need them.
+    """
     waveform, burst, table = frame_input.radar.waveform, frame_input.radar.burst, frame_input.table
     return TableFootprints(
         table.record,
@@ -228,8 +230,9 @@ def table_footprints(frame_input: FrameInput) -> TableFootprints:
 
 
 def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
-    """Bodies to which scatterers are fixed, and the table's columns of their numbers: bodies of the
-    motion file, each with its pose at t; without such a file the objects, in world space.
+    """Return the bodies that scatterers are fixed to, and the table's columns with their numbers.
+    The bodies are those of the motion file, with their poses at t. Without such a file they are the
+    objects, in world space.
     """
     motion, names = table.motion, table.record.objects
     if motion is None:
@@ -252,7 +255,7 @@ def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
 
 
 def kirchhoff_findings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[Finding]:
-    """Objects of known roughness on which the rough lobe is no model of it, and why."""
+    """Find the objects of known roughness for which the rough lobe is not valid, and the reasons."""
     return [
         limit.about(item.name)
         for item in (scene.objects if scene is not None else [])
@@ -304,15 +307,16 @@ class ClutterSurfaces:
         return STILL_PLANE + 1 + self._motions.index(motion)
 
     def planes_of(self, rows: PathRows) -> Integers:
-        """Plane of each row, (n,)."""
+        """Return plane of each row, (n,)."""
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
         clutter = (self._plane[last] > 0) & (self._plane[first] > 0)
         return np.where(clutter, self._plane[last], 0)
 
     def lines(self, plane: int, rows: PathRows) -> list[tuple[float, Real]]:
-        """Lines of the spectrum of a plane: fraction of the power, and range rates that the motion
-        adds to rows [m/s], (n,). One line, or both Bragg lines of a sea.
+        """Return the lines of the spectrum of a plane: the fraction of the power, and the range
+        rates that the motion adds to rows [m/s], (n,). There is one line, or both Bragg lines of a
+        sea.
         """
         motion = self._motions[plane - STILL_PLANE - 1] if plane > STILL_PLANE else None
         if motion is None or motion.motion != "sea":
@@ -322,7 +326,9 @@ class ClutterSurfaces:
         return [(part, -bragg_mps), (1 - part, bragg_mps)]
 
     def correlations(self, lag_s: Real) -> list[Real]:
-        """Correlation of the echoes of each plane at lags [s], about its lines, (lags,) each."""
+        """Return correlation of the echoes of each plane at lags [s], about its lines, (lags,)
+        each.
+        """
         still = [np.ones(lag_s.size)] * min(self.planes, STILL_PLANE + 1)
         return still + [
             clutter_correlation(
@@ -352,8 +358,8 @@ _LOOKED_AT = 200_000
 
 
 def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
-    """Points of rain as rows of reflections of order 1, without an object; `seed` is of the places
-    and speeds of the drops. Empty without rain or for an orthographic receiver.
+    """Return points of rain as rows of order 1 without an object. `seed` is for the places and
+    speeds of the drops. Empty without rain or for an orthographic receiver.
     """
     receiver, radar = frame_input.receiver, frame_input.radar
     if not weather.rain_echo or weather.rain_mm_per_h == 0 or receiver.kind == "orthographic":
@@ -401,7 +407,7 @@ def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
 
 
 def rain_paths(rows: PathRows, frame_input: FrameInput, seed: int) -> Paths:
-    """Points of rain as paths with random phases of a seed and constant range rates."""
+    """Return points of rain as paths with constant range rates, and with random phases from a seed."""
     phases = np.exp(2j * np.pi * _draws(rows.size, seed ^ 0x5DEECE66D)[0])
     paths = make_paths(
         radiance_of(rows, frame_input.table.record),
@@ -413,7 +419,7 @@ def rain_paths(rows: PathRows, frame_input: FrameInput, seed: int) -> Paths:
 
 
 def _draws(count: int, seed: int) -> list[Real]:
-    """Three series of numbers even over 0 to 1, (count,) each."""
+    """Draw three series of numbers, uniform over 0 to 1, (count,) each."""
     state = hash_step(np.arange(count, dtype=np.uint64) ^ hash_step(np.array(seed % 2**64, "u8")))
     found = []
     for _ in range(3):
@@ -423,7 +429,7 @@ def _draws(count: int, seed: int) -> list[Real]:
 
 
 def _open_to_m(frame_input: FrameInput, direction: Real, solid_sr: Real) -> Real:
-    """Ranges up to which each direction is open, (directions,) [m]."""
+    """Return ranges up to which each direction is open, (directions,) [m]."""
     from scipy.spatial import cKDTree  # not at import: slow
 
     table = frame_input.table

@@ -161,7 +161,9 @@ class MovingPathAccumulator(PulseSums):
     def _take_linear(
         self, length_m: Real, rate_mps: Real, time_s: float, amplitude: Weights, fitted: bool
     ) -> None:
-        """Paths of constant rate: to the buffer if they stay in the window, else by pulses."""
+        """Keep paths of constant rate for one transform if they stay in the window. Add the others
+        pulse by pulse.
+        """
         time = np.full(length_m.size, time_s)
         everything = LinearRows(length_m, rate_mps, time, np.zeros(time.size), amplitude)
         if not (fitted and self._type3_possible()):
@@ -230,7 +232,7 @@ class MovingPathAccumulator(PulseSums):
         self._report.count("linear", "type 3", len(rows), transforms, cpu_s)
 
     def _linear_groups(self, rows: LinearRows, plan: LinearPlan) -> list[CommonMotion]:
-        """Rows of a common motion, where that is cheapest."""
+        """Return groups of rows with a common motion, if these are cheapest."""
         if self._basis is None:
             return []
         middle_m = rows.length_m + rows.rate_mps * (self._basis.middle_s - rows.time_s)
@@ -241,7 +243,7 @@ class MovingPathAccumulator(PulseSums):
         return groups if cost_s < min(plan.pulses_s, plan.type3_s) else []
 
     def _linear_by_pulse(self, rows: LinearRows, order: Real | None) -> None:
-        """Pulse by pulse at constant rates; with `order` the rows are counted already."""
+        """Add rows of constant rate pulse by pulse. With `order`, the rows are already counted."""
 
         def lengths_m(part: slice, pulses: slice) -> Real:
             length_m, rate_mps, time_s = rows.length_m[part], rows.rate_mps[part], rows.time_s[part]
@@ -256,7 +258,7 @@ class MovingPathAccumulator(PulseSums):
         self._by_pulse("linear", lengths_m, rows.amplitude, order=order)
 
     def _flush_smooth(self) -> None:
-        """Pulse by pulse at lengths from fitted polynomials."""
+        """Add the waiting rows with fitted polynomials pulse by pulse."""
         if not self._smooth_rows or self._basis is None:
             return
         coefficients_m = np.concatenate([found for found, _ in self._smooth_rows])
@@ -273,7 +275,9 @@ class MovingPathAccumulator(PulseSums):
             self._smooth(coefficients_m[alone], amplitude[alone])
 
     def _groups(self, coefficients_m: Real, amplitude: Weights) -> list[CommonMotion]:
-        """Rows of a common motion, with lengths and amplitudes c_k T_k over the burst."""
+        """Return groups of rows with a common motion, for lengths and amplitudes c_k T_k over the
+        burst.
+        """
         if self._basis is None or self._method != "auto":
             return []
         terms = used_terms(amplitude).shape[1] if amplitude.ndim > 1 else 1
@@ -300,7 +304,7 @@ class MovingPathAccumulator(PulseSums):
         amplitude: Weights,
         at: AmplitudesAt | None = None,
     ) -> None:
-        """Pulse by pulse at lengths from the motion itself, and at amplitudes from `at`."""
+        """Add rows pulse by pulse, with lengths from the motion itself and amplitudes from `at`."""
         fast = np.zeros(rows.size, dtype=bool)
 
         def lengths_m(part: slice, pulses: slice) -> Real:

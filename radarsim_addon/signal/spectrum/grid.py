@@ -52,7 +52,7 @@ class CycleRate:
 
     @classmethod
     def of(cls, frequency_hz: Fraction | float) -> CycleRate:
-        """Rate f / c of a frequency [1/m]."""
+        """Return rate f / c of a frequency [1/m]."""
         exact = Fraction(frequency_hz) / Fraction(SPEED_OF_LIGHT_MPS)
         if exact == 0:
             return cls(0.0, 0.0)
@@ -62,7 +62,9 @@ class CycleRate:
 
 
 def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> Real:
-    """length x rate less the nearest whole number, exact to about 1e-15; into `out` if given."""
+    """Return length x rate minus the nearest whole number, exact to about 1e-15. Write to `out` if
+    given.
+    """
     high = length_m * _SPLITTER
     rest = high - length_m
     high -= rest  # leading 26 bits of the length
@@ -84,7 +86,7 @@ def reduce_cycles(cycles: Real) -> Real:
 
 
 def phasors(amplitude: NDArray[np.inexact[Any]], cycles: Real, out: Complex) -> Complex:
-    """amplitude exp(j 2 pi cycles) into `out`; overwrites `cycles`, which should be reduced."""
+    """Write amplitude exp(j 2 pi cycles) to `out`. Overwrite `cycles`, which should be reduced."""
     cycles *= 2 * np.pi
     np.cos(cycles, out=out.real)
     np.sin(cycles, out=out.imag)
@@ -108,7 +110,7 @@ class Meeting:
         return np.asarray(rate_mps / (1 - self._halfway(rate_mps)))
 
     def moved_m(self, length_m: Real, rate_mps: Real, later_s: Real | float = 0.0) -> Real:
-        """c tau `later_s` later, less the length, (n,) [m]."""
+        """Return c tau at `later_s` minus the length, (n,) [m]."""
         halfway = self._halfway(rate_mps)
         return np.asarray((rate_mps * later_s + length_m * halfway) / (1 - halfway))
 
@@ -146,13 +148,13 @@ class PulseShape:
         self.rms = float(np.sqrt(np.mean(np.abs(self.spectrum) ** 2)))
 
     def _spectrum(self, samples: Complex) -> Complex:
-        """Spectrum of samples (..., n) about the middle of the pulse, (..., frequencies)."""
+        """Return spectrum of samples (..., n) about the middle of the pulse, (..., frequencies)."""
         middle = (self._samples.size - 1) / 2
         shift = np.exp(2j * np.pi * np.fft.fftfreq(self._count) * middle)
         return np.fft.fftshift(np.fft.fft(samples, self._count) * shift, axes=-1)
 
     def _basis(self, polynomials: Real) -> NodeWeights:
-        """W_j from the Lagrange polynomials (nodes, n) at the samples, (nodes, frequencies)."""
+        """Return W_j from the Lagrange polynomials (nodes, n) at the samples, (nodes, frequencies)."""
         return self._spectrum(self._samples * polynomials)
 
     def _weights(self, nodes: int) -> NodeWeights:
@@ -161,7 +163,7 @@ class PulseShape:
         return self._bases[nodes]
 
     def times_s(self, nodes: int) -> Real:
-        """Times u_j of the nodes from the middle of the pulse, (nodes,) [s]."""
+        """Return times u_j of the nodes from the middle of the pulse, (nodes,) [s]."""
         return self.half_s * chebyshev_nodes(nodes)
 
     def joined(self, spectra: Complex) -> Complex:
@@ -178,7 +180,7 @@ class PulseShape:
         return nodes_for(phase_rad, NODES_SHARE * tolerance)
 
     def stretch(self, rate_mps: Real) -> Real:
-        """1 + beta, (n,): how much longer a pulse is received than it was sent."""
+        """Return 1 + beta, (n,): the duration of a pulse at reception over that at emission."""
         return np.asarray(1 + rate_mps / (SPEED_OF_LIGHT_MPS - rate_mps / 2))
 
 
@@ -207,17 +209,17 @@ class CodeShape(PulseShape):
         return self._spectrum(np.einsum("...jt,jt->...t", echoes, weights))
 
     def stretch(self, rate_mps: Real) -> Real:
-        """1: samples are taken at their own times."""
+        """Return 1, because samples are taken at their own times."""
         return np.ones_like(rate_mps)
 
 
 def chebyshev_nodes(count: int) -> Real:
-    """Zeros of T_count, within -1 and 1."""
+    """Return zeros of T_count, within -1 and 1."""
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
 def lagrange(nodes: Real, places: Real) -> Real:
-    """Lagrange polynomials of nodes at places, all within -1 and 1, (nodes, places)."""
+    """Return Lagrange polynomials of nodes at places, all within -1 and 1, (nodes, places)."""
     vander = np.polynomial.chebyshev.chebvander
     inverse = np.linalg.inv(vander(nodes, nodes.size - 1))
     return np.asarray((vander(places, nodes.size - 1) @ inverse).T, dtype=np.float64)
@@ -372,11 +374,13 @@ class Ramp:
             raise ConfigError(f"Slope of the ramp is {self.video_hz_per_s!r}; expected a number.")
 
     def half_s(self, count: int) -> float:
-        """Time from the middle to where lengths are sampled, within the ramp on both sides [s]."""
+        """Return the time from the middle to the outer samples of the length, within the ramp on
+        both sides [s].
+        """
         return max((count - 1) // 2, 0.5) * self.interval_s
 
     def video_cycles(self, delay_s: Real) -> Real:
-        """K tau^2 / 2, of the shape of the delays [s]."""
+        """Return K tau^2 / 2 in the shape of the delays [s]."""
         return np.asarray(self.video_hz_per_s / 2 * delay_s**2)
 
 
@@ -403,7 +407,9 @@ class SynthesisContext:
         ramp: Ramp | None = None,
         pulse: PulseShape | None = None,
     ) -> SynthesisContext:
-        """For a grid and a window; a ramp takes no other phases and no folding (`ConfigError`)."""
+        """Make the context of a grid and a window. `ConfigError`: a ramp with other phases or with
+        folding.
+        """
         if pulse is not None and (ramp is not None or extra_cycles is not None):
             raise ConfigError("A pulse goes with neither a ramp nor further phases.")
         if ramp is not None:
@@ -529,19 +535,19 @@ class BurstBasis:
         self._at_checks = self.at(self.checks_s).T
 
     def at(self, times_s: Real) -> Real:
-        """T_k at times [s], (times, count)."""
+        """Return T_k at times [s], (times, count)."""
         place = np.clip((times_s - self.middle_s) / self.half_s, -1.0, 1.0)
         return np.asarray(
             np.polynomial.chebyshev.chebvander(place, self.count - 1), dtype=np.float64
         )
 
     def sample_times_s(self) -> Real:
-        """Times at which `fit` needs lengths: the nodes, then the checks [s]."""
+        """Return times at which `fit` needs lengths: the nodes, then the checks [s]."""
         return np.concatenate([self.nodes_s, self.checks_s])
 
     def interpolate(self, values: Values) -> tuple[Values, Real]:
-        """Coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, and their
-        largest departure at the checks, (rows,).
+        """Return coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, and
+        their largest departure at the checks, (rows,).
         """
         coefficients = np.ascontiguousarray(values[:, : self.count]) @ self._inverse
         left = np.abs(coefficients @ self._at_checks - values[:, self.count :]).max(axis=1)
@@ -585,7 +591,7 @@ class AmplitudeHistory:
 
     @classmethod
     def of(cls, amplitude: Weights) -> AmplitudeHistory:
-        """History of amplitudes (n,) that do not vary."""
+        """Make the history of amplitudes (n,) that do not vary."""
         return cls(
             amplitude,
             np.zeros(amplitude.shape, dtype=bool),
@@ -593,7 +599,7 @@ class AmplitudeHistory:
         )
 
     def select(self, rows: Rows, factor: Real | Complex | float = 1.0) -> AmplitudeHistory:
-        """History of some rows, times a factor, (rows,) or one."""
+        """Return history of some rows, times a factor, (rows,) or one."""
         index = np.arange(self.constant.size)[rows]
         factors = np.broadcast_to(factor, index.shape)
         return AmplitudeHistory(
@@ -604,9 +610,9 @@ class AmplitudeHistory:
 
 
 def fit_amplitudes(basis: BurstBasis, values: Complex, tolerance: float) -> tuple[Complex, Mask]:
-    """Coefficients c_k of T_k, (rows, count), of values (rows, times) at
-    ``basis.sample_times_s()``, and which rows they follow, (rows,). From the first k on that no row
-    that fits needs, they are 0.
+    """Return coefficients c_k of T_k, (rows, count), of values (rows, times) at
+    ``basis.sample_times_s()``, and a mask of the rows that they follow, (rows,). They are 0 from
+    the first k that no fitted row needs.
     """
     coefficients, left = basis.interpolate(values)
     size = np.abs(coefficients)
@@ -620,7 +626,7 @@ def fit_amplitudes(basis: BurstBasis, values: Complex, tolerance: float) -> tupl
 
 
 def used_terms(coefficients: Weights) -> Weights:
-    """Coefficients (rows, terms) without the last ones that are 0 in all rows."""
+    """Return coefficients (rows, terms) without the last ones that are 0 in all rows."""
     used = np.flatnonzero(np.abs(coefficients).max(axis=0, initial=0.0) > 0)
     count = int(used[-1]) + 1 if used.size else 1
     found: Weights = np.asarray(coefficients)[..., :count]

@@ -149,8 +149,8 @@ def linear_block(
     tolerance: float,
     terms: Real | None = None,
 ) -> PulseBlock:
-    """Spectra of some pulses by one transform; times are in rising order. Amplitudes of several
-    terms take a transform each; `terms` are T_k at all pulses.
+    """Compute the spectra of some pulses by one transform; times are in rising order. Amplitudes of
+    several terms take a transform each; `terms` are T_k at all pulses.
     """
     start = time.thread_time()
     grid, times, nodes = sums.grid, times_s[pulses], 1
@@ -177,7 +177,7 @@ class _Points:
 
 
 def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Points:
-    """Rows as they are at a time."""
+    """Return the points of rows at a time."""
     period_s = sums.listening.period_s or 0.0
     amplitude, rate_mps, later_s = rows.amplitude, rows.rate_mps, time_s - rows.time_s
     shift_m = rate_mps * later_s
@@ -256,7 +256,7 @@ class MiddleMotion:
     def of(
         cls, delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
     ) -> MiddleMotion:
-        """For delays [s] that are counted from a reference."""
+        """Make the middle motion of delays [s] that are counted from a reference."""
         slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
         carrier_hz = float(sums.grid.exact_centre_hz)
         middle = float(delay_s.min() + delay_s.max()) / 2
@@ -269,11 +269,13 @@ class MiddleMotion:
         )  # fmt: skip
 
     def path_cycles(self) -> Real:
-        """K tau_0^2 / 2, (n,), not reduced: delays are of 1e-6 s, whole cycles few."""
+        """Return K tau_0^2 / 2, (n,). It is not reduced: delays are some 1e-6 s, so there are few
+        cycles.
+        """
         return np.asarray(self.slope / 2 * (self.middle_s + self.delay_s) ** 2)
 
     def remains_rad(self, half_s: float, half_band_hz: float) -> float:
-        """Largest phase that the transform leaves, for |s| <= half_s."""
+        """Return largest phase that the transform leaves, for |s| <= half_s."""
         beyond_hz = half_band_hz + abs(self.slope * self.middle_rate) * half_s
         product = float(np.abs(self.product).max()) * half_s * beyond_hz
         return 2 * math.pi * (product + float(np.abs(self.square).max()) * half_s**2)
@@ -282,14 +284,14 @@ class MiddleMotion:
         return carrier_hz - self.slope * self.middle_s
 
     def beyond_hz(self, since_s: Real, offset_hz: Real) -> Real:
-        """u - K beta_c s at times and frequencies, of their shape."""
+        """Return u - K beta_c s at times and frequencies, in their shape."""
         return np.asarray(offset_hz - self.slope * self.middle_rate * since_s)
 
     def common_turns(
         self, times_s: Real, interval_s: float, step_hz: float, count: int, carrier_hz: float
     ) -> Complex:
-        """exp(j 2 pi cycles) that all paths share, (times, frequencies): at s = t + k dt and u = k
-        df, k from -count//2 on.
+        """Return exp(j 2 pi cycles) that all paths share, (times, frequencies), at s = t + k dt and
+        u = k df, with k from -count//2 on.
 
         The phase is of the second degree in k, and only the first has to do with t: it is put
         together from a few k and their distances, since a cosine takes ten times a product.
@@ -324,7 +326,7 @@ class MiddleMotion:
 
 
 def _turns(cycles: Real) -> Complex:
-    """exp(j 2 pi cycles); overwrites them."""
+    """Return exp(j 2 pi cycles). Overwrite the cycles."""
     return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
 
 

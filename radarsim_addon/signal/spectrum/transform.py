@@ -47,7 +47,9 @@ _ROUNDING = 1e-16
 
 
 def engines_for(tolerance: float, count: int, backend: Backend) -> list[tuple[float, Type1]]:
-    """Engines to try one after the other, with their tolerances; of "direct" there is one."""
+    """Return the engines to try one after the other, with their tolerances. There is one for
+    "direct".
+    """
     engine = engine_tolerance(tolerance)
     engines = [(engine, Type1(count, engine, backend))]
     if engine > TIGHTEST and engines[0][1].backend != "direct":
@@ -56,12 +58,12 @@ def engines_for(tolerance: float, count: int, backend: Backend) -> list[tuple[fl
 
 
 def engine_tolerance(tolerance: float) -> float:
-    """Tolerance of the engines for the result to meet `tolerance`."""
+    """Return the tolerance of the engines with which the result meets `tolerance`."""
     return max(_MARGIN * tolerance, TIGHTEST)
 
 
 def l2_norm(values: Complex) -> float:
-    """L2 norm without BLAS, whose threads wait for one another."""
+    """Return the L2 norm without BLAS, whose threads wait for one another."""
     return math.sqrt(float(np.sum(values.real**2) + np.sum(values.imag**2)))
 
 
@@ -75,7 +77,7 @@ class ErrorSum:
 
     @classmethod
     def of(cls, engine: float, frequencies: int, squares: float, total: float) -> ErrorSum:
-        """Error of one transform, from sum |c|^2 and sum |c| of its paths."""
+        """Return error of one transform, from sum |c|^2 and sum |c| of its paths."""
         relative = engine + _ROUNDING * frequencies
         root = math.sqrt(frequencies)
         return cls(
@@ -91,7 +93,7 @@ class ErrorSum:
         self.energy += other.energy
 
     def of_each(self, parts: int) -> ErrorSum:
-        """Error of one of several parts that share it evenly."""
+        """Return error of one of several parts that share it evenly."""
         return ErrorSum(
             self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
         )
@@ -138,7 +140,7 @@ class EachPulse(ABC):
     def pulses(
         self, lengths_m: Real, weights: Weights, order: Real | None
     ) -> Iterator[PulseResult]:
-        """A call for each of several pulses; weights (rows,) or (pulses, rows)."""
+        """Transform each of several pulses; weights are (rows,) or (pulses, rows)."""
         for number, length_m in enumerate(lengths_m):
             yield self(length_m, weights[number] if weights.ndim > 1 else weights, order)
 
@@ -156,8 +158,8 @@ class PulseTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the paths that are received; with `order`
-        all are, folded by that many pulse intervals.
+        """Return sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the received paths. With `order`,
+        all paths are received, folded by that many pulse intervals.
         """
         count, kept = self._sums.grid.count, length_m.size
         if order is None:
@@ -198,7 +200,7 @@ class PulseTransform(EachPulse):
     def _fill(
         self, length_m: Real, amplitude: Weights, order: Real | None, moved_m: Real | None
     ) -> tuple[float, float]:
-        """Points and phasors into the buffers; returns sum |c|^2 and sum |c|."""
+        """Write points and phasors to the buffers. Return sum |c|^2 and sum |c|."""
         size = length_m.size
         if self._points.size < size:
             self._points = np.empty(size)
@@ -289,8 +291,8 @@ class PulseMotionTransform(EachPulse):
 
 
 def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase of an acceleration within pulses of lengths and rates (pulses, 2, rows). The
-    acceleration is that between pulses; of a single one it is unknown.
+    """Return the largest phase of an acceleration within pulses, from lengths and rates (pulses, 2,
+    rows). The acceleration is that between pulses; for a single pulse it is unknown.
     """
     assert sums.pulse is not None
     if times_s.size < 2:
@@ -302,7 +304,7 @@ def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -
 
 
 def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
-    """Error of a sum over nodes whose spectra (count values) each have this error."""
+    """Return error of a sum over nodes whose spectra (count values) each have this error."""
     if nodes == 1:
         return error
     lebesgue, left = 1 + math.log(nodes), NODES_SHARE * tolerance * math.sqrt(error.energy)
@@ -362,8 +364,8 @@ class RampTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """Lengths (3, rows): `Ramp.half_s` before the middle, in the middle, and after it [m].
-        `order` is 0 where it is given: a ramp does not fold in delay.
+        """Transform lengths (3, rows): `Ramp.half_s` before the middle, in the middle, and after it
+        [m]. `order` is 0 if given, because a ramp does not fold in delay.
         """
         grid = self._sums.grid
         points, cycles, curve, heard = self._turns(length_m)
@@ -422,8 +424,8 @@ class RampTransform(EachPulse):
             yield PulseResult(values, part, kept, 0)
 
     def _turns(self, length_m: Real) -> tuple[Real, Real, Real, Mask]:
-        """Cycles for each frequency, at the middle, and for its square, and which are received,
-        (n,), of lengths (3, n).
+        """Return, for lengths (3, n), the cycles per frequency, at the middle, and per squared
+        frequency, and a mask of the received paths, (n,) each.
         """
         sums, grid, ramp = self._sums, self._sums.grid, self._ramp
         first, middle, last = _received(length_m, ramp.half_s(grid.count))
@@ -498,7 +500,7 @@ class RampTransform(EachPulse):
         return total, most
 
     def _basis(self, nodes: int) -> tuple[Real, Real]:
-        """Nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
+        """Return nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
         if nodes not in self._bases:
             at = chebyshev_nodes(nodes)
             weights = lagrange(at, self._square / self._half - 1)
@@ -517,13 +519,15 @@ class RampTransform(EachPulse):
 
 
 def _angles(cycles: Real) -> Real:
-    """Reduced cycles as angles within [-pi, pi]; overwrites them."""
+    """Convert reduced cycles to angles within [-pi, pi], in place."""
     cycles *= 2 * np.pi
     return np.clip(cycles, -np.pi, np.pi, out=cycles)
 
 
 def _with_nodes(engine: float, nodes: int) -> float:
-    """Error of transforms of an engine at nodes: Lebesgue's constant, and the interpolation."""
+    """Return the error of an engine's transforms at nodes: Lebesgue's constant, and the
+    interpolation.
+    """
     return engine * (1 + math.log(nodes) + (_NODES_SHARE if nodes > 1 else 0))
 
 
@@ -649,7 +653,7 @@ class SynthesisReport:
         step.cpu_s += cpu_s
 
     def accuracy_findings(self) -> list[Finding]:
-        """Findings where the samples may miss the tolerance or the motion."""
+        """Find reasons why the samples may miss the tolerance or the motion."""
         found = []
         if self.error_estimate > self.tolerance:
             found.append(
@@ -665,7 +669,7 @@ class SynthesisReport:
         return found
 
     def lines(self) -> list[str]:
-        """The report for people, one line per entry."""
+        """Return the report for people, one line per entry."""
         found = [
             f"{step.paths} paths {step.motion}, {step.transform}: {step.transforms} transforms, "
             f"{step.cpu_s:.3g} s of processor time"
