@@ -244,7 +244,7 @@ class TextTooLongError(ValueError):
 
 
 def read_text(path: Path, most_bytes: int) -> str:
-    """Return text of a file of at most `most_bytes`, UTF-8 with or without byte-order mark.
+    """Return the text of a file of at most `most_bytes`, UTF-8 with or without byte-order mark.
 
     What is read is counted, not what the file system says: a device or a pipe has no size.
     """

@@ -93,7 +93,7 @@ STILL_BODIES_FILE = "still_bodies.npz"
 
 
 def frame_dir(frame: int) -> str:
-    """Return folder of a radar frame, relative to the run's folder."""
+    """Return the folder of a radar frame, relative to the run's folder."""
     return f"{FRAMES_DIR}/frame_{frame:04d}"
 
 

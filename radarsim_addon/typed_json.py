@@ -255,7 +255,7 @@ FrameRecord = contract.RenderRecord | contract.PathsRecord | contract.GroundTrut
 
 
 def file_sha256(path: Path) -> str:
-    """Return SHA-256 of a file, as hexadecimal digits."""
+    """Return the SHA-256 of a file, as hexadecimal digits."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

@@ -154,7 +154,7 @@ def _seen(height: Real | float, distance: Real, curvature: float) -> tuple[Real,
 
 
 def _reflection_distance(antenna: float, height: Real, x: Real, curvature: float) -> Real:
-    """Return distance from the foot of the antenna to the point of reflection [m]."""
+    """Return the distance from the foot of the antenna to the point of reflection [m]."""
     low, high = np.zeros(x.shape), x.copy()
     at = x * antenna / (antenna + height)
     for _ in range(_MOST_STEPS):

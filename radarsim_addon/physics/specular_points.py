@@ -252,7 +252,7 @@ class SpecularSearch:
         return replace(found, place=found.place + first)
 
     def _mismatch(self, edges: Real, ends_m: Real, points_m: Real, normals: Real) -> Real:
-        """Return part of the bisector that is across the normal, along edges (n, 2, 3): (n, 2)."""
+        """Return the part of the bisector across the normal, along edges (n, 2, 3), (n, 2)."""
         bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
         across = bisector - dots(bisector, normals)[:, None] * normals
         return np.stack([dots(edges[:, 0], across), dots(edges[:, 1], across)], axis=1)
@@ -397,7 +397,7 @@ class SpecularSearch:
     def _may_reflect(
         self, places_m: Real, centre_m: Real, radius_m: Real, axis: Real, spread: Real
     ) -> Mask:
-        """Return True where a normal in cones may bisect the angle between places and antenna, (n,).
+        """Return True where a normal in cones may bisect the angle between place and antenna, (n,).
 
         The cones have a unit axis and half an opening angle; their points lie in spheres.
         """

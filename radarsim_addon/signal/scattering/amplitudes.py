@@ -319,7 +319,7 @@ class Link:
     def _end_gain(
         self, ends: PathEnds, times_s: Real, end: int, element: Element, antenna: PeakedAntenna
     ) -> Real:
-        """Return gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
+        """Return the gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
         body = (self.antennas.receiver, self.antennas.transmitter)[end]
         if element.antenna is not None:
             key = id(element.antenna)
@@ -344,7 +344,7 @@ class Link:
         return np.asarray(antenna.gain(local), dtype=np.float64)
 
     def _vertices(self, ends: PathEnds, end: int) -> Real:
-        """Return first or last vertices at t, (n, 3) [m], guessed where unknown."""
+        """Return the first or last vertices at t, (n, 3) [m], guessed where unknown."""
         if end == 1:
             return self._last_vertices(ends.length_m, ends.direction, ends.last_scatterer_m)
         first = ends.first_scatterer_m
@@ -660,7 +660,7 @@ def interference_factors(
 
 
 def range_overlap(apart_m: Real, range_resolution_m: float, taper: str = "none") -> Real:
-    """Return correlation of range responses whose total lengths differ."""
+    """Return the correlation of range responses whose total lengths differ."""
     # A difference d of the length turns the phase over the band by 2 pi B d / c.
     turns = np.abs(apart_m / (2 * range_resolution_m))
     return np.asarray(np.interp(turns, *_overlap_table(taper), right=0.0))

@@ -255,7 +255,7 @@ def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
 
 
 def kirchhoff_findings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[Finding]:
-    """Find the objects of known roughness for which the rough lobe is not valid, and the reasons."""
+    """Find the objects of known roughness for which the rough lobe is not valid, with reasons."""
     return [
         limit.about(item.name)
         for item in (scene.objects if scene is not None else [])
@@ -307,7 +307,7 @@ class ClutterSurfaces:
         return STILL_PLANE + 1 + self._motions.index(motion)
 
     def planes_of(self, rows: PathRows) -> Integers:
-        """Return plane of each row, (n,)."""
+        """Return the plane of each row, (n,)."""
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
         clutter = (self._plane[last] > 0) & (self._plane[first] > 0)
@@ -326,7 +326,7 @@ class ClutterSurfaces:
         return [(part, -bragg_mps), (1 - part, bragg_mps)]
 
     def correlations(self, lag_s: Real) -> list[Real]:
-        """Return correlation of the echoes of each plane at lags [s], about its lines, (lags,)
+        """Return the correlation of the echoes of each plane at lags [s], about its lines, (lags,)
         each.
         """
         still = [np.ones(lag_s.size)] * min(self.planes, STILL_PLANE + 1)
@@ -407,7 +407,7 @@ def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
 
 
 def rain_paths(rows: PathRows, frame_input: FrameInput, seed: int) -> Paths:
-    """Return points of rain as paths with constant range rates, and with random phases from a seed."""
+    """Return points of rain as paths with constant range rates and random phases from a seed."""
     phases = np.exp(2j * np.pi * _draws(rows.size, seed ^ 0x5DEECE66D)[0])
     paths = make_paths(
         radiance_of(rows, frame_input.table.record),

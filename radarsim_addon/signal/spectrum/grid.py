@@ -148,13 +148,15 @@ class PulseShape:
         self.rms = float(np.sqrt(np.mean(np.abs(self.spectrum) ** 2)))
 
     def _spectrum(self, samples: Complex) -> Complex:
-        """Return spectrum of samples (..., n) about the middle of the pulse, (..., frequencies)."""
+        """Transform samples (..., n) about the middle of the pulse to (..., frequencies)."""
         middle = (self._samples.size - 1) / 2
         shift = np.exp(2j * np.pi * np.fft.fftfreq(self._count) * middle)
         return np.fft.fftshift(np.fft.fft(samples, self._count) * shift, axes=-1)
 
     def _basis(self, polynomials: Real) -> NodeWeights:
-        """Return W_j from the Lagrange polynomials (nodes, n) at the samples, (nodes, frequencies)."""
+        """Return W_j, (nodes, frequencies), from the Lagrange polynomials (nodes, n) at the
+        samples.
+        """
         return self._spectrum(self._samples * polynomials)
 
     def _weights(self, nodes: int) -> NodeWeights:
@@ -599,7 +601,7 @@ class AmplitudeHistory:
         )
 
     def select(self, rows: Rows, factor: Real | Complex | float = 1.0) -> AmplitudeHistory:
-        """Return history of some rows, times a factor, (rows,) or one."""
+        """Return the history of some rows, times a factor, (rows,) or one."""
         index = np.arange(self.constant.size)[rows]
         factors = np.broadcast_to(factor, index.shape)
         return AmplitudeHistory(

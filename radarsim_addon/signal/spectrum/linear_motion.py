@@ -275,7 +275,7 @@ class MiddleMotion:
         return np.asarray(self.slope / 2 * (self.middle_s + self.delay_s) ** 2)
 
     def remains_rad(self, half_s: float, half_band_hz: float) -> float:
-        """Return largest phase that the transform leaves, for |s| <= half_s."""
+        """Return the largest phase that the transform leaves, for |s| <= half_s."""
         beyond_hz = half_band_hz + abs(self.slope * self.middle_rate) * half_s
         product = float(np.abs(self.product).max()) * half_s * beyond_hz
         return 2 * math.pi * (product + float(np.abs(self.square).max()) * half_s**2)

@@ -198,7 +198,7 @@ class CommonMotion:
 
 
 def interpolation_error(tolerance: float) -> float:
-    """Return error of the interpolation relative to sum |a|."""
+    """Return the error of the interpolation relative to sum |a|."""
     return max(_NODES_SHARE * engine_tolerance(tolerance), TIGHTEST)
 
 
@@ -271,12 +271,12 @@ def _degree(
 
 
 def _cycle(frequency_hz: float) -> float:
-    """Return phase of a wave over a metre [rad/m]."""
+    """Return the phase of a wave over a metre [rad/m]."""
     return 2 * math.pi * frequency_hz / SPEED_OF_LIGHT_MPS
 
 
 def _slopes(degrees: int) -> Real:
-    """Return largest slopes of T_k within [-1, 1], 0 < k < degrees."""
+    """Return the largest slopes of T_k within [-1, 1], 0 < k < degrees."""
     return np.arange(1, degrees, dtype=np.float64) ** 2
 
 

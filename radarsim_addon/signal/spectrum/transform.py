@@ -77,7 +77,7 @@ class ErrorSum:
 
     @classmethod
     def of(cls, engine: float, frequencies: int, squares: float, total: float) -> ErrorSum:
-        """Return error of one transform, from sum |c|^2 and sum |c| of its paths."""
+        """Return the error of one transform, from sum |c|^2 and sum |c| of its paths."""
         relative = engine + _ROUNDING * frequencies
         root = math.sqrt(frequencies)
         return cls(
@@ -93,7 +93,7 @@ class ErrorSum:
         self.energy += other.energy
 
     def of_each(self, parts: int) -> ErrorSum:
-        """Return error of one of several parts that share it evenly."""
+        """Return the error of one of several parts that share it evenly."""
         return ErrorSum(
             self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
         )
@@ -304,7 +304,7 @@ def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -
 
 
 def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
-    """Return error of a sum over nodes whose spectra (count values) each have this error."""
+    """Return the error of a sum over nodes whose spectra (count values) each have this error."""
     if nodes == 1:
         return error
     lebesgue, left = 1 + math.log(nodes), NODES_SHARE * tolerance * math.sqrt(error.energy)
