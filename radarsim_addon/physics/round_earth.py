@@ -105,28 +105,6 @@ def ground_path(
     )
 
 
-def horizon_m(antenna_m: float, target_m: ArrayLike, radius_m: float) -> Real:
-    """Return the distance along the ground from which on the Earth hides targets.
-
-    Parameters
-    ----------
-    antenna_m, target_m, radius_m : as for `ground_path`
-
-    Returns
-    -------
-    ndarray : distances [m]; infinite over a flat Earth
-    """
-    height = np.asarray(target_m, dtype=np.float64)
-    if math.isinf(radius_m):
-        return np.full(height.shape, math.inf)
-    # acos(a / (a + h)) as an arc tangent keeps its digits for small heights
-    one, other = (
-        np.arctan(np.sqrt(h / radius_m * (2 + h / radius_m)))
-        for h in (np.float64(antenna_m), height)
-    )
-    return np.asarray(radius_m * (one + other))
-
-
 def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
     """Return the grazing angle below which rays do not describe the field over a round Earth.
 

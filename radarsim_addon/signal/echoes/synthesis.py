@@ -79,7 +79,7 @@ class ChannelPaths:
     wanted: Mask | None = None  #: pulses whose echoes are formed, (pulses,); None: all
 
     def rows_of(self, channel: Channel, rows: int) -> Mask:
-        """Return a mask of the rows that are formed: those of wanted pulses that use the channel."""
+        """Return a mask of the rows that are formed: of wanted pulses that use the channel."""
         pulses = self.radar.burst.pulses
         used = channel.active_mask(pulses)
         if self.wanted is not None:
