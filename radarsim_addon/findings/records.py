@@ -266,15 +266,9 @@ def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Findin
 
     `found` has the numbers of the templates by subject, of one at least.
     """
-    columns: dict[str, set[float]] = {}
-    for numbers in found.values():
-        for name, value in numbers.items():
-            columns.setdefault(name, set()).add(value)
-    spans: dict[str, Value] = {
-        name: min(values) if len(values) == 1 else (min(values), max(values))
-        for name, values in columns.items()
-    }
-    return written(Finding(code, CATALOGUE[code].severity, tuple(found), (), spans))
+    severity = CATALOGUE[code].severity
+    each = [Finding(code, severity, (name,), (), numbers) for name, numbers in found.items()]
+    return written(_merged(each))
 
 
 def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> list[str]:

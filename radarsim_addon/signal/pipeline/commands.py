@@ -54,7 +54,7 @@ from ..pictures import (
 )
 from ..products import SUMMARY_ENDING, frame_file, write_coverage_files
 from ..radar import Coverage, coverage_curve, half_power_width_rad, make_system, read_system
-from ..runs import RadarFrame, Run, open_run, shared_plan
+from ..runs import FRAME_FIELDS, RadarFrame, Run, open_run, shared_plan
 
 #: Where a parser of arguments collects its commands.
 Subcommands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
@@ -62,8 +62,6 @@ Subcommands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 _CODE_NOISE = 7e-8
 #: Above this a unit was mistaken: an array of wavelengths would not fit into memory.
 _HIGHEST_CARRIER_GHZ = 1e4
-#: Fields in which parts of a run may differ: each names its own frames.
-_FRAMES = ("frames", "frame_times_s")
 
 
 def print_run(folder: str) -> int:
@@ -358,7 +356,7 @@ def _merged_record(runs: Sequence[Run]) -> RunRecord:
     first = runs[0].record
     for run in runs[1:]:
         here, there = shared_plan(first), shared_plan(run.record)
-        names = [name for name in here if name not in _FRAMES and here[name] != there[name]]
+        names = [name for name in here if name not in FRAME_FIELDS and here[name] != there[name]]
         if run.record.fingerprint != first.fingerprint:
             names.append("scene, settings or software")
         if names:

@@ -49,12 +49,10 @@ from ..pictures import (
 )
 from ..products import SUMMARY_ENDING, FrameResult, frame_file, remove_stale, write_result
 from ..radar import make_system
-from ..runs import RadarFrame, Run, open_run, shared_plan
+from ..runs import FRAME_FIELDS, RadarFrame, Run, open_run, shared_plan
 from .frame import frame_steps
 from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
-#: Fields of a run's plan that change where frames are added to it.
-_OF_ALL_FRAMES = ("frames", "frame_times_s")
 #: Options that change no file of a frame.
 _OF_NO_FRAME = ("animate", "animation_format")
 _MOST_BYTES = 1 << 26
@@ -307,7 +305,7 @@ class Fingerprints:
         }
         budget = options.link_budget
         shared = {
-            "plan": {key: value for key, value in plan.items() if key not in _OF_ALL_FRAMES},
+            "plan": {key: value for key, value in plan.items() if key not in FRAME_FIELDS},
             "settings": {key: v for key, v in settings.items() if key not in _OF_NO_FRAME},
             # patterns that are read from files
             "antennas": budget and make_system(budget, options.radar.waveform.wavelength_m),

@@ -99,6 +99,7 @@ _COLUMNS = (
     "zone",
 )
 SIGMF_VERSION = "1.2.0"
+_SIGN = "range rate positive = receding; Doppler = -2 v / wavelength"
 #: More rows than this are not annotated one by one.
 _MOST_ANNOTATIONS = 4096
 
@@ -116,7 +117,7 @@ def write_summary(result: FrameResult, folder: Path) -> list[Path]:
             "options": result.options,
             "waveform": waveform_to_dict(radar.waveform),
             "burst": dataclasses.asdict(radar.burst),
-            "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "sign_convention": _SIGN,
             "level_unit": level_unit(result.echoes.amplitude_model),
             "synthesis": None if report is None else _synthesis_record(report),
             "statistics": dataclasses.asdict(result.statistics),
@@ -180,7 +181,7 @@ def write_detections(stem: Path, found: Detections, unit: str = "dB") -> list[Pa
     write_json(
         record,
         {
-            "sign_convention": "range rate positive = receding; Doppler = -2 v / wavelength",
+            "sign_convention": _SIGN,
             "level_unit": unit,
             **dataclasses.asdict(found),
         },
@@ -326,7 +327,6 @@ def _metadata(echoes: Echoes, real: bool, digest: str, description: str) -> dict
 
 #: Version of the layout below.
 LAYOUT_VERSION = 2
-_SIGN = "range rate positive = receding; Doppler = -2 v / wavelength; echoes exp(-j 2 pi f0 tau)"
 #: The scale of all channel axes.
 _CHANNEL = "/channels/number"
 _UNITS = {
@@ -372,7 +372,7 @@ def write_hdf5(result: FrameResult, folder: Path) -> list[Path]:
         file.attrs["layout_version"] = LAYOUT_VERSION
         file.attrs["frame"] = result.frame
         file.attrs["time_s"] = result.time_s
-        file.attrs["sign_convention"] = _SIGN
+        file.attrs["sign_convention"] = f"{_SIGN}; echoes exp(-j 2 pi f0 tau)"
         file.attrs["range_convention"] = "one-way range = half the length of the path"
         file.attrs["waveform"] = json.dumps(waveform_to_dict(radar.waveform))
         file.attrs["prf_hz"] = radar.burst.prf_hz

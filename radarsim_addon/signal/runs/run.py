@@ -40,6 +40,9 @@ from ...typed_json import check_run, file_sha256, from_json, read_record
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
 
+#: Fields of a plan that list its frames: parts of one run differ in them.
+FRAME_FIELDS = ("frames", "frame_times_s")
+
 
 @dataclass(frozen=True)
 class MissingRender:
