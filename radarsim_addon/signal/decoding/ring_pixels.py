@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the colours of a ring's renders to range, radiance and range rate per pixel (Eq. 2-4, 12).
+"""Rays of pixels, and from the colours of a ring to range, radiance and range rate (Eq. 2-4, 12).
+
+**Rays** (`pixel_rays`), in float64. Camera space is Blender's: x to the right, y up, the boresight
+along -z. Row 0 of an image is the top row. Each pixel's ray leaves through the centre of the pixel.
 
 **Range** (`decode`). A render holds B = L, R = L exp(-l/k), G = L exp(-2 l/k) for a path of total
 length l; so l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one path.
@@ -34,13 +37,6 @@ from ...contract import (
 )
 from ...errors import ConfigError, SchemaError
 from ..paths import Flags, PathFlag, PathGeometry
-
-# -------------------------------------------------------------------------------------------------
-# Directions and solid angles of a receiver's pixels, in float64.
-#
-# Camera space is Blender's: x to the right, y up, the boresight along -z. Row 0 of an image is the
-# top row. Each pixel's ray leaves through the centre of the pixel.
-# -------------------------------------------------------------------------------------------------
 
 KINDS = ("perspective", "orthographic", "equirectangular")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of a frame (writers "npz", "json", "csv", "exr", "sigmf"), and of a coverage diagram.
+"""Files of a frame (npz, JSON, CSV, EXR, SigMF, HDF5), one writer each, and of a coverage diagram.
 
 The paper's four products of a frame that was measured by rings are amplitude and range, at t and at
 t + delta t:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Waveforms of both families, frozen, in SI and checked on construction; each is an `AnyWaveform`.
 
+`replica_spectrum` and `matched_filter` follow from the pulses, windows are at the end.
+
 Pulses: phase-coded, given samples, linear FM. Lines, where the receiver samples frequencies: FMCW
 with de-chirp, stepped frequency, PMCW. The receiver of a line waveform observes the frequency f0 +
 (k - (N-1)/2) df at the time t0 + k dt of each pulse.

@@ -9,6 +9,8 @@ motion of the scatterers of `SurfaceSpeckle`.
 known scatterers lie on objects with a clutter model, texture or motion of their own. Planes: 0 is
 no clutter, 1 has scatterers that do not move by themselves (rain too: its drops have range rates),
 each further one is a kind of motion.
+
+`rain_rows` and `rain_paths` add the echo of rain, which belongs to no surface.
 """
 
 from __future__ import annotations
