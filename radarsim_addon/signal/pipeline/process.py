@@ -378,7 +378,7 @@ def _software() -> dict[str, str]:
         found[name] = importlib.metadata.version(name)
     digest = hashlib.sha256()
     for path in sorted(root.rglob("*.*")):
-        of_source = path.suffix in (".py", ".md")  # products hold the texts of findings
+        of_source = path.suffix in (".py", ".md", ".csv")  # texts of findings and tables, too
         if of_source and path.relative_to(root).parts[0] != "blender":
             digest.update(path.read_bytes())
     return found | {"source": digest.hexdigest()}
