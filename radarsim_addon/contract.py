@@ -105,7 +105,7 @@ def burst_dir(frame: int, render: int) -> str:
 
 
 def render_stem(ring: int, snapshot_index: int) -> str:
-    """Return file name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
+    """Return the file name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
     return f"ring_{ring:03d}_t{snapshot_index}"
 
 
