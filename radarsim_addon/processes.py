@@ -42,7 +42,7 @@ def keep_freed_memory() -> None:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Collect no garbage during imports; later collections leave out what was imported."""
+    """Switch garbage collection off during imports. Later collections skip the imported objects."""
     gc.disable()
     try:
         yield
@@ -60,12 +60,14 @@ def _identity_of(pid: int) -> dict[str, Any]:
 
 
 def identity() -> dict[str, Any]:
-    """Return what names this process among those of all machines."""
+    """Return a record that identifies this process among those of all machines."""
     return _identity_of(os.getpid())
 
 
 def process_began(pid: object) -> str | None:
-    """Return what tells a process from a later one of the same number; None where it is gone."""
+    """Return a text that distinguishes a process from a later one of the same number. None: it has
+    ended.
+    """
     if not isinstance(pid, int) or pid <= 0:
         return None
     if sys.platform == "win32":
@@ -85,7 +87,9 @@ def process_began(pid: object) -> str | None:
 
 
 def is_gone(owner: object) -> bool:
-    """Whether a process of this machine, as `identity` gave it, has ended; False where unknown."""
+    """Return True if a process of this machine, as `identity` returned it, has ended. False if that
+    is unknown.
+    """
     mine = identity()
     if not isinstance(owner, dict) or any(owner.get(k) != mine[k] for k in ("host", "space")):
         return False
@@ -94,7 +98,9 @@ def is_gone(owner: object) -> bool:
 
 
 def temporary_folder() -> Path:
-    """Make a folder in the system's temporary one; those of killed processes are removed."""
+    """Make a folder in the system's temporary folder. Folders of killed processes are removed
+    first.
+    """
     remove_abandoned_folders()
     folder = Path(tempfile.mkdtemp(prefix=_FOLDERS[0][:-1]))
     own_folder(folder)
@@ -120,7 +126,7 @@ def remove_abandoned_folders() -> None:
 
 
 def _began_windows(pid: int) -> str | None:
-    """The same by the Windows API (os.kill would end the process there)."""
+    """Do the same with the Windows API: there, os.kill would end the process."""
     if sys.platform != "win32":
         return None
     kernel = ctypes.WinDLL("kernel32", use_last_error=True)

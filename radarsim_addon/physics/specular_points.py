@@ -141,7 +141,7 @@ class SmoothPatches:
 
 
 def _mean(weights: Real, corners: Real) -> Real:
-    """Means of vectors at corners (k, 3, 3), with weights (k, 3): (k, 3)."""
+    """Return means of vectors at corners (k, 3, 3), with weights (k, 3): (k, 3)."""
     first = weights[:, 0, None] * corners[:, 0]
     return np.asarray(
         first + weights[:, 1, None] * corners[:, 1] + weights[:, 2, None] * corners[:, 2]
@@ -149,7 +149,7 @@ def _mean(weights: Real, corners: Real) -> Real:
 
 
 def _corner_shapes(corners_m: Real, normals: Real) -> Real:
-    """Shape operators at the corners by the triangle alone, (k, 3, 3, 3) [1/m]."""
+    """Return shape operators at the corners by the triangle alone, (k, 3, 3, 3) [1/m]."""
     found = np.empty((len(corners_m), 3, 3, 3))
     for i in range(3):
         others = [(i + 1) % 3, (i + 2) % 3]
@@ -252,7 +252,7 @@ class SpecularSearch:
         return replace(found, place=found.place + first)
 
     def _mismatch(self, edges: Real, ends_m: Real, points_m: Real, normals: Real) -> Real:
-        """Part of the bisector that is across the normal, along edges (n, 2, 3): (n, 2)."""
+        """Return the part of the bisector across the normal, along edges (n, 2, 3), (n, 2)."""
         bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
         across = bisector - dots(bisector, normals)[:, None] * normals
         return np.stack([dots(edges[:, 0], across), dots(edges[:, 1], across)], axis=1)
@@ -260,7 +260,9 @@ class SpecularSearch:
     def _guesses(
         self, places_m: Real, place: Indices, patch: Indices
     ) -> tuple[Indices, Indices, Real]:
-        """Pairs of places and patches, and weights from which to search, (n,), (n,), (n, 3)."""
+        """Return pairs of places and patches, (n,) each, and the weights where their search begins,
+        (n, 3).
+        """
         parts = np.broadcast_to(np.eye(3), (patch.size, 3, 3))
         found = []
         for halvings in range(_HALVINGS + 1):
@@ -302,7 +304,7 @@ class SpecularSearch:
         return place, patch, weights
 
     def _newton(self, patch: Indices, ends_m: Real, weights: Real) -> Real:
-        """Weights without a mismatch, (n, 3), from where the search begins."""
+        """Search from these weights for those without a mismatch, (n, 3)."""
         patches, edges = self.patches.select(patch), self._edges[patch]
         weights = weights / weights.sum(axis=1)[:, None]
         moves = np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
@@ -328,7 +330,9 @@ class SpecularSearch:
     # -- the tree ----------------------------------------------------------------------------------
 
     def _build_tree(self) -> None:
-        """Nodes: sphere around patches, cone around normals, two children or a run of patches."""
+        """Build the nodes: a sphere around patches, a cone around normals, and two children or a
+        run of patches.
+        """
         patches = self.patches
         middle_m = patches.corners_m.mean(axis=1)
         size_m = float(np.ptp(middle_m, axis=0).max(initial=0.0)) or 1.0
@@ -367,7 +371,7 @@ class SpecularSearch:
         self._children = np.array([one or (-1, -1) for one in columns[6]])
 
     def _candidates(self, places_m: Real) -> tuple[Indices, Indices]:
-        """Pairs of places and patches that may have a reflection, (n,) each."""
+        """Return pairs of places and patches that may have a reflection, (n,) each."""
         place = np.arange(len(places_m))
         node = np.zeros(len(places_m), dtype=np.intp)
         places, patches = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
@@ -393,7 +397,7 @@ class SpecularSearch:
     def _may_reflect(
         self, places_m: Real, centre_m: Real, radius_m: Real, axis: Real, spread: Real
     ) -> Mask:
-        """Whether a normal in cones may halve the angle between places and the antenna, (n,).
+        """Return True where a normal in cones may bisect the angle between place and antenna, (n,).
 
         The cones have a unit axis and half an opening angle; their points lie in spheres.
         """
@@ -429,7 +433,9 @@ def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tup
 
 
 def _first_of_each(found: SpecularPoints) -> Mask:
-    """Which reflections are no repetition, on a common edge, of one before at the same place."""
+    """Return a mask that omits repetitions: reflections on a common edge, at the place of an
+    earlier one.
+    """
     kept = np.ones(found.place.size, dtype=bool)
     apart = 0
     while True:
@@ -444,7 +450,7 @@ def _first_of_each(found: SpecularPoints) -> Mask:
 
 
 def _towards(ends_m: Real, points_m: Real) -> Real:
-    """Unit vectors from points to ends, (n, 3)."""
+    """Return unit vectors from points to ends, (n, 3)."""
     way_m = ends_m - points_m
     return np.asarray(way_m / norms(way_m)[:, None])
 

@@ -30,7 +30,7 @@ from radarsim_addon.findings import (
     to_json,
 )
 from radarsim_addon.findings.__main__ import reference_page
-from radarsim_addon.findings.catalogue import CATALOGUE, TOPICS
+from radarsim_addon.findings.catalogue import CATALOGUE, TOPICS, Kind, read_topics
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.typed_json import read_record, write_record
 from tests.signal.synthetic import Setup, points, run_record, write_run
@@ -278,6 +278,28 @@ def test_codes_are_declared_once_and_have_texts() -> None:
         for text in (kind.text, kind.cause, kind.remedy):
             assert not text or text[-1] in ".}", code
             assert not set("\n\t") & set(text)
+
+
+_ONE = "\n# Old\n\n## one (info)\n\nText\ngoes on.\n\nCause.\n\nRemedy.\n\n# New\n\n## "
+
+
+def test_a_catalogue_is_read() -> None:
+    topics = read_topics(f"{_ONE}two (error)\n\nText.\n\nCause.\n\nRemedy.\n")
+    assert topics["Old"] == {"one": Kind("info", "Text goes on.", "Cause.", "Remedy.")}
+    assert topics["New"] == {"two": Kind("error", "Text.", "Cause.", "Remedy.")}
+
+
+@pytest.mark.parametrize(
+    ("entry", "found"),
+    [
+        ("two (info)\n\nText.\n\nCause.", r"'two \(info\)' has 2 paragraphs"),
+        ("two (dire)\n\nText.\n\nCause.\n\nRemedy.", r"'two \(dire\)' has 3 paragraphs"),
+        ("one (error)\n\nText.\n\nCause.\n\nRemedy.", r"'one \(error\)' has 3 paragraphs"),
+    ],
+)
+def test_an_entry_of_the_catalogue_that_does_not_fit_is_named(entry: str, found: str) -> None:
+    with pytest.raises(ValueError, match=found):
+        read_topics(_ONE + entry)
 
 
 def test_a_verb_has_the_number_of_its_names() -> None:

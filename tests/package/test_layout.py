@@ -23,7 +23,7 @@ ROOMS = (
     "signal.scene", "signal.radar", "signal.motion", "signal.runs", "signal.paths",
     "signal.spectrum",
     "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
-    "signal.draft", "signal.results", "signal.pictures", "signal.products", "signal.distributed",
+    "signal.draft", "signal.products", "signal.pictures",
     "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
     "blender.rig_settings", "blender.views", "blender.motion", "blender.run", "blender.rings",

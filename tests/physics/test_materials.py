@@ -14,13 +14,15 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics import materials
-from radarsim_addon.physics.material_model import MaterialModel
-from radarsim_addon.physics.materials import ITU_NEW_ROWS, ITU_ROWS, soil_permittivity
-from radarsim_addon.physics.materials_water import (
+from radarsim_addon.physics.materials import (
+    ITU_NEW_ROWS,
+    ITU_ROWS,
+    MaterialModel,
     ice_permittivity,
     kaatze_permittivity,
     klein_swift_permittivity,
     liebe_permittivity,
+    soil_permittivity,
 )
 
 DATA = Path(__file__).parents[1] / "data" / "material_spot_values.csv"

@@ -38,8 +38,7 @@ from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, finding
 from ...physics.checks import real_array
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...physics.material_model import MaterialModel
-from ...physics.materials import TABLE, material_model
+from ...physics.materials import TABLE, MaterialModel, material_model
 from ...physics.rough import (
     cycles_roughness,
     kirchhoff_limits,

@@ -20,6 +20,7 @@ from .kinematics import (
     join_motion,
     leg_change,
     mean_over_burst,
+    row_blocks,
 )
 from .motion_file import (
     FrameMotion,
@@ -56,6 +57,7 @@ __all__ = [
     "mean_over_burst",
     "places_m",
     "read_motion",
+    "row_blocks",
     "smooth_poses",
     "which_move",
     "write_still_bodies",

@@ -122,7 +122,7 @@ class Segment:
         return np.asarray(2 * (times_s - self.start_s) / (self.stop_s - self.start_s) - 1)
 
     def vector(self, times_s: Real) -> Real:
-        """phi(t), (times, 3)."""
+        """Return phi(t), (times, 3)."""
         if not len(self.rotation):
             return np.zeros((times_s.size, 3))
         series = np.concatenate([np.zeros((1, 3)), self.rotation])
@@ -130,18 +130,18 @@ class Segment:
         return np.asarray(chebyshev.chebval(self._x(times_s), series).T - start)
 
     def orientation(self, times_s: Real) -> Real:
-        """G(t), (times, 3, 3)."""
+        """Return G(t), (times, 3, 3)."""
         if self.linear is not None:
             numbers = np.asarray(chebyshev.chebval(self._x(times_s), self.linear), np.float64)
             return numbers.T.reshape(-1, 3, 3)
         return np.asarray(rotation(self.vector(times_s)) @ self.initial_orientation)
 
     def centre(self, times_s: Real) -> Real:
-        """c(t), (times, 3)."""
+        """Return c(t), (times, 3)."""
         return np.asarray(chebyshev.chebval(self._x(times_s), self.translation).T)
 
     def origin(self, times_s: Real) -> Real:
-        """T(t), (times, 3)."""
+        """Return T(t), (times, 3)."""
         centre = self.centre(times_s)
         if self.rotation_centre.any():
             centre = centre + self.orientation(times_s) @ self.rotation_centre
@@ -195,7 +195,7 @@ class BodyMotion:
 
     @property
     def turning(self) -> bool:
-        """Whether the body turns or is stretched."""
+        """True if the body turns or is stretched."""
         return any(np.any(part.rotation) or part.linear is not None for part in self.segments)
 
     def _segment_at(self, times_s: Real | float) -> Indices:

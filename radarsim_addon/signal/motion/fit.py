@@ -204,7 +204,7 @@ class FittedSegment:
 
 
 def _is_noise(fitted: FittedSegment) -> bool:
-    """Whether the residual looks like rounding: small, no slow part, no peaks."""
+    """Return True if the residual looks like rounding: small, no slow part, no peaks."""
     for series in (fitted.move, fitted.turn):
         scatter = series.scatter
         if (
@@ -225,7 +225,7 @@ def split_segments(
     marks: list[int],
     depth: int,
 ) -> list[FittedSegment]:
-    """Return one segment, or several if those fit better."""
+    """Return one segment, or several if several fit better."""
     whole = fit(first, stop, stop_s)
     if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES or _is_noise(whole):
         return [whole]

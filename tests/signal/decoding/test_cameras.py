@@ -10,8 +10,9 @@ import pytest
 
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import SchemaError
-from radarsim_addon.signal.decoding import cameras, pixel_rays
-from radarsim_addon.signal.decoding.cameras import solid_angles_sr
+from radarsim_addon.signal.decoding import pixel_rays
+from radarsim_addon.signal.decoding import ring_pixels as cameras
+from radarsim_addon.signal.decoding.ring_pixels import solid_angles_sr
 
 
 def camera(
