@@ -7,7 +7,7 @@ into range rates. `path_class_pixels` makes rows of the path table from gated re
 the rays and solid angles of pixels.
 """
 
-from .cameras import PixelRays, pixel_rays
+from .cameras import PixelRays, in_view, pixel_rays
 from .path_class_pixels import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
 from .paths_of_frame import (
     FrameInput,
@@ -41,6 +41,7 @@ __all__ = [
     "assemble_rows",
     "decode",
     "frame_paths",
+    "in_view",
     "iter_path_chunks",
     "log_encoding_ratio",
     "open_frame",

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...arrays import Real
+from ...arrays import Mask, Real
 from ...contract import ReceiverRecord
 from ...errors import SchemaError
 
@@ -138,6 +138,21 @@ def _rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
         near_cosine=np.ones_like(uu) if receiver.kind == "equirectangular" else -local[..., 2],
         solid_angle_sr=solid_angles_sr(receiver, width_px, height_px),
     )
+
+
+def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
+    """Whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    x, y, z = ((points_m - pose[:3, 3]) @ pose[:3, :3]).T
+    if receiver.kind == "equirectangular":
+        u, v = np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
+        middle = (receiver.left + receiver.right) / 2
+        u = middle + (u - middle + math.pi) % (2 * math.pi) - math.pi
+    else:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = np.where(z < 0, x / -z, np.nan), y / -z
+    across = (u >= receiver.left) & (u <= receiver.right)
+    return np.asarray(across & (v >= receiver.bottom) & (v <= receiver.top))
 
 
 def _unknown(kind: str) -> SchemaError:
