@@ -63,8 +63,8 @@ def mirror_faces(obstacles: Obstacles, unwanted: Collection[int] = ()) -> Mirror
     materials: dict[MirrorMaterial, int] = {}
     names: dict[int, str] = {}
     vertices = 0
-    mirroring = model.of_shapes([any(s.mirrors for s in every) for every in model.surfaces])
-    mirroring &= (model.number > 0) & ~np.isin(model.number, list(unwanted))
+    smooth_shapes = np.array([any(s.mirrors for s in every) for every in model.surfaces], bool)
+    mirroring = smooth_shapes[model.shape] & ~np.isin(model.number, [0, *unwanted])
     for index in np.flatnonzero(mirroring).tolist():
         mesh, surfaces = obstacles.mesh(index), model.surfaces[model.shape[index]]
         if mesh is None:
@@ -111,7 +111,8 @@ def mirroring_objects(obstacles: Obstacles, unwanted: Collection[int]) -> dict[s
         there = model.meshes.face_count(shape) > 0
         if not smooth.all():
             mesh = obstacles.mesh(index)
-            there = mesh is not None and smooth[np.minimum(mesh.slots, smooth.size - 1)].any()
+            slots = () if mesh is None else np.minimum(mesh.slots, smooth.size - 1)
+            there = bool(smooth[np.array(slots, dtype=np.intp)].any())
         names |= {model.name(number): None} if there else {}
     return names
 

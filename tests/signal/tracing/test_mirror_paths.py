@@ -117,7 +117,7 @@ def test_all_paths_of_a_street(transmitter: np.ndarray) -> None:
     assert len(np.unique(keys, axis=0)) == seen
     for key in np.unique(keys, axis=0):
         mine = rows[np.all(keys == key, axis=1)]
-        found = {
+        found: dict[tuple[Any, ...], Any] = {
             (chain_of[row["receiver_image"]], chain_of[row["transmitter_image"]]): row
             for row in mine
         }
