@@ -3,10 +3,9 @@
 
 A material by name gives an index of refraction at the carrier (`materials`). From the index follow
 reflection and transmission of a smooth boundary or slab (`fresnel`), of planar and curved mirrors
-(`mirrors`, `specular_points`) and of rough surfaces (`rough`). `clutter` has sigma0 of ground and
-sea instead, `rcs` bodies of simple shape, `antennas` the gain against direction, `weather` rain,
-fog and gases, and `round_earth` the path via the ground. `radar_equation` makes powers and SNR of
-them.
+(`mirrors`) and of rough surfaces (`rough`). `clutter` has sigma0 of ground and sea instead, `rcs`
+bodies of simple shape, `antennas` the gain against direction, `weather` rain, fog and gases, and
+`round_earth` the path via the ground. `radar_equation` makes powers and SNR of them.
 
 Numbers are in SI, angles in radians; arguments broadcast, and results have the broadcast shape.
 A number that is not finite or out of range raises a `ConfigError` which names it (`checks`).

@@ -22,8 +22,8 @@ ROOMS = (
     "", "physics",
     "signal.scene", "signal.radar", "signal.motion", "signal.runs", "signal.paths",
     "signal.spectrum",
-    "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
-    "signal.draft", "signal.products", "signal.pictures",
+    "signal.decoding", "signal.tracing", "signal.scattering", "signal.echoes", "signal.maps",
+    "signal.detection", "signal.draft", "signal.products", "signal.pictures",
     "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
     "blender.rig_settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
@@ -32,7 +32,7 @@ ROOMS = (
 #: Entry points: they stand at the root of the package and join both halves.
 ENTRIES = ("radarsim_addon", "radarsim_addon.__main__", "radarsim_addon.frame_worker")
 #: Rooms of signal that the Blender half may use; the last ones only where results are shown.
-FOR_BLENDER = {"scene", "radar", "motion", "paths", "decoding", "runs"}
+FOR_BLENDER = {"scene", "radar", "motion", "paths", "decoding", "runs", "tracing"}
 FOR_WINDOWS = {"pipeline", "detection", "draft", "pictures"}
 BLENDER_MODULES = {"bpy", "bpy_extras", "mathutils", "bmesh", "gpu", "blf"}
 

@@ -39,13 +39,13 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import directive_lobe, facet_scattering
+from ...signal.decoding import in_view
 from ...signal.paths import PathFlag, PathRows, has_images
 from ...signal.scene import SMOOTH_BELOW, Mesh, ScatteredLobe, SceneModel, Surface
 from ..materials import EXACT_FACETS
 from ..nodes.physical_material import TABLE_WIDTH, table_angles_rad
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS
 from .hit_points import HitPoints, Normals
-from .mirrors import in_view
 from .view_tracer import ViewTracer
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
@@ -442,7 +442,7 @@ class ReverseMarks:
     """Marks rows whose reverse is a path of its own.
 
     Rays end at scatterers that are no mirrors, because the transmitter is a point. So a path has a
-    reverse if it has not been mirrored at its first scatterer. (`mirror_paths` handles a mirror
+    reverse if it has not been mirrored at its first scatterer. (`signal.tracing` handles a mirror
     there with images of the transmitter.)
     """
 

@@ -32,10 +32,9 @@ from ...findings import Finding, finding, finding_about
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.rcs import specular_face
 from ...physics.rough import least_rms_height_m
-from ...physics.specular_points import GRAZING, bisectors
 from ...signal.scene import Surface
+from ...signal.tracing import GRAZING, BodyMesh, Obstacles, bisectors
 from ..views import ViewWindow
-from .obstacles import BodyMesh, Obstacles
 from .tiles import Area
 
 #: Reach of a lobe, in RMS slopes from the specular one: exp(-18).
@@ -97,7 +96,7 @@ def find_glints(
     `transmitters_m` (n, 3) are the transmitter and its images in mirrors, `hidden` the numbers of
     objects that no ray meets. Returns at most `MOST_GLINTS`.
     """
-    bodies = obstacles.bodies
+    bodies = obstacles.model
     slopes = [np.array([one.glint_slope for one in every]) for every in bodies.surfaces]
     shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
     chosen = np.flatnonzero(shiny[bodies.shape] & ~np.isin(bodies.number, sorted(hidden)))
@@ -195,7 +194,7 @@ class BrightParts:
         window: ViewWindow,
         slopes: Sequence[Real],
     ) -> None:
-        self._obstacles, self._bodies = obstacles, obstacles.bodies
+        self._obstacles, self._bodies = obstacles, obstacles.model
         self._kind, self._window, self._slopes = receiver.kind, window, slopes
         pose = np.array(receiver.matrix_world, dtype=np.float64)
         self._turn, self._place_m = pose[:3, :3], pose[:3, 3]
@@ -594,7 +593,7 @@ class SmoothFaces:
         self._faces: dict[int, tuple[float, _Face, float, bool]] = {}
         if receiver.kind == "orthographic":  # its powers tell no cross section
             return
-        bodies = obstacles.bodies
+        bodies = obstacles.model
 
         @cache
         def slope(one: Surface) -> float:

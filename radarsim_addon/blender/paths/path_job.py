@@ -27,6 +27,8 @@ from ...errors import RadarSimError
 from ...findings import Finding, finding
 from ...signal.motion import read_motion
 from ...signal.paths import has_digests, open_table
+from ...signal.scene import Mesh
+from ...signal.tracing import BodyMesh, MirrorPaths, Obstacles
 from ...typed_json import file_sha256, read_record, write_record
 from ..materials import (
     EXACT_FACETS,
@@ -36,6 +38,7 @@ from ..materials import (
     foreign_objects,
     found_inside,
     has_no_faces,
+    mirror_choice,
     read_surface,
 )
 from ..motion import BurstMotion, SamplingPlan, key_frames
@@ -44,14 +47,13 @@ from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, shared_folder
 from ..scene import ground_truth as ground_truth
 from ..scene import is_hidden_at_times, may_move_at_whole_frames, no_echo_findings
-from ..state import Shape, Snapshot, evaluated_snapshot, take_snapshot, watch_evaluations
+from ..state import Snapshot, evaluated_snapshot, take_snapshot, watch_evaluations
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .frame import FrameWork
 from .hit_points import HitPoints, Holders
 from .measured_tiles import TileCheckpoints
-from .mirror_paths import MirrorPaths
-from .obstacles import BodyMesh, ways_to_transmitter
+from .obstacles import ways_to_transmitter
 from .view_tracer import PathRun, PathTask, ViewTracer
 
 
@@ -82,7 +84,7 @@ class PathJob(MeasurementJob):
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
         self._holders: Holders = WeakKeyDictionary()
-        self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
+        self._body_meshes: WeakKeyDictionary[Mesh, BodyMesh] = WeakKeyDictionary()
         snapshot = evaluated_snapshot(view_layer)
         foreign = holds_foreign_materials(snapshot)
         choice = options.range_encoding
@@ -340,16 +342,19 @@ class PathJob(MeasurementJob):
             self._holders,
             ways,
         )
+        marks = {n: mirror_choice(item) for n, item in motion.bodies.originals.items()}
         mirrors = MirrorPaths(
-            motion.bodies,
-            hits,
-            units,
+            Obstacles(motion.bodies, self._body_meshes),
+            hits.normals,
             receiver,
             tracer.transmitter_m,
             self.plan.extent.from_receiver_m,
-            self._measurement,
-            self.options,
-            self._body_meshes,
+            self._measurement.polarisation,
+            self._measurement.waveform.wavelength_m,
+            self.options.max_reflections,
+            self.options.mirror_images,
+            [number for number, mark in marks.items() if mark == "first"],
+            [number for number, mark in marks.items() if mark == "never"],
         )
         tracer.lamps_m = mirrors.lamps_m
         self.path_scene.lamps.place(mirrors.lamps_m / units)

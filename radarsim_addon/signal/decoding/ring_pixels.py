@@ -162,6 +162,21 @@ def _rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
     )
 
 
+def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
+    """Whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    x, y, z = ((points_m - pose[:3, 3]) @ pose[:3, :3]).T
+    if receiver.kind == "equirectangular":
+        u, v = np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
+        middle = (receiver.left + receiver.right) / 2
+        u = middle + (u - middle + math.pi) % (2 * math.pi) - math.pi
+    else:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = np.where(z < 0, x / -z, np.nan), y / -z
+    across = (u >= receiver.left) & (u <= receiver.right)
+    return np.asarray(across & (v >= receiver.bottom) & (v <= receiver.top))
+
+
 def _unknown(kind: str) -> SchemaError:
     return SchemaError(
         f"Camera of kind {kind!r}; this version knows {', '.join(KINDS)}. "

@@ -10,7 +10,7 @@ finds which faces of a mesh are walls, and how thick these are.
 
 from .mesh import Mesh
 from .model import Meshes, SceneModel
-from .rays import RayMesh, RayScene, barycentric, triangle_distances
+from .rays import RayMesh, RayScene, along_curve, barycentric, triangle_distances
 from .surface import (
     SHARP,
     SMOOTH_BELOW,
@@ -58,6 +58,7 @@ __all__ = [
     "Shader",
     "Surface",
     "WallFaces",
+    "along_curve",
     "barycentric",
     "convex_bodies",
     "depths_behind",

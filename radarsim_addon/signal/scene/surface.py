@@ -323,6 +323,11 @@ class Surface:
         shiny = self.specularity is None or self.specularity > 0
         return shiny and self.roughness is not None and self.roughness <= limit
 
+    @property
+    def mirrors(self) -> bool:
+        """Whether it mirrors, even where its reflection is not known."""
+        return self.mirror is not None or self.is_mirror_like
+
     # Its lobes.
 
     @cached_property
