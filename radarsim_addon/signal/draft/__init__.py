@@ -16,11 +16,9 @@ from .draft import (
     scene_message,
 )
 from .scene import (
-    Angles,
     DraftMesh,
     DraftPolygons,
     DraftScene,
-    DraftSurface,
     SceneTriangles,
 )
 
@@ -28,12 +26,10 @@ __all__ = [
     "DRAFT",
     "FAULT",
     "LEVELS",
-    "Angles",
     "DraftLevel",
     "DraftMesh",
     "DraftPolygons",
     "DraftScene",
-    "DraftSurface",
     "SceneTriangles",
     "make_draft",
     "mesh_message",

@@ -26,7 +26,8 @@ from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows, unrendered_record
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
 from ..runs import RadarFrame
-from .scene import DraftMesh, DraftPolygons, DraftScene, DraftSurface, SceneTriangles, draft_rows
+from ..scene import Surface
+from .scene import DraftMesh, DraftPolygons, DraftScene, SceneTriangles, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
 MOST_CELLS = 1 << 19
@@ -153,12 +154,20 @@ def scene_message(scene: DraftScene) -> Message:
         "receiver": dataclasses.asdict(scene.receiver),
         "transmitter": dataclasses.asdict(scene.transmitter),
         "range_limits_m": list(scene.range_limits_m),
-        "surfaces": [dataclasses.asdict(one) for one in scene.surfaces],
+        "polarisation": scene.polarisation,
+        "surfaces": [_surface_fields(one) for one in scene.surfaces],
         "meshes": list(scene.meshes),
         "slots": [list(one) for one in scene.slots],
         "interval_s": scene.interval_s,
     }
-    return Message(fields, {"matrices": scene.matrices, "moves": scene.moves})
+    return Message(fields, {"matrices": scene.matrices, "met": scene.met, "moves": scene.moves})
+
+
+def _surface_fields(surface: Surface) -> dict[str, Any]:
+    """Return the fields that a draft needs: all but the shaders of materials made for light, of
+    which `output` is one.
+    """
+    return dataclasses.asdict(dataclasses.replace(surface, shaders=(), exponent=None))
 
 
 def mesh_of(message: Message) -> DraftMesh:
@@ -177,10 +186,12 @@ def scene_of(message: Message) -> DraftScene:
         receiver=ReceiverRecord(**fields["receiver"]),
         transmitter=TransmitterRecord(**fields["transmitter"]),
         range_limits_m=(start_m, stop_m),
-        surfaces=[DraftSurface(**one) for one in fields["surfaces"]],
+        polarisation=fields["polarisation"],
+        surfaces=[from_json(Surface, one, "Surface") for one in fields["surfaces"]],
         meshes=fields["meshes"],
         matrices=message.arrays["matrices"],
         slots=fields["slots"],
+        met=message.arrays["met"],
         moves=message.arrays["moves"],
         interval_s=fields["interval_s"],
     )

@@ -20,7 +20,6 @@ from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.ui.live_scene import LiveReader, LiveScene
-from radarsim_addon.errors import SceneError
 from radarsim_addon.signal.draft import DraftLevel, DraftMesh, SceneTriangles, make_draft
 from radarsim_addon.signal.draft.draft import mesh_of, scene_of
 from tests.blender import motion_helpers as mh
@@ -199,15 +198,15 @@ CASES: dict[str, Case] = {
     "not for renders": lambda: two_balls(hide_render=True),
     "delta transforms": lambda: two_balls(delta_location=(0, 3, 1), delta_scale=(1, 2, 1)),
     "transmitter apart": lambda: apart(blocked=False),
+    "shadow": lambda: apart(blocked=True),
+    "orthographic": lambda: camera(40.0, type="ORTHO", ortho_scale=10.0),
+    "original of instances moves": lambda: instances("original"),
+    "hidden in the viewport": lambda: two_balls(hide_viewport=True),
 }
 #: The preview draws these otherwise: what the difference is.
 DIFFERENT: dict[str, tuple[Case, str]] = {
-    "orthographic": (lambda: camera(40.0, type="ORTHO", ortho_scale=10.0), "is refused"),
-    "original of instances moves": (lambda: instances("original"), "range rate 0"),
     "constraint": (limited, "range rate 0, which a note says"),
-    "modifier finer in renders": (finer_in_renders, "the viewport's mesh is drawn"),
-    "hidden in the viewport": (lambda: two_balls(hide_viewport=True), "is left out"),
-    "shadow": (lambda: apart(blocked=True), "shadows are left out, which a note says"),
+    "modifier finer in renders": (finer_in_renders, "the viewport's mesh is drawn, as a note says"),
 }
 EVERY = [
     *CASES.items(),
@@ -215,9 +214,7 @@ EVERY = [
         pytest.param(
             name,
             case,
-            marks=pytest.mark.xfail(
-                strict=True, raises=(AssertionError, SceneError), reason=f"Preview: {why}"
-            ),
+            marks=pytest.mark.xfail(strict=True, raises=AssertionError, reason=f"Preview: {why}"),
         )
         for name, (case, why) in DIFFERENT.items()
     ),

@@ -25,12 +25,10 @@ from radarsim_addon.signal.draft import (
     DRAFT,
     FAULT,
     LEVELS,
-    Angles,
     DraftLevel,
     DraftMesh,
     DraftPolygons,
     DraftScene,
-    DraftSurface,
     SceneTriangles,
     make_draft,
     mesh_message,
@@ -39,11 +37,15 @@ from radarsim_addon.signal.draft import (
 from radarsim_addon.signal.draft.draft import scene_of
 from radarsim_addon.signal.draft.worker import serve
 from radarsim_addon.signal.radar import Burst, Radar, Waveform, Weather
+from radarsim_addon.signal.scene import Clutter, Shader, Surface
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 SIDE_M, RANGE_M, TILT = 2.0, 40.0, math.radians(30.0)
 #: Looks along +Y, +Z up.
 POSE = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
+#: A material of Blender of albedo 0.5.
+GREY = Surface(output=Shader("Diffuse", {}, albedo=0.5))
+SEA = Surface(kind="physical", n=2.0, kappa=0.0, roughness=0.0, clutter=Clutter("no such"))
 #: What moves the plate in a millisecond: 12 m/s, receding.
 RATE_MPS = 12.0
 
@@ -74,10 +76,12 @@ def scene(**changes: Any) -> DraftScene:
         "receiver": ReceiverRecord("perspective", POSE.tolist(), -0.06, 0.06, -0.06, 0.06, 1e-6),
         "transmitter": TransmitterRecord(POSE.tolist(), 1e3),
         "range_limits_m": (0.0, 100.0),
-        "surfaces": [DraftSurface("lambert", albedo=0.5)],
+        "polarisation": "average",
+        "surfaces": [GREY],
         "meshes": [7],
         "matrices": matrix[None],
         "slots": [[0]],
+        "met": np.ones((2, 1), dtype=bool),
         "moves": np.stack([move, np.eye(4), np.eye(4)]),
         "interval_s": 1e-3,
     }
@@ -137,26 +141,13 @@ def test_facets_are_as_bright_as_sigma0_and_reciprocal() -> None:
     assert facet_brightness(0.4, -0.1, 0.5, 0.8) == facet_brightness(0.4, 0.5, 0.0, 0.8) == 0
 
 
-@pytest.mark.parametrize(
-    ("surface", "expected"),
-    [
-        (DraftSurface("silent"), 0.0),
-        (DraftSurface("lambert", albedo=0.25), 4 * 0.25 * 0.5),
-        # F = |(n - 1)/(n + 1)|^2 = 1/9 at normal incidence; a mirror returns nothing
-        (DraftSurface("simple", 2.0, specularity=1.0), 0.0),
-        (DraftSurface("physical", 2.0, clutter="constant_gamma",
-                      clutter_parameters={"gamma_db": -10.0}), 0.1 * 0.5 / 0.5),
-    ],
-)  # fmt: skip
-def test_surfaces(surface: DraftSurface, expected: float) -> None:
-    half = np.array([0.5])
-    angles = Angles(half, half, half, np.ones(1), half)
-    np.testing.assert_allclose(surface.brightness(angles, 10e9), [expected], rtol=1e-9)
-
-
 def test_messages_keep_a_scene_and_end_where_they_are_cut() -> None:
     given = scene(
-        surfaces=[DraftSurface("simple", 1.5, 0.1, 0.3, 0.4)],
+        surfaces=[
+            Surface(kind="simple", n=1.5, kappa=0.1, specularity=0.3, unlinked={"roughness": 0.4}),
+            dataclasses.replace(SEA, clutter=Clutter("constant_gamma", {"gamma_db": -10.0})),
+            GREY,
+        ],
         weather=Weather(rain_mm_per_h=20.0, air_temperature_c=5.0),
         link_budget=LinkBudget(20.0, receive_loss_db=2.0),
     )
@@ -169,6 +160,8 @@ def test_messages_keep_a_scene_and_end_where_they_are_cut() -> None:
     back = scene_of(message)
     for item in dataclasses.fields(DraftScene):
         value, other = getattr(back, item.name), getattr(given, item.name)
+        if item.name == "surfaces":
+            value, other = ([dataclasses.asdict(one) for one in each] for each in (value, other))
         assert np.array_equal(value, other) if isinstance(other, np.ndarray) else value == other
     for length in (0, 5, 60, len(whole) - 1):
         assert read_message(io.BytesIO(whole[:length])) is None
@@ -184,8 +177,8 @@ def test_the_process_drafts_finer_and_finer_and_names_faults() -> None:
         process.start()
         write_message(to_process, *mesh_message(7, plate()))
         for number, surface in (
-            (3, DraftSurface("physical", 2.0, clutter="no such")),
-            (4, DraftSurface("lambert", albedo=0.5)),
+            (3, SEA),
+            (4, GREY),
         ):
             fields, arrays = scene_message(scene(surfaces=[surface]))
             write_message(to_process, fields | {"number": number}, arrays)
