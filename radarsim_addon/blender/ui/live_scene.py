@@ -197,6 +197,7 @@ def _scene(
     number = {material: index for index, material in enumerate(echoing)}
     yield None
     seen, lit, may_echo = objects.flags
+    yield None
     counts |= {"other": objects.count_other(render), "unknown": len(motion.unknown)}
     yield None
     start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
@@ -278,8 +279,8 @@ class _Motion:
         found = of_pairs.reshape(-1, 4, 4)[self._pair_of]
         instancers = self._snapshot.layout.instancers
         order = np.argsort(self._pair_of, kind="stable")
-        groups = np.split(order, np.cumsum(np.bincount(self._pair_of))[:-1])
-        for (item, maker), mine in zip(self._pairs, groups, strict=True):
+        ends = np.cumsum(np.bincount(self._pair_of, minlength=len(self._pairs)))
+        for (item, maker), mine in zip(self._pairs, np.split(order, ends)[:-1], strict=True):
             if maker >= 0:
                 found[mine] = self._of_instances(item, instancers[maker], self._rows[mine])
         return np.concatenate([found, [self._moves.get(item, still) for item in self._others]])

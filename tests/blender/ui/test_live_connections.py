@@ -161,12 +161,42 @@ def limited() -> None:
     bpy.context.scene.frame_set(5)
 
 
-def apart(blocked: bool) -> None:
-    """The transmitter is 3 m to the right; a ball that cameras do not see may shadow."""
+def apart(**changes: Any) -> None:
+    """The transmitter is 3 m to the right; a ball half way to the other one may shade it."""
     bpy.data.objects["Radar Emitter"].location.x = 3.0
     ball()
-    if blocked:
-        ball((2.0, 7.5, 0.0)).visible_camera = False
+    for name, value in changes.items():
+        setattr(ball((2.0, 7.5, 1.3)), name, value)
+
+
+def in_front(**changes: Any) -> None:
+    """A ball hides a part of another one."""
+    set_radar(width_px=128, height_px=128)
+    ball((0.0, 18.0, 0.0))
+    for name, value in changes.items():
+        setattr(ball((1.2, 10.0, 0.0)), name, value)
+
+
+def hidden_and_keyed() -> None:
+    """On a parent, which is hidden, too."""
+    item, parent = receding_ball(), mh.empty("Parent", (0.0, 1.0, 0.0))
+    item.parent, item.delta_location, parent.scale = parent, (0.5, 0.0, 1.0), (1.0, 1.0, 2.0)
+    item.hide_viewport = parent.hide_viewport = True
+    bpy.context.scene.frame_set(5)
+
+
+def panoramic() -> None:
+    data = bpy.context.scene.camera.data
+    data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"
+    data.longitude_min, data.longitude_max = -0.5, 0.5
+    data.latitude_min, data.latitude_max = -0.3, 0.3
+    moving_radar(True)
+
+
+def orthographic() -> None:
+    bpy.context.scene.camera.data.type = "ORTHO"
+    bpy.context.scene.camera.data.ortho_scale = 10.0
+    moving_radar(True)
 
 
 Case = Callable[[], Any]
@@ -197,8 +227,16 @@ CASES: dict[str, Case] = {
     "holdout": lambda: two_balls(is_holdout=True),
     "not for renders": lambda: two_balls(hide_render=True),
     "delta transforms": lambda: two_balls(delta_location=(0, 3, 1), delta_scale=(1, 2, 1)),
-    "transmitter apart": lambda: apart(blocked=False),
-    "shadow": lambda: apart(blocked=True),
+    "transmitter apart": apart,
+    "shadow": lambda: apart(visible_camera=False),
+    "casts no shadow": lambda: apart(visible_shadow=False),
+    "shadow of what is hidden in the viewport": lambda: apart(hide_viewport=True),
+    "shadow of one that is not for cameras": lambda: in_front(visible_camera=False),
+    "holdout in front": lambda: in_front(is_holdout=True),
+    "hidden in front": lambda: in_front(hide_viewport=True),
+    "moves, hidden in the viewport": hidden_and_keyed,
+    "panoramic": panoramic,
+    "orthographic, moves and turns": orthographic,
     "orthographic": lambda: camera(40.0, type="ORTHO", ortho_scale=10.0),
     "original of instances moves": lambda: instances("original"),
     "hidden in the viewport": lambda: two_balls(hide_viewport=True),
