@@ -17,7 +17,6 @@ from .closing_speeds import (
     distance_from_box,
     evaluated_poses,
     instance_name,
-    keyed_move,
     keyed_speeds,
     keyed_step,
     keyed_worlds,
@@ -25,7 +24,7 @@ from .closing_speeds import (
     pose_in_metres,
 )
 from .finite_checks import check_poses, check_vertices
-from .ground_truth import displaced_surfaces, echoing_boxes, scene_extent
+from .ground_truth import antenna_positions, displaced_surfaces, echoing_boxes, scene_extent
 from .mesh_checks import check_meshes, check_normals, sharpen_walls
 from .poses import (
     NEAR_CLIP_UNITS,
@@ -110,6 +109,7 @@ __all__ = [
     "active_radar",
     "aim",
     "animation_curves",
+    "antenna_positions",
     "antennas_of",
     "camera_kind",
     "check_meshes",
@@ -140,7 +140,6 @@ __all__ = [
     "is_simulated_body",
     "is_transmitter",
     "isolate",
-    "keyed_move",
     "keyed_speeds",
     "keyed_step",
     "keyed_worlds",

@@ -190,9 +190,11 @@ def keyed_speeds(
     snapshot, layout = found.snapshot, found.snapshot.layout
 
     def poses_of(item: bpy.types.Object, now: Real) -> Real | None:
+        worlds = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
+        if worlds is None:
+            return None
         # In float32 both are rounded alike by Blender; what F-curves add is the difference.
-        move = keyed_move(item, frame)
-        return None if move is None else np.stack([now, move @ now])
+        return np.stack([now, worlds[1] @ np.linalg.pinv(worlds[0]) @ now])
 
     places = []
     for item in antennas:
@@ -220,27 +222,10 @@ def keyed_step(item: bpy.types.Object, frame: float) -> Real | None:
 
     None where no F-curve moves it, or not these alone.
     """
-    poses = _keyed_poses(item, frame)
+    poses = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
     if poses is None:
         return None
     return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
-
-
-def keyed_move(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return what F-curves move an object by in `VELOCITY_FRAMES`: a matrix in world space, (4, 4).
-
-    The identity where nothing moves the object and its parents, None where something else than
-    F-curves may. Nothing is evaluated.
-    """
-    poses = _keyed_poses(item, frame)
-    if poses is None:
-        return None
-    return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
-
-
-def _keyed_poses(item: bpy.types.Object, frame: float) -> Real | None:
-    """Poses in a frame and `VELOCITY_FRAMES` later, (2, 4, 4); None as `keyed_worlds`."""
-    return keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
 
 
 def keyed_worlds(item: bpy.types.Object, frames: Sequence[float]) -> Real | None:

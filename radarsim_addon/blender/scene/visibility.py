@@ -500,18 +500,13 @@ def limited_visibility(snapshot: Snapshot) -> list[Finding]:
     items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
     # Instances also follow the settings of what makes them.
     items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
-    unseen, passed = set(), set()
-    for item in items:
-        if (
-            not item.visible_camera
-            or item.is_holdout
-            or item.is_shadow_catcher
-            or item.holdout_get(view_layer=layer)
-            or item.indirect_only_get(view_layer=layer)
-        ):
-            unseen.add(item.name_full)
-        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy):
-            passed.add(item.name_full)
+    seen, _, echoing = ray_flags(items, layer)
+    unseen = {items[n].name_full for n in np.flatnonzero(~(seen & echoing)).tolist()}
+    passed = {
+        item.name_full
+        for item in items
+        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy)
+    }
     found = [finding("hidden-from-receiver", *sorted(unseen))] if unseen else []
     return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
 

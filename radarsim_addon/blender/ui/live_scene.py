@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 import bpy
 import numpy as np
 
-from ...arrays import Indices, Mask, Real
+from ...arrays import Indices, Mask, Real, distances
 from ...messages import Message
 from ...signal.draft import DraftPolygons, DraftScene, mesh_message, scene_message
 from ...signal.scene import Surface
@@ -29,6 +29,7 @@ from ..scene import (
     VELOCITY_FRAMES,
     Rig,
     active_radar,
+    antenna_positions,
     differs_in_viewport,
     hidden_objects,
     keyed_worlds,
@@ -109,6 +110,15 @@ class _Objects:
         shown = own[:, layout.shape[self.rows]] & maker[:, layout.instancer[self.rows]]
         return np.append(shown, ray_flags([*self.hidden], layer), axis=1)
 
+    def hidden_corners(self, echoing: set[Any]) -> Real:
+        """Return the corners of hidden objects with a material of these, (k, 3) [Blender units]."""
+        corners = [
+            np.array(item.bound_box) @ pose[:3, :3].T + pose[:3, 3]
+            for item, (pose, _) in self.hidden.items()
+            if not echoing.isdisjoint(slot_materials(item) or (None,))
+        ]
+        return np.concatenate([np.zeros((0, 3)), *corners])
+
     def count_other(self, render: bpy.types.RenderSettings) -> int:
         """Return how many objects the viewport shows with other settings than renders."""
         items = {*self.snapshot.layout.instancers, *(one.original for one in self.shapes)}
@@ -183,11 +193,8 @@ def _scene(
 ) -> Iterator[LiveScene | None]:
     """Yield the scene of objects, whose meshes have these keys, after its parts."""
     radar, rig = radar_and_rig
-    measurement, render, depsgraph = (
-        read_measurement(scene),
-        scene.render,
-        objects.snapshot.depsgraph,
-    )
+    measurement, render = read_measurement(scene), scene.render
+    depsgraph = objects.snapshot.depsgraph
     metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
     how = measurement.waveform.carrier_hz, settings(radar).beyond_band
     materials = objects.materials
@@ -198,13 +205,16 @@ def _scene(
     yield None
     seen, lit, may_echo = objects.flags
     yield None
+    matrices, moves = objects.matrices, motion.moves()
     counts |= {"other": objects.count_other(render), "unknown": len(motion.unknown)}
     yield None
     start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
     if not stop_m:
         extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
-        stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
-    matrices, moves = objects.matrices, motion.moves()
+        hidden = objects.hidden_corners(set(echoing))
+        far = [distances(hidden, one).max(initial=0.0) for one in antenna_positions(depsgraph, rig)]
+        farthest_m = max(extent.from_emitter_m, extent.from_receiver_m, metres * max(far))
+        stop_m = _RANGE_MARGIN * farthest_m
     matrices[:, :3] *= metres
     moves[:, :3, 3] *= metres
     fps = render.fps / shortest_decimal(render.fps_base)
@@ -238,11 +248,9 @@ class _Motion:
         self._snapshot, self._rows, self._frame = objects.snapshot, objects.rows, frame
         self._others = [*objects.hidden, rig.camera, rig.emitter]
         layout = self._snapshot.layout
-        pairs = (
-            layout.shape[self._rows] * (len(layout.instancers) + 1) + layout.instancer[self._rows]
-        )
-        #: First row of each object, and of the instances of each by each instancer; which of these
-        #: the rows are.
+        by = layout.instancer[self._rows]
+        pairs = layout.shape[self._rows] * (len(layout.instancers) + 1) + by
+        #: Which row belongs to which pair of an object and its instancer, -1 for none.
         _, first, self._pair_of = np.unique(pairs, return_index=True, return_inverse=True)
         self._pairs = [
             (self._snapshot.shapes[layout.shape[row]].original, int(layout.instancer[row]))
@@ -288,22 +296,31 @@ class _Motion:
     def _of_instances(self, item: Any, maker: Any, rows: Indices) -> Real:
         """Return the moves of instances of an object by an instancer, (4, 4) or (n, 4, 4)."""
         outer: Real = self._moves.get(maker, np.eye(4))
-        collection = maker.instance_collection if maker.instance_type == "COLLECTION" else None
-        inside = () if collection is None else collection.all_objects
-        if self._snapshot.layout.numbers[rows, 1].min() < _UNUSED:  # of an instancer within it
-            makers = [one for one in inside if one.instance_type != "NONE"]
-            self.unknown.update(one for one in makers if not nothing_moves(one))
         if any(system.settings.type == "EMITTER" for system in maker.particle_systems):
             self.unknown.add(maker)
-        if item not in self._moves or (item.parent == maker and item.animation_data is None):
+        inner = self._moves.get(item)
+        if maker.instance_type != "COLLECTION":
+            as_maker = item == maker or (item.parent == maker and item.animation_data is None)
+            if inner is not None and not as_maker:
+                self.unknown.add(item)
             return outer
-        if item not in set(inside):
-            self.unknown.add(item)
+        if self._snapshot.layout.numbers[rows, 1].min() < _UNUSED:  # of an instancer within it
+            makers = _makers_in(maker.instance_collection)
+            self.unknown.update(one for one in makers if not nothing_moves(one))
+        if inner is None:
             return outer
         # The instancer has the world of the original in axes of its own.
         pose = np.array(item.evaluated_get(self._snapshot.depsgraph).matrix_world, dtype=np.float64)
         axes = self._snapshot.matrices_of(rows) @ np.linalg.pinv(pose)
-        return np.asarray(outer @ axes @ self._moves[item] @ np.linalg.pinv(axes))
+        return np.asarray(outer @ axes @ inner @ np.linalg.pinv(axes))
+
+
+def _makers_in(collection: bpy.types.Collection) -> Iterator[Any]:
+    """Yield the objects of a collection that instance others, and those of the latter."""
+    for item in collection.all_objects:
+        if item.instance_type == "COLLECTION" and item.instance_collection is not None:
+            yield item
+            yield from _makers_in(item.instance_collection)
 
 
 def _unevaluated(item: bpy.types.Object, frame: float) -> Real | None:
