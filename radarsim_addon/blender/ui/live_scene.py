@@ -7,7 +7,7 @@ its mesh and its F-curves are all that counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,6 +81,9 @@ class _Objects:
     rows: Indices
     #: With poses now and `VELOCITY_FRAMES` later, (2, 4, 4) each [Blender units].
     hidden: dict[Any, Real]
+    #: How many others have no surface that can be read, and are hidden by the viewport.
+    meshless: int
+    lost: int
 
     @cached_property
     def shapes(self) -> list[Shape]:
@@ -148,7 +151,8 @@ class LiveReader:
             for item in hidden_objects(snapshot, rendered)
         }
         known = {item: worlds for item, worlds in poses.items() if worlds is not None}
-        objects = _Objects(snapshot, rows[~meshless], known)
+        lost = len(poses) - len(known)
+        objects = _Objects(snapshot, rows[~meshless], known, int(meshless.sum()), lost)
         for shape in dict.fromkeys(objects.shapes):
             if shape not in self._keys:
                 yield from self._mesh(self._keys, shape, lambda one=shape: snapshot.mesh(one))
@@ -159,7 +163,8 @@ class LiveReader:
                     self._hidden_keys, stamp, lambda one=item: nullcontext(one.data)
                 )
         yield None
-        radar, rig = active_radar(scene), rig_of(scene, active_radar(scene))
+        radar = active_radar(scene)
+        rig = rig_of(scene, radar)
         motion = _Motion(objects, rig, scene.frame_current_final)
         yield from motion.read()
         # the other process forgets what a scene does not use
@@ -168,8 +173,7 @@ class LiveReader:
         self._hidden_keys = {stamp: self._hidden_keys[stamp] for stamp in stamps}
         keys = [self._keys[shape] for shape in objects.shapes]
         keys += [self._hidden_keys[stamp] for stamp in stamps]
-        counts = {"left_out": int(meshless.sum()), "hidden": len(poses) - len(known)}
-        yield from _scene(scene, (radar, rig), objects, motion, keys, counts)
+        yield from _scene(scene, radar, rig, objects, motion, keys)
 
     def _mesh(
         self,
@@ -185,14 +189,13 @@ class LiveReader:
 
 def _scene(
     scene: bpy.types.Scene,
-    radar_and_rig: tuple[Any, Rig],
+    radar: Any,
+    rig: Rig,
     objects: _Objects,
     motion: _Motion,
     keys: list[int],
-    counts: dict[str, int],
 ) -> Iterator[LiveScene | None]:
     """Yield the scene of objects, whose meshes have these keys, after its parts."""
-    radar, rig = radar_and_rig
     measurement, render = read_measurement(scene), scene.render
     depsgraph = objects.snapshot.depsgraph
     metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
@@ -206,7 +209,7 @@ def _scene(
     seen, lit, may_echo = objects.flags
     yield None
     matrices, moves = objects.matrices, motion.moves()
-    counts |= {"other": objects.count_other(render), "unknown": len(motion.unknown)}
+    other = objects.count_other(render)
     yield None
     start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
     if not stop_m:
@@ -238,7 +241,8 @@ def _scene(
         moves=moves,
         interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
     )
-    yield LiveScene(scene_message(drafted), _notes([*echoing.values()], counts))
+    notes = _notes(drafted.surfaces, objects, other, len(motion.unknown))
+    yield LiveScene(scene_message(drafted), notes)
 
 
 class _Motion:
@@ -264,8 +268,9 @@ class _Motion:
     def read(self) -> Iterator[None]:
         """Read the F-curves, and yield after parts."""
         poses: dict[Any, Real] = {}
-        items = [item for item, _ in self._pairs] + self._snapshot.layout.instancers + self._others
-        for index, item in enumerate(dict.fromkeys(items)):
+        makers = self._snapshot.layout.instancers
+        items = [item for item, _ in self._pairs] + [makers[n] for _, n in self._pairs if n >= 0]
+        for index, item in enumerate(dict.fromkeys([*items, *self._others])):
             if index % _OWNERS == 0:
                 yield None
             if nothing_moves(item):
@@ -385,28 +390,27 @@ def _polygons(
     yield DraftPolygons(points, corners, starts, slots, normals)
 
 
-def _notes(surfaces: list[Surface], counts: dict[str, int]) -> tuple[str, ...]:
-    """What a draft of these surfaces, and of what was counted, leaves out."""
+def _notes(
+    surfaces: Sequence[Surface], objects: _Objects, other: int, unknown: int
+) -> tuple[str, ...]:
+    """What a draft of these surfaces and objects leaves out.
+
+    `other` objects have other settings in the viewport, `unknown` ones an unknown velocity.
+    """
     radar = [one for one in surfaces if one.is_radar]
-    mirrors = sum(one.is_mirror_like and one.clutter is None for one in radar)
+    mirrors = sum(
+        one.is_mirror_like and not (one.kind == "physical" and one.clutter) for one in radar
+    )
     lobes = sum(one.scattered_lobe() is not None for one in radar)
     guessed = sum(one.is_guessed for one in surfaces)
+    meshless, lost = objects.meshless, objects.lost
     texts = (
         (mirrors, tr("materials whose mirror-like part is left out: {count}", count=mirrors)),
         (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
         (guessed, tr("materials taken as diffuse: {count}", count=guessed)),
+        (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),
+        (meshless, tr("hair and point clouds, which are left out: {count}", count=meshless)),
+        (lost, tr("objects that the viewport hides, which are left out: {count}", count=lost)),
+        (other, tr("objects drawn as in the viewport, not as in renders: {count}", count=other)),
     )
-    of_objects = {
-        "unknown": tr("objects whose velocity is left out: {count}", count=counts["unknown"]),
-        "left_out": tr(
-            "hair and point clouds, which are left out: {count}", count=counts["left_out"]
-        ),
-        "hidden": tr(
-            "objects that the viewport hides, which are left out: {count}", count=counts["hidden"]
-        ),
-        "other": tr(
-            "objects drawn as in the viewport, not as in renders: {count}", count=counts["other"]
-        ),
-    }
-    texts += tuple((counts[name], text) for name, text in of_objects.items())
     return tuple(text for count, text in texts if count)

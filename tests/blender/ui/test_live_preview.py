@@ -320,16 +320,30 @@ def test_instances_move_with_all_that_moves_them(scene: Any) -> None:
     assert read_scene()["notes"] == ("objects whose velocity is left out: 1",)
 
 
-def test_ranges_reach_what_the_viewport_hides(scene: Any) -> None:
+def test_what_the_viewport_hides_is_read(scene: Any) -> None:
+    """Hidden itself, by its collection, by the layer, and by the eye: also its range counts."""
     ph.plate_at(10.0, 2.0, nodes.make_material("Metal", 100.0, 0.0, roughness=0.5))
     rs.radar().range_encoding = "materials"
     far = ph.plate_at(100.0, 2.0, bpy.data.materials["Metal"])
-    bpy.context.view_layer.update()
-    shown = read_scene()
-    far.hide_viewport = True
-    hidden = read_scene()
-    assert hidden["range_limits_m"] == pytest.approx(shown["range_limits_m"])
-    np.testing.assert_allclose(hidden["matrices"], shown["matrices"])
+    own = bpy.data.collections.new("Own")
+    scene.collection.children.link(own)
+    scene.collection.objects.unlink(far)
+    own.objects.link(far)
+    layer = bpy.context.view_layer.layer_collection.children["Own"]
+    limits = read_scene()["range_limits_m"]
+
+    def check() -> None:
+        found = read_scene()
+        assert (found["range_limits_m"], found["notes"]) == (pytest.approx(limits), ())
+        assert sorted(found["matrices"][:, 1, 3]) == [10.0, 100.0]
+
+    for owner in (far, own, layer):
+        owner.hide_viewport = True
+        check()
+        owner.hide_viewport = False
+        check()
+    far.hide_set(True)
+    check()
     far.data.materials.clear()
     assert read_scene()["range_limits_m"][1] < 20.0
 
