@@ -7,8 +7,7 @@ its mesh and its F-curves are all that counts.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, MutableMapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -20,8 +19,8 @@ import numpy as np
 
 from ...arrays import Indices, Mask, Real, distances
 from ...messages import Message
-from ...signal.draft import DraftPolygons, DraftScene, mesh_message, scene_message
-from ...signal.scene import Surface
+from ...signal.draft import DraftScene, mesh_message, scene_message
+from ...signal.scene import Mesh, Surface
 from ..materials import slot_materials, surface_at
 from ..plan import check_unit_scale, shortest_decimal
 from ..rig_settings import own_link_budget, read_measurement, settings
@@ -41,7 +40,7 @@ from ..scene import (
     scene_extent,
     transmitter_record,
 )
-from ..state import Shape, Snapshot, take_snapshot
+from ..state import Shape, Snapshot, read_mesh, take_snapshot
 from .fields import tr
 from .scene_reading import any_material_echoes, rig_of
 
@@ -49,6 +48,7 @@ from .scene_reading import any_material_echoes, rig_of
 _RANGE_MARGIN = 1.25
 #: Types of objects whose surface Blender does not give as a mesh.
 _MESHLESS = {"CURVES", "POINTCLOUD"}
+_EMPTY = Mesh(np.empty((0, 3)), *(np.empty(0, dtype=np.int32) for _ in range(4)))
 #: Objects whose F-curves are read in one part.
 _OWNERS = 64
 #: What Blender fills unused numbers of instances with.
@@ -140,10 +140,10 @@ class LiveReader:
     def read(self, context: bpy.types.Context) -> Iterator[Message | LiveScene | None]:
         """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
 
-        None after a part of a mesh. Stop where the scene changes before the end.
+        None after parts that take long. Stop where the scene changes before the end.
         """
-        scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
-        snapshot, rendered = take_snapshot(depsgraph), rendered_objects(depsgraph.view_layer)
+        scene, snapshot = context.scene, take_snapshot(context.evaluated_depsgraph_get())
+        rendered = rendered_objects(snapshot.depsgraph.view_layer)
         rows = rendered_rows(snapshot, rendered)
         meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
         poses = {
@@ -155,13 +155,12 @@ class LiveReader:
         objects = _Objects(snapshot, rows[~meshless], known, int(meshless.sum()), lost)
         for shape in dict.fromkeys(objects.shapes):
             if shape not in self._keys:
-                yield from self._mesh(self._keys, shape, lambda one=shape: snapshot.mesh(one))
+                yield mesh_message(self._next, snapshot.mesh(shape) or _EMPTY)
+                self._keys[shape], self._next = self._next, self._next + 1
         for item in known:
-            stamp = _mesh_stamp(item)
-            if stamp not in self._hidden_keys:
-                yield from self._mesh(
-                    self._hidden_keys, stamp, lambda one=item: nullcontext(one.data)
-                )
+            if _mesh_stamp(item) not in self._hidden_keys:
+                yield mesh_message(self._next, read_mesh(item.data))
+                self._hidden_keys[_mesh_stamp(item)], self._next = self._next, self._next + 1
         yield None
         radar = active_radar(scene)
         rig = rig_of(scene, radar)
@@ -175,17 +174,6 @@ class LiveReader:
         keys += [self._hidden_keys[stamp] for stamp in stamps]
         yield from _scene(scene, radar, rig, objects, motion, keys)
 
-    def _mesh(
-        self,
-        keys: MutableMapping[Any, int],
-        name: Any,
-        opened: Callable[[], AbstractContextManager[Any]],
-    ) -> Iterator[Message | None]:
-        """Yield the message with a mesh after its parts, and give its name a key."""
-        for part in _polygons(opened):
-            yield None if part is None else mesh_message(self._next, part)
-        keys[name], self._next = self._next, self._next + 1
-
 
 def _scene(
     scene: bpy.types.Scene,
@@ -197,7 +185,7 @@ def _scene(
 ) -> Iterator[LiveScene | None]:
     """Yield the scene of objects, whose meshes have these keys, after its parts."""
     measurement, render = read_measurement(scene), scene.render
-    depsgraph = objects.snapshot.depsgraph
+    snapshot = objects.snapshot
     metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
     how = measurement.waveform.carrier_hz, settings(radar).beyond_band
     materials = objects.materials
@@ -213,9 +201,9 @@ def _scene(
     yield None
     start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
     if not stop_m:
-        extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
+        extent = scene_extent(snapshot, rig, metres, any_material=any_material)
         hidden = objects.hidden_corners(set(echoing))
-        far = [distances(hidden, one).max(initial=0.0) for one in antenna_positions(depsgraph, rig)]
+        far = [distances(hidden, one).max(initial=0.0) for one in antenna_positions(snapshot, rig)]
         farthest_m = max(extent.from_emitter_m, extent.from_receiver_m, metres * max(far))
         stop_m = _RANGE_MARGIN * farthest_m
     matrices[:, :3] *= metres
@@ -227,8 +215,8 @@ def _scene(
         link_budget=own_link_budget(radar),
         weather=measurement.weather,
         polarisation=measurement.polarisation,
-        receiver=receiver_record(rig, depsgraph, metres, *size),
-        transmitter=transmitter_record(rig, depsgraph, metres),
+        receiver=receiver_record(rig, snapshot, metres, *size),
+        transmitter=transmitter_record(rig, snapshot, metres),
         range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
         surfaces=[*echoing.values()],
         meshes=keys,
@@ -315,8 +303,7 @@ class _Motion:
         if inner is None:
             return outer
         # The instancer has the world of the original in axes of its own.
-        pose = np.array(item.evaluated_get(self._snapshot.depsgraph).matrix_world, dtype=np.float64)
-        axes = self._snapshot.matrices_of(rows) @ np.linalg.pinv(pose)
+        axes = self._snapshot.matrices_of(rows) @ np.linalg.pinv(self._snapshot.matrix_of(item))
         return np.asarray(outer @ axes @ inner @ np.linalg.pinv(axes))
 
 
@@ -343,51 +330,6 @@ def _mesh_stamp(item: bpy.types.Object) -> tuple[int, ...]:
     """What distinguishes the mesh of an object that is not evaluated from others."""
     mesh = item.data
     return mesh.as_pointer(), len(mesh.vertices), len(mesh.polygons)
-
-
-def _polygons(
-    opened: Callable[[], AbstractContextManager[Any]],
-) -> Iterator[DraftPolygons | None]:
-    """Yield a mesh, which each call of `opened` opens; before that None after each part of it.
-
-    Blender may free a mesh between two parts of an older snapshot, but not of the last one.
-    """
-    none, flat = np.zeros(0, dtype=np.int32), np.zeros((0, 3), dtype=np.float32)
-    found = False
-    with opened() as mesh:
-        if mesh is not None and len(mesh.polygons):
-            found = True
-            points = read_numbers(mesh.vertices, "co", 3)
-            starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
-            smooth = mesh.normals_domain != "FACE"
-            many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
-    if not found:
-        yield DraftPolygons(flat, none, none, none, flat)
-        return
-    yield None
-    with opened() as mesh:
-        if many_sides:
-            triangles = read_triangles(mesh)[1]
-            corners, starts = triangles.ravel(), 3 * np.arange(len(triangles), dtype=np.int32)
-        else:  # attributes are copied whole, properties one by one
-            data = mesh.attributes[".corner_vert"].data
-            corners = read_numbers(data, "value", dtype=np.int32)[:, 0]
-    yield None
-    with opened() as mesh:
-        slots = none
-        if many_sides:
-            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
-        elif "material_index" in mesh.attributes:
-            data = mesh.attributes["material_index"].data
-            slots = read_numbers(data, "value", dtype=np.int32)[:, 0]
-    yield None
-    with opened() as mesh:
-        normals = flat
-        if smooth and many_sides:
-            normals = read_numbers(mesh.loop_triangles, "split_normals", 9).reshape(-1, 3)
-        elif smooth:
-            normals = read_numbers(mesh.corner_normals, "vector", 3)
-    yield DraftPolygons(points, corners, starts, slots, normals)
 
 
 def _notes(

@@ -16,8 +16,6 @@ from .draft import (
     scene_message,
 )
 from .scene import (
-    DraftMesh,
-    DraftPolygons,
     DraftScene,
     SceneTriangles,
 )
@@ -27,8 +25,6 @@ __all__ = [
     "FAULT",
     "LEVELS",
     "DraftLevel",
-    "DraftMesh",
-    "DraftPolygons",
     "DraftScene",
     "SceneTriangles",
     "make_draft",

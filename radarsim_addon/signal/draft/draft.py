@@ -26,8 +26,8 @@ from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows, unrendered_record
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
 from ..runs import RadarFrame
-from ..scene import Surface
-from .scene import DraftMesh, DraftPolygons, DraftScene, SceneTriangles, draft_rows
+from ..scene import Mesh, Surface
+from .scene import DraftScene, SceneTriangles, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
 MOST_CELLS = 1 << 19
@@ -136,10 +136,22 @@ def _no_images(ring: int, snapshot: int) -> NoReturn:
     raise AssertionError("a draft has no ring images")
 
 
-def mesh_message(key: int, mesh: DraftPolygons) -> Message:
+#: What a draft needs of a mesh, all but its edges, with the types in which Blender has it.
+_OF_MESH = {
+    "vertices": np.float32,
+    "first_corners": np.int32,
+    "corner_vertices": np.int32,
+    "slots": np.int32,
+    "corner_normals": np.float32,
+    "cut": np.int32,
+}
+
+
+def mesh_message(key: int, mesh: Mesh) -> Message:
     """Return the message with a mesh; scenes name it by its key."""
-    arrays = {item.name: getattr(mesh, item.name) for item in dataclasses.fields(mesh)}
-    return Message({"kind": MESH, "key": key}, arrays)
+    arrays = {name: getattr(mesh, name) for name in _OF_MESH}
+    known = {name: x.astype(_OF_MESH[name]) for name, x in arrays.items() if x is not None}
+    return Message({"kind": MESH, "key": key}, known)
 
 
 def scene_message(scene: DraftScene) -> Message:
@@ -170,8 +182,8 @@ def _surface_fields(surface: Surface) -> dict[str, Any]:
     return dataclasses.asdict(dataclasses.replace(surface, shaders=(), exponent=None))
 
 
-def mesh_of(message: Message) -> DraftMesh:
-    return DraftPolygons(**message.arrays).triangulated()
+def mesh_of(message: Message) -> Mesh:
+    return Mesh(**message.arrays, corner_edges=np.empty(0, dtype=np.int32))
 
 
 def scene_of(message: Message) -> DraftScene:

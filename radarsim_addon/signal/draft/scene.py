@@ -12,82 +12,20 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from ...arrays import Indices, Int32, Mask, Real, Single, crosses, dots, norms
+from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
 from ...physics.radar_equation import lambert_radiance, received_power_w
 from ..decoding import pixel_rays
 from ..motion import BodyMotion, BodyMotions, FrameMotion, Segment
 from ..paths import PathRows, motion_of_rows, replicate_offset_px
 from ..radar import Radar, Weather
-from ..scene import Angles, RayMesh, RayScene, Surface, barycentric
+from ..scene import Angles, Mesh, RayScene, Surface, barycentric
 
 #: Distance between antennas at one place, relative to the longest range.
 _TOGETHER = 1e-6
-
-
-@dataclass(frozen=True)
-class DraftMesh:
-    """A mesh in its own axes, Blender units."""
-
-    #: Vertices (v, 3), and three of them for each triangle, (m, 3).
-    points: Single
-    triangles: Int32
-    #: Material slot of each triangle, (m,).
-    slots: Int32
-    #: Shading normals at the corners of triangles, (m, 3, 3); empty where the mesh is flat.
-    normals: Single
-
-    @cached_property
-    def rays(self) -> RayMesh:
-        """The mesh for rays."""
-        return RayMesh(self.points, self.triangles)
-
-
-@dataclass(frozen=True)
-class DraftPolygons:
-    """A mesh of triangles and quads in its own axes, as Blender stores it: quick to read."""
-
-    #: Vertices, (v, 3).
-    points: Single
-    #: Vertex of each corner, polygon after polygon, (c,).
-    corners: Int32
-    #: First corner of each polygon, (p,), which has three or four of them.
-    starts: Int32
-    #: Material slot of each polygon, (p,); empty: the first one for all.
-    slots: Int32
-    #: Shading normals of the corners, (c, 3); empty where the mesh is flat.
-    normals: Single
-
-    def triangulated(self) -> DraftMesh:
-        """Return the mesh as triangles; quads are cut from their first corner to their third.
-
-        One that has a corner inwards is cut from its second corner to its fourth.
-        """
-        starts = self.starts.astype(np.intp)
-        sides = np.diff(np.append(starts, self.corners.size))
-        quads = np.flatnonzero(sides == 4)
-        places = starts[quads][:, None] + np.arange(4)
-        places = np.where(self._bent(places)[:, None], np.roll(places, -1, axis=1), places)
-        whole = np.flatnonzero(sides == 3)
-        polygon = np.concatenate([whole, quads, quads])
-        corner = np.concatenate(
-            [starts[whole][:, None] + np.arange(3), places[:, [0, 1, 2]], places[:, [0, 2, 3]]]
-        )
-        slots = self.slots[polygon] if self.slots.size else np.zeros(polygon.size, dtype=np.int32)
-        normals = self.normals[corner] if self.normals.size else np.zeros((0, 3, 3), np.float32)
-        return DraftMesh(self.points, self.corners[corner], slots, normals)
-
-    def _bent(self, places: Indices) -> Mask:
-        """Return whether a quad's second and fourth corner lie on one side of the line between
-        others.
-        """
-        first, second, third, fourth = self.points[self.corners[places]].transpose(1, 0, 2)
-        along = third - first
-        return np.asarray(dots(crosses(second - first, along), crosses(fourth - first, along)) > 0)
 
 
 @dataclass(frozen=True)
@@ -145,11 +83,11 @@ class SceneTriangles:
     """The triangles of a scene, and what rays meet among them."""
 
     #: Mesh of each object.
-    meshes: Sequence[DraftMesh]
+    meshes: Sequence[Mesh]
     rays: RayScene
 
     @classmethod
-    def of(cls, scene: DraftScene, meshes: Mapping[int, DraftMesh]) -> SceneTriangles:
+    def of(cls, scene: DraftScene, meshes: Mapping[int, Mesh]) -> SceneTriangles:
         """Gather the meshes of a scene."""
         own = [meshes[key] for key in scene.meshes]
         boxes = np.array([mesh.rays.box for mesh in own]).reshape(-1, 2, 3)
@@ -261,14 +199,16 @@ def _surfaces(
     for one in np.unique(item).tolist():
         mine = np.flatnonzero(item == one)
         mesh, matrix, slots = triangles.meshes[one], scene.matrices[one], np.array(scene.slots[one])
-        surface[mine] = slots[np.minimum(mesh.slots[face[mine]], slots.size - 1)]
-        corners = mesh.points[mesh.triangles[face[mine]]] @ matrix[:3, :3].T + matrix[:3, 3]
+        faces, along = face[mine], direction[mine]
+        surface[mine] = slots[np.minimum(mesh.slots[mesh.polygons[faces]], slots.size - 1)]
+        corners = mesh.vertices[mesh.triangles[faces]] @ matrix[:3, :3].T + matrix[:3, 3]
         across = crosses(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        flat[mine] = normal[mine] = _against(across, direction[mine])
-        if mesh.normals.size:
+        flat[mine] = normal[mine] = _against(across, along)
+        if mesh.corner_normals is not None:
             weights = barycentric(points_m[mine], corners)
-            own = np.einsum("nc,nci->ni", weights, mesh.normals[face[mine]])
-            normal[mine] = _against(own @ np.linalg.pinv(matrix[:3, :3]), direction[mine])
+            shading = mesh.corner_normals[mesh.triangle_corners[faces]]
+            own = np.einsum("nc,nci->ni", weights, shading) @ np.linalg.pinv(matrix[:3, :3])
+            normal[mine] = _against(own, along)
     away_m = np.array(scene.transmitter.matrix_world)[:3, 3] - points_m
     there_m = norms(away_m)
     to_transmitter = away_m / there_m[:, None]

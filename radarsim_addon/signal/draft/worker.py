@@ -17,6 +17,7 @@ from typing import IO
 
 from ...errors import RadarSimError
 from ...messages import Message, read_message, write_message
+from ..scene import Mesh
 from .draft import (
     FAULT,
     LEVELS,
@@ -26,7 +27,7 @@ from .draft import (
     mesh_of,
     scene_of,
 )
-from .scene import DraftMesh, DraftScene, SceneTriangles
+from .scene import DraftScene, SceneTriangles
 
 #: Time without a newer scene after which a finer draft begins [s].
 _CALM_S = 0.2
@@ -39,7 +40,7 @@ class _Inbox:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self.meshes: dict[int, DraftMesh] = {}
+        self.meshes: dict[int, Mesh] = {}
         threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: IO[bytes]) -> None:

@@ -20,8 +20,9 @@ from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.ui.live_scene import LiveReader, LiveScene
-from radarsim_addon.signal.draft import DraftLevel, DraftMesh, SceneTriangles, make_draft
+from radarsim_addon.signal.draft import DraftLevel, SceneTriangles, make_draft
 from radarsim_addon.signal.draft.draft import mesh_of, scene_of
+from radarsim_addon.signal.scene import Mesh
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import path_scenes as ps
@@ -261,7 +262,7 @@ EVERY = [
 
 def draft() -> Any:
     bpy.context.view_layer.update()
-    meshes: dict[int, DraftMesh] = {}
+    meshes: dict[int, Mesh] = {}
     for message in LiveReader().read(bpy.context):
         if isinstance(message, LiveScene):
             scene = scene_of(message.message)

@@ -26,8 +26,6 @@ from radarsim_addon.signal.draft import (
     FAULT,
     LEVELS,
     DraftLevel,
-    DraftMesh,
-    DraftPolygons,
     DraftScene,
     SceneTriangles,
     make_draft,
@@ -37,7 +35,7 @@ from radarsim_addon.signal.draft import (
 from radarsim_addon.signal.draft.draft import scene_of
 from radarsim_addon.signal.draft.worker import serve
 from radarsim_addon.signal.radar import Burst, Radar, Waveform, Weather
-from radarsim_addon.signal.scene import Clutter, Shader, Surface
+from radarsim_addon.signal.scene import Clutter, Mesh, Shader, Surface
 
 WAVEFORM = Waveform(5.3e9, 50e6, 2.5e-6, 60e6)
 SIDE_M, RANGE_M, TILT = 2.0, 40.0, math.radians(30.0)
@@ -50,20 +48,15 @@ SEA = Surface(kind="physical", n=2.0, kappa=0.0, roughness=0.0, clutter=Clutter(
 RATE_MPS = 12.0
 
 
-def plate() -> DraftPolygons:
+def plate() -> Mesh:
     """A square tilted back about X."""
     half = SIDE_M / 2
     corners = np.array([[-half, -half], [half, -half], [half, half], [-half, half]])
     points = np.column_stack(
         [corners[:, 0], corners[:, 1] * math.sin(TILT), corners[:, 1] * math.cos(TILT)]
     )
-    return DraftPolygons(
-        points.astype(np.float32),
-        corners=np.arange(4, dtype=np.int32),
-        starts=np.zeros(1, dtype=np.int32),
-        slots=np.zeros(0, dtype=np.int32),
-        normals=np.zeros((0, 3), dtype=np.float32),
-    )
+    numbers, zero = np.arange(4, dtype=np.int32), np.zeros(1, dtype=np.int32)
+    return Mesh(points, zero, numbers, numbers, zero)
 
 
 def scene(**changes: Any) -> DraftScene:
@@ -88,14 +81,10 @@ def scene(**changes: Any) -> DraftScene:
     return DraftScene(**(values | changes))
 
 
-def mesh() -> DraftMesh:
-    return plate().triangulated()
-
-
 def test_a_lambert_plate_has_its_radar_cross_section() -> None:
     """4 rho A cos^2 in the radar equation: within 0.1 dB at the peak and in all, in its cells."""
     given = scene()
-    found = make_draft(given, SceneTriangles.of(given, {7: mesh()}), DraftLevel(4096, 2))
+    found = make_draft(given, SceneTriangles.of(given, {7: plate()}), DraftLevel(4096, 2))
     rcs_m2 = lambert_plate_rcs_m2(0.5, SIDE_M**2, math.cos(TILT))
     expected_w = float(monostatic_power_w(1e3, rcs_m2, RANGE_M, WAVEFORM.wavelength_m))
     peak = int(np.argmax(found.profile_w))
@@ -112,20 +101,20 @@ def test_a_lambert_plate_has_its_radar_cross_section() -> None:
 def test_noise_is_that_of_the_link_budget() -> None:
     """k T_0 F B of a sample; less in a bin by the matched filter, and in the map by the pulses."""
     given = scene(link_budget=LinkBudget(transmit_power_w=1e3, noise_figure_db=3.0))
-    found = make_draft(given, SceneTriangles.of(given, {7: mesh()}), DraftLevel(256, 2))
+    found = make_draft(given, SceneTriangles.of(given, {7: plate()}), DraftLevel(256, 2))
     sample_w = float(noise_power_w(60e6, 3.0, 290.0))
     samples = WAVEFORM.chirp_duration_s * 60e6
     # a Hamming taper's noise bandwidth is 1.36 bins, of range and of Doppler
     assert found.noise_w == pytest.approx(1.36 * sample_w / samples, rel=0.05)
     assert found.map_noise_w == pytest.approx(1.36 * found.noise_w / 32, rel=0.03)
     without = scene()
-    found = make_draft(without, SceneTriangles.of(without, {7: mesh()}), DraftLevel(64, 2))
+    found = make_draft(without, SceneTriangles.of(without, {7: plate()}), DraftLevel(64, 2))
     assert found.noise_w == found.map_noise_w == 0
 
 
 def test_few_pulses_stand_for_a_map_of_too_many_cells() -> None:
     given = scene(radar=Radar(WAVEFORM, Burst(400.0, 4096)), range_limits_m=(0.0, 20e3))
-    found = make_draft(given, SceneTriangles.of(given, {7: mesh()}), DraftLevel(256, 2))
+    found = make_draft(given, SceneTriangles.of(given, {7: plate()}), DraftLevel(256, 2))
     assert found.map_w.size <= 1 << 19
     assert found.pulses == len(found.map_w) < 4096
     peak = int(np.argmax(found.profile_w))
