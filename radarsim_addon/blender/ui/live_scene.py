@@ -8,7 +8,7 @@ its mesh and its F-curves are all that counts.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -59,18 +59,19 @@ _UNUSED = 2**31 - 1
 class LiveScene:
     """A scene ready to be sent.
 
-    message: to the process that drafts. notes: what the draft leaves out of this scene.
+    message: to the process that drafts. notes: what the draft leaves out of this scene. pulses: of
+    its burst.
     """
 
     message: Message
     notes: tuple[str, ...]
+    pulses: int
 
     def same(self, other: LiveScene | None) -> bool:
         """Whether another one would give the same draft."""
-        if other is None or self.message.fields != other.message.fields:
-            return False
-        arrays = other.message.arrays
-        return all(np.array_equal(a, arrays[name]) for name, a in self.message.arrays.items())
+        return other is not None and np.array_equal(
+            *(m.message.arrays["scene"] for m in (self, other))
+        )
 
 
 @dataclass(frozen=True)
@@ -218,7 +219,8 @@ def _scene(
         receiver=receiver_record(rig, snapshot, metres, *size),
         transmitter=transmitter_record(rig, snapshot, metres),
         range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
-        surfaces=[*echoing.values()],
+        # no more of them than a draft needs
+        surfaces=[replace(one, shaders=(), exponent=None) for one in echoing.values()],
         meshes=keys,
         matrices=matrices,
         slots=[
@@ -229,8 +231,8 @@ def _scene(
         moves=moves,
         interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
     )
-    notes = _notes(drafted.surfaces, objects, other, len(motion.unknown))
-    yield LiveScene(scene_message(drafted), notes)
+    notes = _notes([*echoing.values()], objects, other, len(motion.unknown))
+    yield LiveScene(scene_message(drafted), notes, measurement.radar.burst.pulses)
 
 
 class _Motion:

@@ -17,16 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Real
-from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
-from ...messages import Message
-from ...typed_json import from_json
+from ...messages import Message, packed
 from ..decoding import FrameInput, FrameTable
 from ..detection import FrameBudget
 from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows, unrendered_record
-from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
+from ..radar import Radar
 from ..runs import RadarFrame
-from ..scene import Mesh, Surface
+from ..scene import Mesh
 from .scene import DraftScene, SceneTriangles, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
@@ -136,77 +134,21 @@ def _no_images(ring: int, snapshot: int) -> NoReturn:
     raise AssertionError("a draft has no ring images")
 
 
-#: What a draft needs of a mesh, all but its edges, with the types in which Blender has it.
-_OF_MESH = {
-    "vertices": np.float32,
-    "first_corners": np.int32,
-    "corner_vertices": np.int32,
-    "slots": np.int32,
-    "corner_normals": np.float32,
-    "cut": np.int32,
-}
-
-
 def mesh_message(key: int, mesh: Mesh) -> Message:
-    """Return the message with a mesh; scenes name it by its key."""
-    arrays = {name: getattr(mesh, name) for name in _OF_MESH}
-    known = {name: x.astype(_OF_MESH[name]) for name, x in arrays.items() if x is not None}
-    return Message({"kind": MESH, "key": key}, known)
+    """Return the message with a mesh, in float32; scenes name it by its key."""
+    normals = mesh.corner_normals
+    small = dataclasses.replace(
+        mesh,
+        vertices=mesh.vertices.astype(np.float32),
+        corner_edges=mesh.corner_edges[:0],
+        corner_normals=None if normals is None else normals.astype(np.float32),
+    )
+    return Message({"kind": MESH, "key": key}, {"mesh": packed(small)})
 
 
 def scene_message(scene: DraftScene) -> Message:
     """Return the message with a scene; its meshes have messages of their own, which go before."""
-    budget = scene.link_budget
-    fields = {
-        "kind": SCENE,
-        "waveform": waveform_to_dict(scene.radar.waveform),
-        "burst": dataclasses.asdict(scene.radar.burst),
-        "link_budget": None if budget is None else dataclasses.asdict(budget),
-        "weather": dataclasses.asdict(scene.weather),
-        "receiver": dataclasses.asdict(scene.receiver),
-        "transmitter": dataclasses.asdict(scene.transmitter),
-        "range_limits_m": list(scene.range_limits_m),
-        "polarisation": scene.polarisation,
-        "surfaces": [_surface_fields(one) for one in scene.surfaces],
-        "meshes": list(scene.meshes),
-        "slots": [list(one) for one in scene.slots],
-        "interval_s": scene.interval_s,
-    }
-    return Message(fields, {"matrices": scene.matrices, "met": scene.met, "moves": scene.moves})
-
-
-def _surface_fields(surface: Surface) -> dict[str, Any]:
-    """Return the fields that a draft needs: all but the shaders of materials made for light, of
-    which `output` is one.
-    """
-    return dataclasses.asdict(dataclasses.replace(surface, shaders=(), exponent=None))
-
-
-def mesh_of(message: Message) -> Mesh:
-    return Mesh(**message.arrays, corner_edges=np.empty(0, dtype=np.int32))
-
-
-def scene_of(message: Message) -> DraftScene:
-    fields = message.fields
-    waveform = waveform_from_dict(fields["waveform"])
-    budget = fields["link_budget"]
-    start_m, stop_m = fields["range_limits_m"]
-    return DraftScene(
-        radar=Radar(waveform, burst_from_dict(fields["burst"], waveform)),
-        link_budget=None if budget is None else from_json(LinkBudget, budget, "Link budget"),
-        weather=from_json(Weather, fields["weather"], "Weather"),
-        receiver=ReceiverRecord(**fields["receiver"]),
-        transmitter=TransmitterRecord(**fields["transmitter"]),
-        range_limits_m=(start_m, stop_m),
-        polarisation=fields["polarisation"],
-        surfaces=[from_json(Surface, one, "Surface") for one in fields["surfaces"]],
-        meshes=fields["meshes"],
-        matrices=message.arrays["matrices"],
-        slots=fields["slots"],
-        met=message.arrays["met"],
-        moves=message.arrays["moves"],
-        interval_s=fields["interval_s"],
-    )
+    return Message({"kind": SCENE}, {"scene": packed(scene)})
 
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:

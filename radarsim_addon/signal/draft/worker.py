@@ -16,7 +16,7 @@ import time
 from typing import IO
 
 from ...errors import RadarSimError
-from ...messages import Message, read_message, write_message
+from ...messages import Message, read_message, unpacked, write_message
 from ..scene import Mesh
 from .draft import (
     FAULT,
@@ -24,8 +24,6 @@ from .draft import (
     MESH,
     draft_message,
     make_draft,
-    mesh_of,
-    scene_of,
 )
 from .scene import DraftScene, SceneTriangles
 
@@ -55,31 +53,32 @@ class _Inbox:
             time.sleep(_LOOK_S)
         return not self._messages.empty()
 
-    def newest_scene(self) -> Message | None:
-        """Wait for a scene and return the last one that has come; None at the end of input."""
+    def newest_scene(self) -> tuple[DraftScene, int] | None:
+        """Wait for a scene; return the last one that has come with its number, None at the end."""
         newest = None
         while newest is None or not self._messages.empty():
             message = self._messages.get()
             if message is None:
                 return None
             if message.fields["kind"] == MESH:
-                self.meshes[message.fields["key"]] = mesh_of(message)
+                self.meshes[message.fields["key"]] = unpacked(message.arrays["mesh"])
             else:
                 newest = message
-        used = set(newest.fields["meshes"])
+        scene: DraftScene = unpacked(newest.arrays["scene"])
+        used = set(scene.meshes)
         self.meshes = {key: mesh for key, mesh in self.meshes.items() if key in used}
-        return newest
+        return scene, newest.fields["number"]
 
 
 def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
     """Draft scenes until the input ends."""
     inbox = _Inbox(reading)
-    while (message := inbox.newest_scene()) is not None:
+    while (newest := inbox.newest_scene()) is not None:
+        scene, number = newest
         try:
-            _draft(scene_of(message), message.fields["number"], inbox, writing)
+            _draft(scene, number, inbox, writing)
         except RadarSimError as error:
-            fault = {"kind": FAULT, "number": message.fields["number"], "text": str(error)}
-            write_message(writing, fault, {})
+            write_message(writing, {"kind": FAULT, "number": number, "text": str(error)}, {})
 
 
 def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:

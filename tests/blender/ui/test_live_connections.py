@@ -20,8 +20,8 @@ from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.ui.live_scene import LiveReader, LiveScene
+from radarsim_addon.messages import unpacked
 from radarsim_addon.signal.draft import DraftLevel, SceneTriangles, make_draft
-from radarsim_addon.signal.draft.draft import mesh_of, scene_of
 from radarsim_addon.signal.scene import Mesh
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
@@ -265,9 +265,9 @@ def draft() -> Any:
     meshes: dict[int, Mesh] = {}
     for message in LiveReader().read(bpy.context):
         if isinstance(message, LiveScene):
-            scene = scene_of(message.message)
+            scene = unpacked(message.message.arrays["scene"])
         elif message is not None:
-            meshes[message.fields["key"]] = mesh_of(message)
+            meshes[message.fields["key"]] = unpacked(message.arrays["mesh"])
     return make_draft(scene, SceneTriangles.of(scene, meshes), DraftLevel(16384, 2))
 
 

@@ -19,6 +19,7 @@ from radarsim_addon.blender.materials import make_physical_material, set_clutter
 from radarsim_addon.blender.rig_settings import read_measurement
 from radarsim_addon.blender.ui import live_preview
 from radarsim_addon.blender.ui.live_scene import LiveReader
+from radarsim_addon.messages import unpacked
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -280,7 +281,7 @@ def read_scene() -> dict[str, Any]:
     """Fields and arrays of the scene as it is sent, and its notes."""
     bpy.context.view_layer.update()
     *_, found = LiveReader().read(bpy.context)
-    return {**found.message.fields, **found.message.arrays, "notes": found.notes}
+    return {**vars(unpacked(found.message.arrays["scene"])), "notes": found.notes}
 
 
 def test_materials_of_cycles_echo_only_where_all_do(scene: Any) -> None:
@@ -290,7 +291,7 @@ def test_materials_of_cycles_echo_only_where_all_do(scene: Any) -> None:
     assert (found["surfaces"], found["slots"], found["notes"]) == ([], [[-1]], ())
     rs.radar().range_encoding = "auto"
     found = read_scene()
-    assert found["slots"] == [[0]] and found["surfaces"][0]["output"]["kind"] == "Principled"
+    assert found["slots"] == [[0]] and found["surfaces"][0].output.kind == "Principled"
     assert found["notes"] == ("materials taken as diffuse: 1",)
     ph.plate_at(10.0, 2.0, ph.lambert(0.3)).is_holdout = True
     assert sorted(read_scene()["slots"]) == [[-1], [0]]

@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import LinkBudget, ReceiverRecord, TransmitterRecord
-from radarsim_addon.messages import read_message, write_message
+from radarsim_addon.messages import _Unpickler, read_message, unpacked, write_message
 from radarsim_addon.physics.radar_equation import (
     lambert_plate_rcs_m2,
     monostatic_power_w,
     noise_power_w,
 )
 from radarsim_addon.physics.rough import facet_brightness, sigma0
+from radarsim_addon.physics.weather import rain_attenuation_db_per_km
 from radarsim_addon.signal.draft import (
     DRAFT,
     FAULT,
@@ -32,7 +33,6 @@ from radarsim_addon.signal.draft import (
     mesh_message,
     scene_message,
 )
-from radarsim_addon.signal.draft.draft import scene_of
 from radarsim_addon.signal.draft.worker import serve
 from radarsim_addon.signal.radar import Burst, Radar, Waveform, Weather
 from radarsim_addon.signal.scene import Clutter, Mesh, Shader, Surface
@@ -146,14 +146,32 @@ def test_messages_keep_a_scene_and_end_where_they_are_cut() -> None:
     stream.seek(0)
     message = read_message(stream)
     assert message is not None
-    back = scene_of(message)
+    back = unpacked(message.arrays["scene"])
     for item in dataclasses.fields(DraftScene):
         value, other = getattr(back, item.name), getattr(given, item.name)
         if item.name == "surfaces":
-            value, other = ([dataclasses.asdict(one) for one in each] for each in (value, other))
+            value, other = (list(map(vars, each)) for each in (value, other))
         assert np.array_equal(value, other) if isinstance(other, np.ndarray) else value == other
     for length in (0, 5, 60, len(whole) - 1):
         assert read_message(io.BytesIO(whole[:length])) is None
+
+
+def test_types_of_the_package_have_the_name_of_the_process() -> None:
+    """Blender calls an extension's package bl_ext.REPOSITORY.NAME."""
+    reader = _Unpickler(io.BytesIO())
+    name = f"bl_ext.user_default.{Surface.__module__}"
+    assert reader.find_class(name, "Surface") is Surface
+    assert reader.find_class("numpy", "ndarray") is np.ndarray
+
+
+def test_rain_attenuates_on_both_ways() -> None:
+    wet = scene(weather=Weather(rain_mm_per_h=50.0))
+    powers = [
+        make_draft(one, SceneTriangles.of(one, {7: plate()}), DraftLevel(256, 2)).profile_w.sum()
+        for one in (scene(), wet)
+    ]
+    loss_db = 2e-3 * RANGE_M * float(rain_attenuation_db_per_km(WAVEFORM.carrier_hz, 50.0))
+    assert 10 * math.log10(powers[0] / powers[1]) == pytest.approx(loss_db, rel=0.03)
 
 
 def test_the_process_drafts_finer_and_finer_and_names_faults() -> None:
