@@ -182,7 +182,7 @@ class LivePreview:
                     map_db=map_db,
                 )
             )
-        if fields["gaps_from_m"] is not None:
+        if math.isfinite(fields["gaps_from_m"]):
             lines.append(
                 tr("gaps between rays from {range_m:.3g} m", range_m=fields["gaps_from_m"])
             )

@@ -17,7 +17,6 @@ from .draft import (
 )
 from .scene import (
     DraftScene,
-    SceneTriangles,
 )
 
 __all__ = [
@@ -26,7 +25,6 @@ __all__ = [
     "LEVELS",
     "DraftLevel",
     "DraftScene",
-    "SceneTriangles",
     "make_draft",
     "mesh_message",
     "scene_message",

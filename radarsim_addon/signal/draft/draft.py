@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import NamedTuple, NoReturn, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Real
 from ...messages import Message, packed
@@ -25,7 +25,7 @@ from ..paths import PathRows, unrendered_record
 from ..radar import Radar
 from ..runs import RadarFrame
 from ..scene import Mesh
-from .scene import DraftScene, SceneTriangles, draft_rows
+from .scene import DraftScene, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
 MOST_CELLS = 1 << 19
@@ -78,13 +78,13 @@ class Draft:
         return 10 * math.log10(1 + error_w / power_w) if power_w > 0 else 0.0
 
 
-def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) -> Draft:
-    """Return profile and map of a scene, by its triangles (`SceneTriangles.of`)."""
+def make_draft(scene: DraftScene, meshes: Mapping[int, Mesh], level: DraftLevel) -> Draft:
+    """Return profile and map of a scene of meshes by their keys."""
     edges = scene.receiver
     aspect = (edges.right - edges.left) / (edges.top - edges.bottom)
     rows = max(round(math.sqrt(level.rays / aspect)), 1)
     columns = max(round(level.rays / rows), 1)
-    table = draft_rows(scene, triangles, columns, rows, level.replicates)
+    table = draft_rows(scene, meshes, columns, rows, level.replicates)
     start_m, stop_m = scene.range_limits_m
     step_m = scene.radar.waveform.sample_spacing_m / _CELLS_PER_SAMPLE
     ranges = (min(stop_m, scene.radar.waveform.unambiguous_range_m) - start_m) / step_m
@@ -153,22 +153,8 @@ def scene_message(scene: DraftScene) -> Message:
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:
     """Return the message with a draft, the number of its level and of triangles; map in float32."""
-    gaps = draft.gaps_from_m
-    fields = {
-        "kind": DRAFT,
-        "level": level,
-        "triangles": triangles,
-        "pulses": draft.pulses,
-        "rays": draft.rays,
-        "peak_error_db": draft.peak_error_db,
-        "noise_w": draft.noise_w,
-        "map_noise_w": draft.map_noise_w,
-        "gaps_from_m": None if math.isinf(gaps) else gaps,
-    }
-    arrays: dict[str, NDArray[Any]] = {
-        "range_m": draft.range_m,
-        "velocity_mps": np.ascontiguousarray(draft.velocity_mps),
-        "profile_w": draft.profile_w,
-        "map_w": draft.map_w.astype(np.float32),
-    }
-    return Message(fields, arrays)
+    values = {**vars(draft), "map_w": draft.map_w.astype(np.float32)}
+    arrays = {name: x for name, x in values.items() if isinstance(x, np.ndarray)}
+    fields = {name: x for name, x in values.items() if name not in arrays}
+    own = {"kind": DRAFT, "level": level, "triangles": triangles}
+    return Message({**fields, **own, "peak_error_db": draft.peak_error_db}, arrays)

@@ -55,6 +55,12 @@ class DraftScene:
     moves: Real
     interval_s: float
 
+    def rays(self, meshes: Mapping[int, Mesh]) -> RayScene:
+        """Return what rays meet, of meshes by their keys."""
+        boxes = np.array([meshes[key].rays.box for key in self.meshes]).reshape(-1, 2, 3)
+        keys = np.array(self.meshes, dtype=np.intp)
+        return RayScene(self.matrices, boxes, keys, lambda key: meshes[key].rays)
+
     def motion(self) -> FrameMotion:
         """Return the motion of antennas and objects."""
         antennas = [np.array(one.matrix_world) for one in (self.receiver, self.transmitter)]
@@ -78,46 +84,29 @@ class DraftScene:
         return BodyMotion(pose, (segment,))
 
 
-@dataclass(frozen=True)
-class SceneTriangles:
-    """The triangles of a scene, and what rays meet among them."""
-
-    #: Mesh of each object.
-    meshes: Sequence[Mesh]
-    rays: RayScene
-
-    @classmethod
-    def of(cls, scene: DraftScene, meshes: Mapping[int, Mesh]) -> SceneTriangles:
-        """Gather the meshes of a scene."""
-        own = [meshes[key] for key in scene.meshes]
-        boxes = np.array([mesh.rays.box for mesh in own]).reshape(-1, 2, 3)
-        keys = np.array(scene.meshes, dtype=np.intp)
-        return cls(own, RayScene(scene.matrices, boxes, keys, lambda key: meshes[key].rays))
-
-    def __len__(self) -> int:
-        return sum(len(mesh.triangles) for mesh in self.meshes)
-
-
 def draft_rows(
-    scene: DraftScene, triangles: SceneTriangles, columns: int, rows: int, replicates: int
+    scene: DraftScene, meshes: Mapping[int, Mesh], columns: int, rows: int, replicates: int
 ) -> PathRows:
     """Return the paths of one reflection as rows of a path table, of one tile, replicate by
     replicate.
 
     Each replicate is a grid of columns x rows rays, moved by fractions of a pixel.
     """
-    table = PathRows.joined(
-        [
-            _replicate(scene, triangles, (columns, rows), number, replicates)
-            for number in range(replicates)
-        ]
-    )
+    rays, size = scene.rays(meshes), (columns, rows)
+    numbers = range(replicates)
+    parts = [_replicate(scene, meshes, rays, size, number, replicates) for number in numbers]
+    table = PathRows.joined(parts)
     table["range_rate_mps"] = motion_of_rows(table, scene.motion()).range_rates_mps()
     return table
 
 
 def _replicate(
-    scene: DraftScene, triangles: SceneTriangles, size: tuple[int, int], number: int, count: int
+    scene: DraftScene,
+    meshes: Mapping[int, Mesh],
+    scene_rays: RayScene,
+    size: tuple[int, int],
+    number: int,
+    count: int,
 ) -> PathRows:
     """Return the rows of one of `count` replicates."""
     receiver = _moved(scene.receiver, size, replicate_offset_px(number))
@@ -125,11 +114,11 @@ def _replicate(
     rays = pixel_rays(receiver, *size)
     direction = rays.direction.reshape(-1, 3)
     origin_m = np.broadcast_to(rays.origin_m, rays.direction.shape).reshape(-1, 3)
-    item, face, way_m = triangles.rays.first(origin_m, direction, scene.met[0])
+    item, face, way_m = scene_rays.first(origin_m, direction, scene.met[0])
     met = np.flatnonzero(item >= 0)
     item, direction, way_m = item[met], direction[met], way_m[met]
     points_m = origin_m[met] + way_m[:, None] * direction
-    surface, angles, there_m = _surfaces(scene, triangles, item, face[met], points_m, direction)
+    surface, angles, there_m = _surfaces(scene, meshes, item, face[met], points_m, direction)
     brightness = np.zeros(met.size)
     carrier_hz = scene.radar.waveform.carrier_hz
     for one in np.unique(surface[surface >= 0]).tolist():
@@ -138,7 +127,7 @@ def _replicate(
         brightness[mine] = scene.surfaces[one].brightness(some, carrier_hz, scene.polarisation)
     lit = np.flatnonzero(brightness > 0)
     if _may_shade(scene, receiver.kind):
-        blocked = triangles.rays.blocked(transmitter_m, points_m[lit], scene.met[1])
+        blocked = scene_rays.blocked(transmitter_m, points_m[lit], scene.met[1])
         lit = lit[~blocked]
     solid_angle_sr = rays.solid_angle_sr.ravel()[met[lit]] / count
     # as bright as a Lambert surface of this albedo at normal incidence
@@ -183,7 +172,7 @@ def _may_shade(scene: DraftScene, kind: str) -> bool:
 
 def _surfaces(
     scene: DraftScene,
-    triangles: SceneTriangles,
+    meshes: Mapping[int, Mesh],
     item: Indices,
     face: Indices,
     points_m: Real,
@@ -198,7 +187,8 @@ def _surfaces(
     flat, normal = np.zeros((2, item.size, 3))
     for one in np.unique(item).tolist():
         mine = np.flatnonzero(item == one)
-        mesh, matrix, slots = triangles.meshes[one], scene.matrices[one], np.array(scene.slots[one])
+        mesh, matrix = meshes[scene.meshes[one]], scene.matrices[one]
+        slots = np.array(scene.slots[one])
         faces, along = face[mine], direction[mine]
         surface[mine] = slots[np.minimum(mesh.slots[mesh.polygons[faces]], slots.size - 1)]
         corners = mesh.vertices[mesh.triangles[faces]] @ matrix[:3, :3].T + matrix[:3, 3]

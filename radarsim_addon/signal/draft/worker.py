@@ -25,7 +25,7 @@ from .draft import (
     draft_message,
     make_draft,
 )
-from .scene import DraftScene, SceneTriangles
+from .scene import DraftScene
 
 #: Time without a newer scene after which a finer draft begins [s].
 _CALM_S = 0.2
@@ -83,10 +83,10 @@ def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
 
 def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:
     """Write drafts of a scene, finer and finer, until there is a newer one."""
-    triangles = SceneTriangles.of(scene, inbox.meshes)
+    triangles = sum(len(inbox.meshes[key].triangles) for key in scene.meshes)
     for index, level in enumerate(LEVELS):
-        draft = make_draft(scene, triangles, level)
-        fields, arrays = draft_message(draft, index, len(triangles))
+        draft = make_draft(scene, inbox.meshes, level)
+        fields, arrays = draft_message(draft, index, triangles)
         write_message(writing, {**fields, "number": number}, arrays)
         # while the scene changes, the window answers to each draft with the next scene
         if inbox.has_news(_CALM_S):

@@ -21,7 +21,7 @@ from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.ui.live_scene import LiveReader, LiveScene
 from radarsim_addon.messages import unpacked
-from radarsim_addon.signal.draft import DraftLevel, SceneTriangles, make_draft
+from radarsim_addon.signal.draft import DraftLevel, make_draft
 from radarsim_addon.signal.scene import Mesh
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
@@ -268,7 +268,7 @@ def draft() -> Any:
             scene = unpacked(message.message.arrays["scene"])
         elif message is not None:
             meshes[message.fields["key"]] = unpacked(message.arrays["mesh"])
-    return make_draft(scene, SceneTriangles.of(scene, meshes), DraftLevel(16384, 2))
+    return make_draft(scene, meshes, DraftLevel(16384, 2))
 
 
 def centre(axis: np.ndarray, power: np.ndarray) -> float:

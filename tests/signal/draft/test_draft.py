@@ -28,7 +28,6 @@ from radarsim_addon.signal.draft import (
     LEVELS,
     DraftLevel,
     DraftScene,
-    SceneTriangles,
     make_draft,
     mesh_message,
     scene_message,
@@ -84,7 +83,7 @@ def scene(**changes: Any) -> DraftScene:
 def test_a_lambert_plate_has_its_radar_cross_section() -> None:
     """4 rho A cos^2 in the radar equation: within 0.1 dB at the peak and in all, in its cells."""
     given = scene()
-    found = make_draft(given, SceneTriangles.of(given, {7: plate()}), DraftLevel(4096, 2))
+    found = make_draft(given, {7: plate()}, DraftLevel(4096, 2))
     rcs_m2 = lambert_plate_rcs_m2(0.5, SIDE_M**2, math.cos(TILT))
     expected_w = float(monostatic_power_w(1e3, rcs_m2, RANGE_M, WAVEFORM.wavelength_m))
     peak = int(np.argmax(found.profile_w))
@@ -101,20 +100,20 @@ def test_a_lambert_plate_has_its_radar_cross_section() -> None:
 def test_noise_is_that_of_the_link_budget() -> None:
     """k T_0 F B of a sample; less in a bin by the matched filter, and in the map by the pulses."""
     given = scene(link_budget=LinkBudget(transmit_power_w=1e3, noise_figure_db=3.0))
-    found = make_draft(given, SceneTriangles.of(given, {7: plate()}), DraftLevel(256, 2))
+    found = make_draft(given, {7: plate()}, DraftLevel(256, 2))
     sample_w = float(noise_power_w(60e6, 3.0, 290.0))
     samples = WAVEFORM.chirp_duration_s * 60e6
     # a Hamming taper's noise bandwidth is 1.36 bins, of range and of Doppler
     assert found.noise_w == pytest.approx(1.36 * sample_w / samples, rel=0.05)
     assert found.map_noise_w == pytest.approx(1.36 * found.noise_w / 32, rel=0.03)
     without = scene()
-    found = make_draft(without, SceneTriangles.of(without, {7: plate()}), DraftLevel(64, 2))
+    found = make_draft(without, {7: plate()}, DraftLevel(64, 2))
     assert found.noise_w == found.map_noise_w == 0
 
 
 def test_few_pulses_stand_for_a_map_of_too_many_cells() -> None:
     given = scene(radar=Radar(WAVEFORM, Burst(400.0, 4096)), range_limits_m=(0.0, 20e3))
-    found = make_draft(given, SceneTriangles.of(given, {7: plate()}), DraftLevel(256, 2))
+    found = make_draft(given, {7: plate()}, DraftLevel(256, 2))
     assert found.map_w.size <= 1 << 19
     assert found.pulses == len(found.map_w) < 4096
     peak = int(np.argmax(found.profile_w))
@@ -167,8 +166,7 @@ def test_types_of_the_package_have_the_name_of_the_process() -> None:
 def test_rain_attenuates_on_both_ways() -> None:
     wet = scene(weather=Weather(rain_mm_per_h=50.0))
     powers = [
-        make_draft(one, SceneTriangles.of(one, {7: plate()}), DraftLevel(256, 2)).profile_w.sum()
-        for one in (scene(), wet)
+        make_draft(one, {7: plate()}, DraftLevel(256, 2)).profile_w.sum() for one in (scene(), wet)
     ]
     loss_db = 2e-3 * RANGE_M * float(rain_attenuation_db_per_km(WAVEFORM.carrier_hz, 50.0))
     assert 10 * math.log10(powers[0] / powers[1]) == pytest.approx(loss_db, rel=0.03)
