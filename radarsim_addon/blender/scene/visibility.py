@@ -470,6 +470,17 @@ def hidden_objects(snapshot: Snapshot, rendered: set[Any]) -> list[Any]:
     return sorted(wanted, key=lambda item: item.name_full)
 
 
+def hidden_members(snapshot: Snapshot) -> set[Any]:
+    """Return what the viewport hides of instanced collections, and renders show."""
+    makers = (one for one in snapshot.layout.instancers if one.instance_type == "COLLECTION")
+    return {
+        item
+        for collection in {one.instance_collection for one in makers}
+        for item in collection.all_objects
+        if item.hide_viewport and not item.hide_render and item.type in SURFACE_TYPES
+    }
+
+
 def ray_flags(items: Sequence[Any], view_layer: bpy.types.ViewLayer) -> Mask:
     """Return of each object whether rays from the receiver meet it, whether those from the
     transmitter do, and whether it may return something: no holdout; (3, n).

@@ -30,6 +30,7 @@ from ..scene import (
     active_radar,
     antenna_positions,
     differs_in_viewport,
+    hidden_members,
     hidden_objects,
     keyed_worlds,
     nothing_moves,
@@ -48,7 +49,8 @@ from .scene_reading import any_material_echoes, rig_of
 _RANGE_MARGIN = 1.25
 #: Types of objects whose surface Blender does not give as a mesh.
 _MESHLESS = {"CURVES", "POINTCLOUD"}
-_EMPTY = Mesh(np.empty((0, 3)), *(np.empty(0, dtype=np.int32) for _ in range(4)))
+_NONE = np.empty(0, dtype=np.int32)
+_EMPTY = Mesh(np.empty((0, 3)), _NONE, _NONE, _NONE, _NONE)
 #: Objects whose F-curves are read in one part.
 _OWNERS = 64
 #: What Blender fills unused numbers of instances with.
@@ -69,9 +71,9 @@ class LiveScene:
 
     def same(self, other: LiveScene | None) -> bool:
         """Whether another one would give the same draft."""
-        return other is not None and np.array_equal(
-            *(m.message.arrays["scene"] for m in (self, other))
-        )
+        if other is None:
+            return False
+        return np.array_equal(self.message.arrays["scene"], other.message.arrays["scene"])
 
 
 @dataclass(frozen=True)
@@ -152,11 +154,13 @@ class LiveReader:
             for item in hidden_objects(snapshot, rendered)
         }
         known = {item: worlds for item, worlds in poses.items() if worlds is not None}
-        lost = len(poses) - len(known)
+        lost = len(poses) - len(known) + len(hidden_members(snapshot))
         objects = _Objects(snapshot, rows[~meshless], known, int(meshless.sum()), lost)
         for shape in dict.fromkeys(objects.shapes):
             if shape not in self._keys:
-                yield mesh_message(self._next, snapshot.mesh(shape) or _EMPTY)
+                mesh = snapshot.mesh(shape) or _EMPTY
+                yield None
+                yield mesh_message(self._next, mesh)
                 self._keys[shape], self._next = self._next, self._next + 1
         for item in known:
             if _mesh_stamp(item) not in self._hidden_keys:
@@ -277,14 +281,14 @@ class _Motion:
 
     def moves(self) -> Real:
         """Return the moves of all objects, then of receiver and transmitter, (n + 2, 4, 4)."""
-        still = np.eye(4)
-        of_pairs = np.array([self._moves.get(item, still) for item, _ in self._pairs])
-        found = of_pairs.reshape(-1, 4, 4)[self._pair_of]
-        instancers = self._snapshot.layout.instancers
+        still, instancers = np.eye(4), self._snapshot.layout.instancers
+        of_pairs = [self._moves.get(item, still) for item, _ in self._pairs]
+        found = np.array(of_pairs).reshape(-1, 4, 4)[self._pair_of]
         order = np.argsort(self._pair_of, kind="stable")
         ends = np.cumsum(np.bincount(self._pair_of, minlength=len(self._pairs)))
-        for (item, maker), mine in zip(self._pairs, np.split(order, ends)[:-1], strict=True):
+        for number, (item, maker) in enumerate(self._pairs):
             if maker >= 0:
+                mine = order[ends[number - 1] if number else 0 : ends[number]]
                 found[mine] = self._of_instances(item, instancers[maker], self._rows[mine])
         return np.concatenate([found, [self._moves.get(item, still) for item in self._others]])
 

@@ -319,6 +319,11 @@ def test_instances_move_with_all_that_moves_them(scene: Any) -> None:
     np.testing.assert_allclose(rate_mps / found["interval_s"], [-8.0, 0.0, 5.0], atol=1e-2)
     rs.move_steadily(within, (1.0, 0.0, 0.0))
     assert read_scene()["notes"] == ("objects whose velocity is left out: 1",)
+    other = ph.plate_at(10.0, 2.0, ph.lambert(0.5))
+    scene.collection.objects.unlink(other)
+    outer.objects.link(other)
+    other.hide_viewport = True
+    assert "objects that the viewport hides, which are left out: 1" in read_scene()["notes"]
 
 
 def test_what_the_viewport_hides_is_read(scene: Any) -> None:
