@@ -284,6 +284,15 @@ def read_scene() -> dict[str, Any]:
     return {**vars(unpacked(found.message.arrays["scene"])), "notes": found.notes}
 
 
+def test_what_did_not_change_is_not_drafted_again(scene: Any) -> None:
+    rs.move_steadily(ball(0.0, 20.0, sea()), (0.0, 8.0, 0.0))
+    reader = LiveReader()
+    first, second = ([*reader.read(bpy.context)][-1] for _ in range(2))
+    assert second.same(first) and not second.same(None)
+    rs.radar().prf_hz *= 2  # a setting that no evaluation reports
+    assert not [*reader.read(bpy.context)][-1].same(first)
+
+
 def test_materials_of_cycles_echo_only_where_all_do(scene: Any) -> None:
     ph.plate_at(10.0, 2.0, ph.principled("Paint", (0.2, 0.4, 0.6)))
     rs.radar().range_encoding = "materials"
