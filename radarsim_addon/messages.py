@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Messages between the window and processes of its own: a JSON object and arrays."""
+"""Messages between the window and processes of its own: a JSON object and arrays.
+
+`packed` makes an array of any value of the package's types. The other end has them under a name of
+its own: Blender puts packages of extensions into one of its own.
+"""
 
 from __future__ import annotations
 
+import io
 import json
+import pickle
 from collections.abc import Mapping
 from typing import IO, Any, NamedTuple
 
@@ -50,3 +56,20 @@ def read_message(stream: IO[bytes]) -> Message | None:
     except ValueError:  # cut off
         return None
     return Message(fields, arrays)
+
+
+def packed(value: object) -> NDArray[np.uint8]:
+    """Return bytes for `unpacked` in a process of the window, (n,)."""
+    return np.frombuffer(pickle.dumps(value, pickle.HIGHEST_PROTOCOL), dtype=np.uint8)
+
+
+def unpacked(data: NDArray[np.uint8]) -> Any:
+    """Return the value that was `packed`."""
+    return _Unpickler(io.BytesIO(data.tobytes())).load()
+
+
+class _Unpickler(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        package = __name__.rpartition(".")[0]
+        inner = module.rpartition(f"{package}.")
+        return super().find_class(f"{package}.{inner[2]}" if inner[1] else module, name)

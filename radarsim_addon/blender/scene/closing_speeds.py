@@ -190,9 +190,11 @@ def keyed_speeds(
     snapshot, layout = found.snapshot, found.snapshot.layout
 
     def poses_of(item: bpy.types.Object, now: Real) -> Real | None:
+        worlds = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
+        if worlds is None:
+            return None
         # In float32 both are rounded alike by Blender; what F-curves add is the difference.
-        move = keyed_move(item, frame)
-        return None if move is None else np.stack([now, move @ now])
+        return np.stack([now, worlds[1] @ np.linalg.pinv(worlds[0]) @ now])
 
     places = []
     for item in antennas:
@@ -220,69 +222,64 @@ def keyed_step(item: bpy.types.Object, frame: float) -> Real | None:
 
     None where no F-curve moves it, or not these alone.
     """
-    poses = _keyed_poses(item, frame)
+    poses = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
     if poses is None:
         return None
     return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
 
 
-def keyed_move(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return what F-curves move an object by in `VELOCITY_FRAMES`: a matrix in world space, (4, 4).
-
-    The identity where nothing moves the object and its parents, None where something else than
-    F-curves may. Nothing is evaluated.
-    """
-    poses = _keyed_poses(item, frame)
-    if poses is None:
-        return None
-    return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
-
-
-def _keyed_poses(item: bpy.types.Object, frame: float) -> tuple[Real, Real] | None:
-    """Poses in a frame and `VELOCITY_FRAMES` later, (4, 4) each; None as `keyed_world`."""
-    before, after = (keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES))
-    return None if before is None or after is None else (before, after)
-
-
-def keyed_world(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return the world matrix of an object at a frame by its F-curves, (4, 4).
+def keyed_worlds(item: bpy.types.Object, frames: Sequence[float]) -> Real | None:
+    """Return the world matrices of an object at frames by its F-curves, (frames, 4, 4).
 
     None where constraints, drivers, simulations or strips may move it or its parents.
     """
     animation, body = item.animation_data, item.rigid_body
-    if item.constraints or body is not None or item.rotation_mode == "AXIS_ANGLE":
+    if any(not one.mute for one in item.constraints) or body is not None:
+        return None
+    if item.rotation_mode == "AXIS_ANGLE":
         return None
     if item.parent is not None and item.parent_type != "OBJECT":
         return None
     channels = ("location", "rotation_euler", "rotation_quaternion", "scale")
-    values = {name: list(getattr(item, name)) for name in channels}
+    curves: list[bpy.types.FCurve] = []
     if animation is not None:
         if animation.drivers or animation.nla_tracks:
             return None
         action = animation.action
         slot = getattr(animation, "action_slot", None)
-        for curve in action_curves(action, slot) if action is not None else ():
-            if curve.data_path in values and not curve.mute:
+        moving = () if action is None else action_curves(action, slot)
+        curves = [one for one in moving if not one.mute]
+    if any(one.data_path.startswith("delta_") for one in curves):
+        return None
+    values = {name: list(getattr(item, name)) for name in channels}
+    own = []
+    for frame in frames if curves else frames[:1]:
+        for curve in curves:
+            if curve.data_path in values:
                 values[curve.data_path][curve.array_index] = curve.evaluate(frame)
-            elif curve.data_path.startswith("delta_"):
-                return None
-    turn = (
-        Quaternion(values["rotation_quaternion"]).normalized()
-        if item.rotation_mode == "QUATERNION"
-        else Euler(values["rotation_euler"], item.rotation_mode)
-    )
-    own = Matrix.LocRotScale(Vector(values["location"]), turn, Vector(values["scale"]))
-    matrix = np.array(item.matrix_parent_inverse @ own, dtype=np.float64)
+        place = Vector(values["location"]) + item.delta_location
+        if item.rotation_mode == "QUATERNION":
+            turn = Quaternion(values["rotation_quaternion"]).normalized()
+            turn = item.delta_rotation_quaternion @ turn
+        else:
+            turn = Euler(values["rotation_euler"], item.rotation_mode).to_quaternion()
+            turn = item.delta_rotation_euler.to_quaternion() @ turn
+        size = Vector(a * b for a, b in zip(values["scale"], item.delta_scale, strict=True))
+        own.append(Matrix.LocRotScale(place, turn, size))
+    matrices = np.array(own, dtype=np.float64).repeat(1 if curves else len(frames), axis=0)
     if item.parent is None:
-        return np.array(own, dtype=np.float64)
-    above = keyed_world(item.parent, frame)
-    return None if above is None else above @ matrix
+        return matrices
+    above = keyed_worlds(item.parent, frames)
+    inverse = np.array(item.matrix_parent_inverse, dtype=np.float64)
+    return None if above is None else np.asarray(above @ inverse @ matrices)
 
 
 def nothing_moves(item: bpy.types.Object) -> bool:
     """Return whether an object and its parents have nothing that could move them: quick."""
     while item is not None:
-        if item.animation_data is not None or item.rigid_body is not None or item.constraints:
+        if item.animation_data is not None or item.rigid_body is not None:
+            return False
+        if any(not one.mute for one in item.constraints):
             return False
         if item.parent is not None and item.parent_type != "OBJECT":
             return False

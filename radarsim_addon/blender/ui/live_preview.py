@@ -182,14 +182,14 @@ class LivePreview:
                     map_db=map_db,
                 )
             )
-        if fields["gaps_from_m"] is not None:
+        if math.isfinite(fields["gaps_from_m"]):
             lines.append(
                 tr("gaps between rays from {range_m:.3g} m", range_m=fields["gaps_from_m"])
             )
         if self._sent is not None:
-            burst = self._sent.message.fields["burst"]["pulses"]
-            if fields["pulses"] < burst:
-                lines.append(tr("map of {some} of {all} pulses", some=fields["pulses"], all=burst))
+            some, every = fields["pulses"], self._sent.pulses
+            if some < every:
+                lines.append(tr("map of {some} of {all} pulses", some=some, all=every))
         return [*lines, *self.notes]
 
     def pause(self) -> None:

@@ -16,25 +16,15 @@ from .draft import (
     scene_message,
 )
 from .scene import (
-    Angles,
-    DraftMesh,
-    DraftPolygons,
     DraftScene,
-    DraftSurface,
-    SceneTriangles,
 )
 
 __all__ = [
     "DRAFT",
     "FAULT",
     "LEVELS",
-    "Angles",
     "DraftLevel",
-    "DraftMesh",
-    "DraftPolygons",
     "DraftScene",
-    "DraftSurface",
-    "SceneTriangles",
     "make_draft",
     "mesh_message",
     "scene_message",

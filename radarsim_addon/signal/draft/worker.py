@@ -16,17 +16,16 @@ import time
 from typing import IO
 
 from ...errors import RadarSimError
-from ...messages import Message, read_message, write_message
+from ...messages import Message, read_message, unpacked, write_message
+from ..scene import Mesh
 from .draft import (
     FAULT,
     LEVELS,
     MESH,
     draft_message,
     make_draft,
-    mesh_of,
-    scene_of,
 )
-from .scene import DraftMesh, DraftScene, SceneTriangles
+from .scene import DraftScene
 
 #: Time without a newer scene after which a finer draft begins [s].
 _CALM_S = 0.2
@@ -39,7 +38,7 @@ class _Inbox:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self.meshes: dict[int, DraftMesh] = {}
+        self.meshes: dict[int, Mesh] = {}
         threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: IO[bytes]) -> None:
@@ -54,39 +53,40 @@ class _Inbox:
             time.sleep(_LOOK_S)
         return not self._messages.empty()
 
-    def newest_scene(self) -> Message | None:
-        """Wait for a scene and return the last one that has come; None at the end of input."""
+    def newest_scene(self) -> tuple[DraftScene, int] | None:
+        """Wait for a scene; return the last one that has come with its number, None at the end."""
         newest = None
         while newest is None or not self._messages.empty():
             message = self._messages.get()
             if message is None:
                 return None
             if message.fields["kind"] == MESH:
-                self.meshes[message.fields["key"]] = mesh_of(message)
+                self.meshes[message.fields["key"]] = unpacked(message.arrays["mesh"])
             else:
                 newest = message
-        used = set(newest.fields["meshes"])
+        scene: DraftScene = unpacked(newest.arrays["scene"])
+        used = set(scene.meshes)
         self.meshes = {key: mesh for key, mesh in self.meshes.items() if key in used}
-        return newest
+        return scene, newest.fields["number"]
 
 
 def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
     """Draft scenes until the input ends."""
     inbox = _Inbox(reading)
-    while (message := inbox.newest_scene()) is not None:
+    while (newest := inbox.newest_scene()) is not None:
+        scene, number = newest
         try:
-            _draft(scene_of(message), message.fields["number"], inbox, writing)
+            _draft(scene, number, inbox, writing)
         except RadarSimError as error:
-            fault = {"kind": FAULT, "number": message.fields["number"], "text": str(error)}
-            write_message(writing, fault, {})
+            write_message(writing, {"kind": FAULT, "number": number, "text": str(error)}, {})
 
 
 def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:
     """Write drafts of a scene, finer and finer, until there is a newer one."""
-    triangles = SceneTriangles.of(scene, inbox.meshes)
+    triangles = sum(len(inbox.meshes[key].triangles) for key in scene.meshes)
     for index, level in enumerate(LEVELS):
-        draft = make_draft(scene, triangles, level)
-        fields, arrays = draft_message(draft, index, len(triangles))
+        draft = make_draft(scene, inbox.meshes, level)
+        fields, arrays = draft_message(draft, index, triangles)
         write_message(writing, {**fields, "number": number}, arrays)
         # while the scene changes, the window answers to each draft with the next scene
         if inbox.has_news(_CALM_S):

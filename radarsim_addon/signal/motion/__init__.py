@@ -8,7 +8,15 @@ its vertices and antennas, to its length in the table, and gives range rates. `m
 the motion of a frame on disk.
 """
 
-from .body_motion import AntennaMotion, BodyMotion, BodyMotions, axes_of, places_m, which_move
+from .body_motion import (
+    AntennaMotion,
+    BodyMotion,
+    BodyMotions,
+    Segment,
+    axes_of,
+    places_m,
+    which_move,
+)
 from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
 from .kinematics import (
     JoinedMotion,
@@ -44,6 +52,7 @@ __all__ = [
     "PathImages",
     "PathMotion",
     "Rows",
+    "Segment",
     "StillBodies",
     "Tracks",
     "VertexSeries",

@@ -14,6 +14,7 @@ from .rays import RayMesh, RayScene, along_curve, barycentric, triangle_distance
 from .surface import (
     SHARP,
     SMOOTH_BELOW,
+    Angles,
     Clutter,
     Kind,
     RoughSurface,
@@ -43,6 +44,7 @@ __all__ = [
     "MOST_TRIANGLES",
     "SHARP",
     "SMOOTH_BELOW",
+    "Angles",
     "Clutter",
     "ConvexBodies",
     "Depths",

@@ -375,16 +375,21 @@ class RayScene:
         half += _ROUNDING * np.abs(middle).max(axis=1, initial=0.0)[:, None]
         self._tree = _BoxTree(middle - half, middle + half)
 
-    def first(self, origins: Real, directions: Real) -> tuple[Indices, Indices, Real]:
+    def first(
+        self, origins: Real, directions: Real, among: Mask | None = None
+    ) -> tuple[Indices, Indices, Real]:
         """Return the first body and face that each ray meets, -1 for none, and its ray parameter,
         infinite for none, (n,) each.
 
-        `origins` are (n, 3) or (3,), `directions` of any length, (n, 3).
+        `origins` are (n, 3) or (3,), `directions` of any length, (n, 3). `among` (bodies,) are
+        those that count (None: all).
         """
         origins = np.broadcast_to(origins, directions.shape)
         body, face = np.full((2, len(directions)), -1)
         way = np.full(len(directions), np.inf)
-        for pairs in self._tree.passed(origins, directions, np.inf):
+        for ray, box, enter in self._tree.passed(origins, directions, np.inf):
+            kept = slice(None) if among is None else among[box]
+            pairs = ray[kept], box[kept], enter[kept]
             for rays, bodies in _in_order(pairs, lambda rays, enter: enter < way[rays]):
                 for mesh, some, start, along in self._by_mesh(origins, directions, rays, bodies):
                     faces, ways = mesh.first(start, along)
