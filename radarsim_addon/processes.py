@@ -8,11 +8,13 @@ import ctypes
 import functools
 import gc
 import json
+import math
 import os
 import shutil
 import socket
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,10 @@ from typing import Any
 #: In a temporary folder: the process that it belongs to.
 _OWNER = "radarsim_owner.json"
 #: Names of the folders of radarsim, and of Blender's sessions.
-_FOLDERS = ("radarsim_*", "blender_*")
+_FOLDERS = ("radarsim_", "blender_")
+#: Time between two searches for abandoned folders [s], and when each place was searched last.
+_SEARCHES_S = 60.0
+_searched_s: dict[str, float] = {}
 
 #: Options of glibc's mallopt: the free memory from which on it goes back to the system, and the
 #: size from which on an array has pages of its own; and their values [bytes].
@@ -102,7 +107,7 @@ def temporary_folder() -> Path:
     first.
     """
     remove_abandoned_folders()
-    folder = Path(tempfile.mkdtemp(prefix=_FOLDERS[0][:-1]))
+    folder = Path(tempfile.mkdtemp(prefix=_FOLDERS[0]))
     own_folder(folder)
     return folder
 
@@ -114,8 +119,18 @@ def own_folder(folder: Path) -> None:
 
 
 def remove_abandoned_folders() -> None:
-    """Remove temporary folders whose process was killed. Those of other users stay."""
-    for folder in (f for name in _FOLDERS for f in Path(tempfile.gettempdir()).glob(name)):
+    """Remove temporary folders whose process was killed. Those of other users stay.
+
+    At most once a minute: in a long list of temporary files, a search takes as long as a render.
+    """
+    place, now_s = tempfile.gettempdir(), time.monotonic()
+    if now_s - _searched_s.get(place, -math.inf) < _SEARCHES_S:
+        return
+    _searched_s[place] = now_s
+    names: list[str] = []
+    with contextlib.suppress(OSError):  # some places can be written to, but not listed
+        names = os.listdir(place)
+    for folder in (Path(place, name) for name in names if name.startswith(_FOLDERS)):
         with contextlib.suppress(OSError, ValueError):
             owned = os.name != "posix" or folder.lstat().st_uid == os.geteuid()
             if owned and not folder.is_symlink() and not (folder / _OWNER).is_symlink():

@@ -401,12 +401,16 @@ class BrightParts:
         """Return the bright spots of triangles; large ones are halved until little else is left."""
         found = []
         for halving in range(_HALVINGS + 1):
-            places, ahead = self.project(parts.corners_m)
             slopes, facing = self.slopes_of(parts, transmitter_m)
+            parts, slopes = parts.take(facing), slopes[facing]
             least = least_slopes(slopes)
-            kept = facing & ahead.any(axis=1) & (least <= _REACH * parts.slope)
+            bright = least <= _REACH * parts.slope
+            parts = parts.take(bright)
+            places, ahead = self.project(parts.corners_m)
+            kept = ahead.any(axis=1)
             parts, places, ahead = parts.take(kept), places[kept], ahead[kept].all(axis=1)
-            spots, longest = self._seen(parts, places, slopes[kept], least[kept], transmitter_m)
+            slopes, least = slopes[bright][kept], least[bright][kept]
+            spots, longest = self._seen(parts, places, slopes, least, transmitter_m)
             met = ~ahead | self.meets(spots.low, spots.high)
             met &= spots.deviation > 0  # triangles without a width, and edge on
             across = (spots.high - spots.low) * np.stack([spots.stretch, np.ones(met.size)], axis=1)
@@ -458,13 +462,13 @@ class BrightParts:
         square = np.einsum("nai,nbi->nab", turned, turned)
         room = 1e-9 * np.trace(square, axis1=1, axis2=2) + 1e-12 * parts.slope**2
         inverse = np.linalg.inv(square + room[:, None, None] * np.eye(2))
-        spread = np.einsum("nai,nab,nbj->nij", sides, inverse, sides)
+        spread = sides.transpose(0, 2, 1) @ (inverse @ sides)
         spread *= (parts.slope**2)[:, None, None]
         relative = least / parts.slope
         half = np.sqrt(np.maximum(_REACH**2 - relative**2, 0.0))[:, None]
         half = half * np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
         # where the slope vanishes on the plane of the part
-        weights = -np.einsum("nab,nbi,ni->na", inverse, turned, slopes[:, 0])
+        weights = -(inverse @ (turned @ slopes[:, 0, :, None]))[:, :, 0]
         middle = true[:, 0] + np.einsum("na,nai->ni", weights, sides)
         lowest, highest = true.min(axis=1), true.max(axis=1)
         low = np.clip(middle - half, lowest, highest)

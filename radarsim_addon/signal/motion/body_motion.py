@@ -46,6 +46,21 @@ def rotation_minus_one(vectors: Real) -> Real:
     return result
 
 
+def rotation_and_jacobian(vectors: Real) -> tuple[Real, Real]:
+    """Return exp(phi), and J with exp(phi + d) = exp(J d) exp(phi) to first order.
+
+    Both are (..., 3, 3).
+    """
+    angle = np.linalg.norm(vectors, axis=-1)
+    first, second = _sine_terms(angle)
+    square = np.maximum(angle**2, 1e-300)
+    third = np.where(angle > 1e-3, (1 - first) / square, 1 / 6 - angle**2 / 120)
+    k = _cross_matrix(vectors)
+    kk, one = k @ k, np.eye(3)
+    first, second, third = (term[..., None, None] for term in (first, second, third))
+    return first * k + second * kk + one, one + second * k + third * kk
+
+
 def rotation(vectors: Real) -> Real:
     """Return exp(phi), (..., 3, 3)."""
     return rotation_minus_one(vectors) + np.eye(3)
@@ -61,10 +76,9 @@ def rotation_vector(matrices: Real) -> Real:
     squares = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
     best = np.argmax(squares, axis=-1)
     q = np.empty((len(m), 4))
-    for case in range(4):
-        rows = np.flatnonzero(best == case)
-        if not rows.size:
-            continue
+    cases = set(best.tolist())
+    for case in cases:
+        rows = slice(None) if len(cases) == 1 else np.flatnonzero(best == case)
         a = m[rows]
         if case == 0:
             w = 1 + trace[rows]
@@ -85,17 +99,6 @@ def rotation_vector(matrices: Real) -> Real:
     angle = 2 * np.arctan2(sine, q[:, 0])
     factor = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 2.0)
     return (q[:, 1:] * factor[:, None]).reshape(*matrices.shape[:-2], 3)
-
-
-def left_jacobian(vectors: Real) -> Real:
-    """Return J with exp(phi + d) = exp(J d) exp(phi) to first order, (..., 3, 3)."""
-    angle = np.linalg.norm(vectors, axis=-1)
-    first, second = _sine_terms(angle)
-    square = np.maximum(angle**2, 1e-300)
-    third = np.where(angle > 1e-3, (1 - first) / square, 1 / 6 - angle**2 / 120)
-    k = _cross_matrix(vectors)
-    result: Real = np.eye(3) + second[..., None, None] * k + third[..., None, None] * (k @ k)
-    return result
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ class Segment:
             if len(self.rotation):
                 series = np.concatenate([np.zeros((1, 3)), self.rotation])
                 grows = np.asarray(chebyshev.chebval(x, chebyshev.chebder(series))) * per_s
-                spin = left_jacobian(self.vector(at))[0] @ grows
+                spin = rotation_and_jacobian(self.vector(at))[1][0] @ grows
             turning = _cross_matrix(spin) @ self.orientation(at)[0]
         return rate + turning @ self.rotation_centre, turning
 
