@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import pickle
+import sys
 from collections.abc import Mapping
 from typing import IO, Any, NamedTuple
 
@@ -18,6 +20,10 @@ from numpy.typing import NDArray
 
 #: Bytes that hold the length of the JSON text.
 _LENGTH_BYTES = 8
+#: Types outside the package and numpy that a packed value may have.
+_PLAIN = {("builtins", name) for name in ("complex", "set", "frozenset", "slice", "range")}
+#: Line before the first message of a worker. Blender prints its version before it.
+_START = b"radarsim messages\n"
 
 
 class Message(NamedTuple):
@@ -25,6 +31,30 @@ class Message(NamedTuple):
 
     fields: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
+
+
+def open_messages() -> tuple[IO[bytes], IO[bytes]]:
+    """Return two streams of messages for a worker process: one to read, one to write.
+
+    From now on, everything else that the process prints goes to its standard error.
+    """
+    if sys.platform == "win32":
+        import msvcrt
+
+        for number in (0, 1):
+            msvcrt.setmode(number, os.O_BINARY)
+    sys.stdout.flush()
+    writing = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    writing.write(_START)
+    writing.flush()
+    return os.fdopen(os.dup(0), "rb"), writing
+
+
+def skip_greeting(stream: IO[bytes]) -> None:
+    """Read what a worker printed before its first message."""
+    while (line := stream.readline()) and not line.endswith(_START):
+        pass
 
 
 def write_message(
@@ -69,7 +99,13 @@ def unpacked(data: NDArray[np.uint8]) -> Any:
 
 
 class _Unpickler(pickle.Unpickler):
+    """Makes values of types of this package and arrays of numpy, and of nothing else."""
+
     def find_class(self, module: str, name: str) -> Any:
         package = __name__.rpartition(".")[0]
         inner = module.rpartition(f"{package}.")
-        return super().find_class(f"{package}.{inner[2]}" if inner[1] else module, name)
+        if inner[1]:
+            return super().find_class(f"{package}.{inner[2]}", name)
+        if module.partition(".")[0] != "numpy" and (module, name) not in _PLAIN:
+            raise pickle.UnpicklingError(f"{module}.{name} is no value of a message")
+        return super().find_class(module, name)

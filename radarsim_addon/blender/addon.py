@@ -13,6 +13,7 @@ from .ui import (
     fields,
     live_preview,
     material_panel,
+    measuring,
     operators,
     overlays,
     panels,
@@ -69,6 +70,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
+    measuring.end_runs()
     live_preview.unregister_live()
     results_panel.ignore_clicks()
     picture_images.stop_drawing()

@@ -130,11 +130,14 @@ _VALUED = {"-t", "--threads", "--python-exit-code"}
 
 
 def open_scene(
-    arguments: argparse.Namespace, early: Callable[[Any, Any], None] | None = None
+    arguments: argparse.Namespace,
+    early: Callable[[Any, Any], None] | None = None,
+    open_copy: Callable[[], None] | None = None,
 ) -> tuple[Any, Any, Any]:
     """Open the file of a command line; return the scene, view layer and radar that it names.
 
     `early` is called with the scene and the radar, if there are, before Blender sorts the objects.
+    `open_copy` opens the file in place of this function.
     """
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
@@ -152,8 +155,13 @@ def open_scene(
                     early(*_find(arguments))
 
         with before_sorting(look):
-            _open_file(arguments.blend)
+            if open_copy is None:
+                _open_file(arguments.blend)
+            else:
+                open_copy()
     scene, radar = _find(arguments)
+    if arguments.view_layer is not None:
+        return scene, scene.view_layers[arguments.view_layer], radar
     if scene == bpy.context.scene:
         return scene, bpy.context.view_layer, radar
     enabled = (layer for layer in scene.view_layers if layer.use)
@@ -177,8 +185,13 @@ def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
     return scene, by_name[arguments.rig]
 
 
-def open_job(arguments: argparse.Namespace) -> MeasurementJob:
-    """Open the file of a command line; return its job, unprepared."""
+def open_job(
+    arguments: argparse.Namespace, open_copy: Callable[[], None] | None = None
+) -> MeasurementJob:
+    """Open the file of a command line; return its job, unprepared.
+
+    `open_copy` opens a copy of a file in memory. No run is resumed with it.
+    """
     keep_freed_memory()
     cameras: list[ViewCamera | None] = [None]
 
@@ -186,7 +199,7 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
         if sampling_mode(radar, given_settings(arguments)) == "paths":
             cameras.append(add_early_camera(scene, radar))
 
-    scene, view_layer, radar = open_scene(arguments, add_camera)
+    scene, view_layer, radar = open_scene(arguments, add_camera, open_copy)
     if arguments.device is not None:
         choose_device(scene, Device(arguments.device.upper()))
     for patterns, choice in ((arguments.mirrors, "first"), (arguments.no_mirrors, "never")):
@@ -205,6 +218,8 @@ def open_job(arguments: argparse.Namespace) -> MeasurementJob:
     by_scripts = changed_by_scripts(opened_here=arguments.blend is not None)
     if by_scripts:
         job.early_findings.append(finding("changed-by-scripts", *by_scripts))
+    elif open_copy is not None:
+        job.just_opened = True
     else:
         job.identity = f"{file_identity()} {arguments.mirrors!r} {arguments.no_mirrors!r}"
     job.view_camera = cameras[-1]

@@ -65,7 +65,6 @@ class PathJob(MeasurementJob):
 
     unit = "steps"
     any_projection = True
-    blocking = True
 
     def __init__(
         self,
@@ -248,8 +247,7 @@ class PathJob(MeasurementJob):
         self.total = self.done
 
     def start(self, task: Any) -> None:
-        self.pausing = task.request is None
-        if self.pausing:
+        if task.request is None:
             self.stage = f"frame {task.frame}, {task.stage}"
             return
         self.stage = f"frame {task.frame}, tile {task.tile + 1}, replicate {task.replicate + 1}"

@@ -150,6 +150,7 @@ def parse_render_arguments(
         "--plan-only", action="store_true", help="Write run.json for --shard, and render nothing"
     )
     parser.add_argument("--frame-worker", action="store_true", help=argparse.SUPPRESS)
+    parser.set_defaults(view_layer=None)
     return parser.parse_args(words)
 
 
@@ -270,6 +271,7 @@ def parse_coverage_arguments(words: list[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
+    parser.set_defaults(view_layer=None)
     parser.add_argument("blend", type=Path, help=".blend file with a radar over a ground")
     parser.add_argument(
         "--target-height", metavar="A:B[:STEP]", required=True,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run as a plain object that is driven from outside: by a loop headless, by a timer in the UI.
+"""A run as a plain object that a loop drives.
 
 `MeasurementJob` keeps what both sampling modes share; `rings.RingJob` and `paths.PathJob` render::
 
@@ -86,17 +86,13 @@ class MeasurementJob:
 
     The folder is made if its parent exists. `overwrite` removes the frames of any earlier run from
     it, instead of keeping or refusing them. `camera` and `emitter` are the antennas, if the scene
-    has several. `unit` is what `done` and `total` count; renders of a `blocking` job are so short
-    that the user interface does them between two looks at events.
+    has several. `unit` is what `done` and `total` count.
     """
 
     unit = "renders"
     any_projection = False
-    blocking = False
     #: Present step of the run, in words.
     stage = ""
-    #: Whether the step is a pause before something else that takes time.
-    pausing = False
     #: Whether objects of any material echo.
     code_world = False
 
@@ -124,9 +120,13 @@ class MeasurementJob:
         self._rendered = 0
         self.total = self.done = 0
         self.folder, self.overwrite = folder, overwrite
+        #: Name of the scene's file in the run's record; empty if it was never saved.
+        self.file_name = Path(bpy.data.filepath).name
         #: Hash of the scene's files, if they were just opened and nobody can have changed the
         #: scene since. Empty: this run resumes no earlier one, and no later one resumes it.
         self.identity = ""
+        #: Whether the file, or a copy of it, was just opened: Blender knows of all changes since.
+        self.just_opened = False
         #: Fingerprint in the plan of this run, once that is written.
         self.fingerprint = ""
         #: Camera that renders paths, if one was added after the file was opened: a `ViewCamera`.
@@ -179,7 +179,7 @@ class MeasurementJob:
     def _prepare(self) -> None:
         # A file of an older radarsim holds older node groups.
         refresh_groups()
-        if not self.identity:
+        if not (self.identity or self.just_opened):
             read_all_again()  # a script may change data without telling Blender
         earlier = self._plan_of_folder() if self.joins else None
         if earlier is None:
@@ -233,9 +233,8 @@ class MeasurementJob:
             # The carrier changes what a physical material reflects; others render alike at any.
             if any(is_physical(material) for material in bpy.data.materials):
                 identity += f" {self._measurement.waveform.carrier_hz!r} Hz"
-        file_name, digest = Path(bpy.data.filepath).name, identity or secrets.token_hex(16)
-        plan, versions = self.plan, self.versions
-        record = run_record(plan, digest, file_name, self.scene_name, findings, versions)
+        digest, plan, versions = identity or secrets.token_hex(16), self.plan, self.versions
+        record = run_record(plan, digest, self.file_name, self.scene_name, findings, versions)
         record.extra["extent"] = dataclasses.astuple(plan.extent)
         record.extra["resumable"] = bool(identity)
         record.extra["polarisation"] = plan.measurement.polarisation
@@ -406,10 +405,6 @@ class MeasurementJob:
         write_record(path, contract.GroundTruthRecord(frame, time_s, objects, self.fingerprint))
 
     # -- afterwards --------------------------------------------------------------------------------
-
-    def touch(self) -> None:
-        """Set one of the scene's values; AttributeError: scripts may not change it now."""
-        self._scene.frame_step = self._scene.frame_step
 
     @property
     def findings(self) -> list[Finding]:

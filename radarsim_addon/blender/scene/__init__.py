@@ -54,6 +54,7 @@ from .scene_files import (
     driven_by_whole_frames,
     file_identity,
     foreign_handlers,
+    frame_handlers,
     looks_at_view,
     may_move_at_whole_frames,
     moved_by_scripts,
@@ -66,6 +67,7 @@ from .simulations import (
     is_simulated_body,
     renders_whole_frames_only,
     simulation_frames,
+    writes_disk_caches,
 )
 from .view_checks import (
     GroundBelow,
@@ -132,6 +134,7 @@ __all__ = [
     "find_rig",
     "foreign_handlers",
     "frame_edges",
+    "frame_handlers",
     "ground_below",
     "has_simulation_zone",
     "hidden_members",
@@ -173,4 +176,5 @@ __all__ = [
     "suggest_materials",
     "transmitter_record",
     "unreadable_files",
+    "writes_disk_caches",
 ]

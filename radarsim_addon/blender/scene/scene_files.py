@@ -56,6 +56,12 @@ def foreign_handlers() -> list[str]:
     ]
 
 
+def frame_handlers() -> list[str]:
+    """Return the names of functions of add-ons and scripts that Blender calls at each frame."""
+    called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
+    return [f"{one.__module__}.{one.__qualname__}" for one in handlers_of_others() if one in called]
+
+
 def unreadable_files() -> list[Finding]:
     """Find files that the scene reads and that are missing: one finding at most."""
     lost = [path for path in _linked_files() if not any(_parts(path))]
@@ -82,7 +88,8 @@ def code_file(function: Any) -> Path:
 def _linked_files() -> list[Path]:
     """Files and folders that the open file reads, sorted; also those that are missing."""
     written, baked = _caches()
-    found = {_absolute(path) for path in bpy.utils.blend_paths(absolute=True, packed=False)}
+    paths = bpy.utils.blend_paths(absolute=True, packed=False)
+    found = {_absolute(path) for path in paths if path}  # a baked cache has an empty one
     found -= {_absolute(sound.filepath) for sound in bpy.data.sounds} | written
     found |= baked
     found |= {path for material in bpy.data.materials for path in table_files(material)}

@@ -41,6 +41,35 @@ def _caches(scene: bpy.types.Scene) -> Iterator[Any]:
                 yield modifier.point_cache
 
 
+def writes_disk_caches() -> list[str]:
+    """Return the names of objects whose simulations write files when they are played: a cache on
+    the disk that is not baked, or a fluid.
+    """
+    found = [
+        scene.name
+        for scene in bpy.data.scenes
+        if scene.rigidbody_world is not None and _is_written(scene.rigidbody_world.point_cache)
+    ]
+    for item in bpy.data.objects:
+        caches = [system.point_cache for system in item.particle_systems]
+        for modifier in item.modifiers:
+            caches.append(getattr(modifier, "point_cache", None))
+            canvas = getattr(modifier, "canvas_settings", None)
+            caches += [one.point_cache for one in (canvas.canvas_surfaces if canvas else ())]
+            domain = getattr(modifier, "domain_settings", None)
+            if domain is not None and (
+                domain.cache_type == "REPLAY" or not domain.has_cache_baked_any
+            ):
+                found.append(item.name)
+        if any(map(_is_written, caches)):
+            found.append(item.name)
+    return found
+
+
+def _is_written(cache: Any) -> bool:
+    return cache is not None and cache.use_disk_cache and not (cache.use_external or cache.is_baked)
+
+
 def renders_whole_frames_only(item: bpy.types.Object) -> bool:
     """Return whether Blender renders an object's shape of a whole frame at times after it.
 

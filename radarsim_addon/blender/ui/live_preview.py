@@ -19,7 +19,6 @@ from bpy.app.handlers import persistent
 from ...errors import RadarSimError
 from ...messages import Message
 from ...signal.draft import DRAFT, LEVELS
-from ..rig_settings import PROGRESS_PROPERTY
 from ..state import Snapshot, take_snapshot
 from .fields import is_refused, may_write_at_need, tr
 from .live_picture import draw_live, forget_drawing
@@ -89,8 +88,7 @@ class LivePreview:
         return pause_s
 
     def _step(self, context: bpy.types.Context, deadline_s: float) -> float:
-        running = getattr(context.window_manager, PROGRESS_PROPERTY).running
-        if running or bpy.app.is_job_running("RENDER"):
+        if bpy.app.is_job_running("RENDER"):
             self.pause()
             return _SETTINGS_S
         self._receive(context)
@@ -259,8 +257,7 @@ def _tick() -> float | None:
 
 def _draw() -> None:
     context = bpy.context
-    running = getattr(context.window_manager, PROGRESS_PROPERTY).running
-    if _preview is not None and context.space_data.overlay.show_overlays and not running:
+    if _preview is not None and context.space_data.overlay.show_overlays:
         draw_live(context, _preview.draft, _preview.lines())
         _preview.statistics.drawings += 1
 

@@ -278,15 +278,9 @@ def _shader() -> Any:
     return gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
 
 
-def _visible(context: bpy.types.Context) -> bool:
-    """Whether a view shows overlays at all, and no run has the scene in its measuring state."""
-    running = getattr(context.window_manager, PROGRESS_PROPERTY).running
-    return context.space_data.overlay.show_overlays and not running
-
-
 def _draw_lines() -> None:
     context = bpy.context
-    if not _visible(context):
+    if not context.space_data.overlay.show_overlays:
         return
     try:
         found, _ = overlay_lines(context)
@@ -309,7 +303,7 @@ def _draw_lines() -> None:
 
 def _draw_labels() -> None:
     context = bpy.context
-    if not _visible(context):
+    if not context.space_data.overlay.show_overlays:
         return
     try:
         _, labels = overlay_lines(context)

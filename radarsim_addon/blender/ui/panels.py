@@ -42,6 +42,7 @@ from .fields import (
     wrapped,
 )
 from .live_preview import LIVE_PROPERTY
+from .measuring import current_run
 from .results_panel import RADARSIM_PT_results
 from .scene_panel import LONG_S, draw_rows, effort
 from .scene_reading import current_measurement, rig_of
@@ -336,7 +337,10 @@ def _draw_progress(
         percent = tr("{percent:.0f} %", percent=progress.fraction * 100)
         layout.progress(factor=progress.fraction, text=percent)
         layout.label(text=progress.text, translate=False)
-        layout.label(text="Esc stops", icon="EVENT_ESC")
+        row = layout.row()
+        row.label(text="Esc stops", icon="EVENT_ESC")
+        if current_run() is not None:
+            row.operator("radarsim.stop_run", icon="CANCEL")
     elif progress.text:
         wrapped(context, layout, progress.text, "INFO")
     draw_rows(layout, read_findings(progress.findings), measurement)

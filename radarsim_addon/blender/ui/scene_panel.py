@@ -414,8 +414,7 @@ class RADARSIM_OT_check_scene(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        running = getattr(context.window_manager, PROGRESS_PROPERTY).running
-        return not running and active_group(context.scene) is not None
+        return active_group(context.scene) is not None
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         progress = getattr(context.window_manager, PROGRESS_PROPERTY)

@@ -27,7 +27,6 @@ from ..plan import (
     shortest_decimal,
 )
 from ..rig_settings import (
-    PROGRESS_PROPERTY,
     RADAR_PROPERTY,
     carrier_hz,
     read_measurement,
@@ -101,8 +100,6 @@ def scene_record(context: bpy.types.Context) -> SceneRecord | None:
 
 def _read_later() -> float | None:
     context = bpy.context
-    if getattr(context.window_manager, PROGRESS_PROPERTY).running:
-        return None  # the scene is in its measuring state; the end of the run draws again
     try:
         key = _key(context.scene)
         snapshot = take_snapshot(context.evaluated_depsgraph_get())

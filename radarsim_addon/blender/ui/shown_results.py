@@ -24,7 +24,7 @@ from ...processes import own_folder
 from ...signal.paths import MOST_UNCERTAIN
 from ...signal.pictures import FrameProfile, FrameView, Target, profile_of, read_view
 from ...typed_json import read_record
-from ..rig_settings import PROGRESS_PROPERTY, settings
+from ..rig_settings import settings
 from ..run import scene_text
 from ..scene import active_radar, antennas_of
 from .fields import tr
@@ -165,20 +165,29 @@ RESULTS_PROPERTY = "radarsim_results"
 
 
 @dataclass
+class MeasuredScene:
+    """The scene of a run as it was copied, and whether it was edited since.
+
+    Blender does not report edits of the radar's settings.
+    """
+
+    settings: tuple[Any, ...]
+    radar: dict[str, Any]
+    edited: bool = False
+    fingerprint: str = ""
+
+
+@dataclass
 class _State:
     run: ProcessedRun | None = None
     frame: int = 0
     chosen: Target | None = None
     row: int = -1
     owner: object = field(default_factory=object)
-    #: Fingerprints of all runs that this window has measured of the open file, and of the last one.
+    #: Fingerprints of all runs that this window has measured of the open file.
     own: set[str] = field(default_factory=set)
-    measured: str = ""
-    #: Whether the scene was edited since, and its settings as they were then.
-    edited: bool = False
-    settings: tuple[Any, ...] = ()
-    #: Settings of the radar then. Blender does not report their edits.
-    radar: dict[str, Any] = field(default_factory=dict)
+    #: Scene of the last run that has begun, and of those that have not.
+    scenes: list[MeasuredScene] = field(default_factory=list)
 
 
 _state = _State()
@@ -225,12 +234,21 @@ def check_own_run(scene: bpy.types.Scene, folder: Path) -> str:
     return record.fingerprint
 
 
-def note_measured(context: bpy.types.Context, fingerprint: str) -> None:
-    """Note that a run of the scene as it is now has just ended."""
-    context.view_layer.update()  # evaluates what the run has put back: this is no edit
-    _state.measured, _state.edited = fingerprint, False
-    _state.own.add(fingerprint)
-    _state.settings, _state.radar = _settings_of(context.scene), _radar_of(context.scene)
+def note_copied(context: bpy.types.Context) -> MeasuredScene:
+    """Note that the scene as it is now is copied for a run."""
+    context.view_layer.update()  # an edit before is no edit since
+    found = MeasuredScene(_settings_of(context.scene), _radar_of(context.scene))
+    _state.scenes.append(found)
+    return found
+
+
+def note_measured(measured: MeasuredScene, fingerprint: str) -> None:
+    """Note that the run of a scene has begun, if its file is still open."""
+    found = [at for at, one in enumerate(_state.scenes) if one is measured]
+    if found:
+        measured.fingerprint = fingerprint
+        _state.own.add(fingerprint)
+        del _state.scenes[: found[0]]
 
 
 def age_of_results() -> str:
@@ -240,9 +258,10 @@ def age_of_results() -> str:
         return ""
     if run.fingerprint not in _state.own:
         return tr("Of an earlier session: the scene may have changed")
-    if run.fingerprint != _state.measured:
+    last = _state.scenes[0]
+    if run.fingerprint != last.fingerprint:
         return tr("Older than the last run: process it")
-    edited = _state.edited or _radar_of(bpy.context.scene) != _state.radar
+    edited = last.edited or _radar_of(bpy.context.scene) != last.radar
     return tr("The scene was edited after this run") if edited else ""
 
 
@@ -268,14 +287,16 @@ def _radar_of(scene: bpy.types.Scene) -> dict[str, Any]:
 
 @bpy.app.handlers.persistent
 def _note_edit(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
-    """Note an edit of the scene. A selection, another frame and the run itself are none."""
-    if _state.edited or not _state.measured or scene.session_uid != _state.settings[0]:
-        return
-    if getattr(bpy.context.window_manager, PROGRESS_PROPERTY).running:
+    """Note an edit of the scene. A selection and another frame are none."""
+    uid = scene.session_uid
+    watched = [one for one in _state.scenes if not one.edited and one.settings[0] == uid]
+    if not watched:
         return
     others = any(not isinstance(one.id, bpy.types.Scene) for one in depsgraph.updates)
-    if others or _settings_of(scene) != _state.settings:
-        _state.edited = True
+    now = _settings_of(scene)
+    for one in watched:
+        one.edited = others or now != one.settings
+    if any(one.edited for one in watched):
         redraw_panels(bpy.context)
 
 
@@ -485,7 +506,7 @@ def uncertain_text(item: Target) -> str:
 def _forget_at_load(*_: Any) -> None:
     forget_run()
     forget_requests()
-    _state.measured, _state.own, _state.edited = "", set(), False
+    _state.own, _state.scenes = set(), []
     _subscribe()
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Modules of this package as processes of their own. Does not import bpy."""
+"""Modules of this package as processes of their own."""
 
 from __future__ import annotations
 
@@ -13,9 +13,13 @@ import threading
 from pathlib import Path
 from typing import IO, Any
 
+import bpy
+
 from ... import errors
 from ...errors import RenderError
-from ...messages import Message, read_message, write_message
+from ...messages import Message, read_message, skip_greeting, write_message
+
+_ROOT = Path(errors.__file__).parent
 
 
 def python_program() -> str | None:
@@ -23,12 +27,35 @@ def python_program() -> str | None:
     return sys.executable if "python" in Path(sys.executable or "").name.lower() else None
 
 
-def start_worker(module: str, *words: str, **options: Any) -> subprocess.Popen[Any]:
-    """Start a module of this package, named from its root; `options` are those of Popen."""
-    root = Path(errors.__file__).parent
+def start_worker(
+    module: str, *words: str, in_blender: bool = False, **options: Any
+) -> subprocess.Popen[Any]:
+    """Start a module of this package, named from its root; `options` are those of Popen.
+
+    `in_blender`: the module imports bpy. Add-ons and preferences of the user are not loaded there.
+    """
+    name = f"{_ROOT.name}.{module}"
+    paths = [str(_ROOT.parent), *sys.path]
+    command = [str(python_program()), "-m", name]
+    if in_blender and not bpy.app.binary_path:  # bpy is a module of this Python, with own paths
+        paths = [str(_ROOT.parent), os.environ.get("PYTHONPATH", "")]
+    elif in_blender:
+        code = (
+            f"import runpy, sys; sys.path[:0] = {paths[:1]!r}; "
+            f"sys.path += [p for p in {paths!r} if p not in sys.path]; "
+            f"runpy.run_module({name!r}, run_name='__main__')"
+        )
+        command = [bpy.app.binary_path, "--background", "--factory-startup"]
+        command += ["--disable-autoexec", "--python-expr", code, "--"]
     return subprocess.Popen(
-        [str(python_program()), "-m", f"{root.name}.{module}", *words],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(root.parent), *sys.path])},
+        [*command, *words],
+        env={
+            # A BLAS rounds otherwise with each number of threads.
+            "OPENBLAS_NUM_THREADS": "1",
+            "MKL_NUM_THREADS": "1",
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(filter(None, paths)),
+        },
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         **options,
     )
@@ -40,20 +67,25 @@ class WorkerProcess:
     Nothing here waits. Raises RenderError where Blender names no Python.
     """
 
-    def __init__(self, module: str) -> None:
-        if python_program() is None:
+    def __init__(self, module: str, in_blender: bool = False) -> None:
+        if python_program() is None and not (in_blender and bpy.app.binary_path):
             raise RenderError(
                 "Blender names no Python program, so there is no process to compute in. Use a "
                 "Blender from blender.org, or render at quality Draft."
             )
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = start_worker(
-            module, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log
+            module,
+            in_blender=in_blender,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._log,
         )
         self._outgoing: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._incoming: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        for target in (self._write, self._read):
-            threading.Thread(target=target, daemon=True).start()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        threading.Thread(target=self._write, daemon=True).start()
 
     def _write(self) -> None:
         stream = self._process.stdin
@@ -67,6 +99,7 @@ class WorkerProcess:
         stream = self._process.stdout
         assert stream is not None
         with contextlib.suppress(OSError, ValueError):
+            skip_greeting(stream)
             while (message := read_message(stream)) is not None:
                 self._incoming.put(message)
 
@@ -81,6 +114,16 @@ class WorkerProcess:
             while True:
                 found.append(self._incoming.get_nowait())
         return found
+
+    @property
+    def is_read(self) -> bool:
+        """Whether it has closed its output and all its messages were received."""
+        return not self._reader.is_alive() and self._incoming.empty()
+
+    @property
+    def exit_code(self) -> int | None:
+        """Its exit code, below 0 for a signal; None while it runs."""
+        return self._process.poll()
 
     @property
     def last_words(self) -> str | None:

@@ -10,13 +10,12 @@ standard output: coarse, then finer ones until the next scene comes. It ends wit
 from __future__ import annotations
 
 import queue
-import sys
 import threading
 import time
 from typing import IO
 
 from ...errors import RadarSimError
-from ...messages import Message, read_message, unpacked, write_message
+from ...messages import Message, open_messages, read_message, unpacked, write_message
 from ..scene import Mesh
 from .draft import (
     FAULT,
@@ -94,5 +93,4 @@ def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) ->
 
 
 if __name__ == "__main__":
-    output, sys.stdout = sys.stdout.buffer, sys.stderr
-    serve(sys.stdin.buffer, output)
+    serve(*open_messages())

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import importlib
 import queue
-import sys
 import threading
 from typing import IO
 
-from ...messages import Message, read_message, write_message
+from ...messages import Message, open_messages, read_message, write_message
 from .view_pictures import answer_request
 
 
@@ -49,5 +48,4 @@ def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
 
 
 if __name__ == "__main__":
-    output, sys.stdout = sys.stdout.buffer, sys.stderr
-    serve(sys.stdin.buffer, output)
+    serve(*open_messages())

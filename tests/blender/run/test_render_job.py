@@ -24,11 +24,12 @@ from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.rings import RingJob, ring_job
 from radarsim_addon.blender.run import shared_folder
+from radarsim_addon.blender.state import SettingsRestorer
 from radarsim_addon.errors import OutputError, RenderError, SceneError, SchemaError
 from radarsim_addon.signal.radar import Burst
 from radarsim_addon.typed_json import file_sha256, read_record
 from tests.blender import radar_scenes as rs
-from tests.blender.path_helpers import run_paths
+from tests.blender.path_helpers import job_for, run_paths
 
 pytestmark = pytest.mark.blender
 
@@ -482,3 +483,42 @@ def test_the_remaining_time_counts_this_session_alone(monkeypatch: pytest.Monkey
         assert left_s is not None and left_s(SimpleNamespace(**state)) == pytest.approx(20.0)
         begun = {**state, "done": 8, "_rendered": 0}
         assert left_s(SimpleNamespace(**begun)) is None
+
+
+@pytest.mark.parametrize("engine", ["CYCLES", "BLENDER_WORKBENCH"])
+def test_the_engine_is_set_only_where_it_is_another(
+    plate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, engine: str
+) -> None:
+    """To set it while Cycles draws an icon blocks a window for good."""
+    scene = bpy.context.scene
+    scene.render.engine = engine
+    names = []
+    put = SettingsRestorer.set
+
+    def noted(self: Any, owner: Any, name: str, value: Any) -> None:
+        names.append(name)
+        put(self, owner, name, value)
+
+    monkeypatch.setattr(SettingsRestorer, "set", noted)
+    job = rs.job_for(tmp_path)
+    job.prepare()
+    assert scene.render.engine == "CYCLES"
+    job.restore()
+    assert scene.render.engine == engine
+    assert ("engine" in names) == (engine != "CYCLES") and "resolution_x" in names
+
+
+def test_progress_of_a_single_frame_moves(plate: Any, tmp_path: Path) -> None:
+    """One tile of four replicates: five steps, and each in words."""
+    shown, stages = [], []
+    with job_for(tmp_path, options={"replicates": 4}) as job:
+        for task in job.pending():
+            job.start(task)
+            shown.append(job.fraction)
+            stages.append(job.stage)
+            job.render(task)
+            job.finish(task)
+    assert job.total == job.done == 5
+    assert 0.8 in shown  # before the table is written
+    assert stages[-1] == "frame 1, motion and path table"
+    assert {stage.partition(",")[0] for stage in stages} == {"frame 1"}

@@ -215,7 +215,7 @@ def test_results_older_than_the_last_edit_are_marked(state: Any, tmp_path: Path)
         "node": lambda: setattr(car.data.materials[0].node_tree.nodes[-1], "mute", True),
         "removal": lambda: bpy.data.objects.remove(bpy.data.objects["Wall"]),
     }.items():
-        sr.note_measured(bpy.context, sr._state.measured)
+        sr.note_measured(sr.note_copied(bpy.context), sr._state.scenes[0].fingerprint)
         assert sr.age_of_results() == "", name
         assert after(change) == "The scene was edited after this run", name
 
@@ -228,7 +228,7 @@ def test_results_older_than_the_last_edit_of_the_radar_are_marked(
     view.output_folder = str(tmp_path / "run")
     assert bpy.ops.radarsim.render_frames() == {"FINISHED"}
     process()
-    sr.note_measured(bpy.context, sr._state.measured)
+    sr.note_measured(sr.note_copied(bpy.context), sr._state.scenes[0].fingerprint)
     assert sr.age_of_results() == ""
     carrier_ghz = radar.radarsim.carrier_ghz
     for shown, name, value in (

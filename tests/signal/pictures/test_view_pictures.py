@@ -16,7 +16,7 @@ import pytest
 from matplotlib import image as matplotlib_image
 
 from radarsim_addon import contract
-from radarsim_addon.messages import Message, read_message, write_message
+from radarsim_addon.messages import Message, read_message, skip_greeting, write_message
 from radarsim_addon.signal.maps import SpectrogramOptions
 from radarsim_addon.signal.pictures import (
     FrameProfile,
@@ -228,6 +228,7 @@ def answers_of_a_process(*requests: dict[str, Any]) -> dict[int, Message]:
     )  # fmt: skip
     assert not done.stderr
     answers, found = io.BytesIO(done.stdout), {}
+    skip_greeting(answers)
     while (message := read_message(answers)) is not None:
         found[message.fields["number"]] = message
     return found
