@@ -1,16 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Messages between the window and processes of its own: a JSON object and arrays.
-
-`packed` makes an array of any value of the package's types. The other end has them under a name of
-its own: Blender puts packages of extensions into one of its own.
-"""
+"""Messages between the window and processes of its own: a JSON object and arrays."""
 
 from __future__ import annotations
 
-import io
 import json
 import os
-import pickle
 import sys
 from collections.abc import Mapping
 from typing import IO, Any, NamedTuple
@@ -20,8 +14,6 @@ from numpy.typing import NDArray
 
 #: Bytes that hold the length of the JSON text.
 _LENGTH_BYTES = 8
-#: Types outside the package and numpy that a packed value may have.
-_PLAIN = {("builtins", name) for name in ("complex", "set", "frozenset", "slice", "range")}
 #: Line before the first message of a worker. Blender prints its version before it.
 _START = b"radarsim messages\n"
 
@@ -86,26 +78,3 @@ def read_message(stream: IO[bytes]) -> Message | None:
     except ValueError:  # cut off
         return None
     return Message(fields, arrays)
-
-
-def packed(value: object) -> NDArray[np.uint8]:
-    """Return bytes for `unpacked` in a process of the window, (n,)."""
-    return np.frombuffer(pickle.dumps(value, pickle.HIGHEST_PROTOCOL), dtype=np.uint8)
-
-
-def unpacked(data: NDArray[np.uint8]) -> Any:
-    """Return the value that was `packed`."""
-    return _Unpickler(io.BytesIO(data.tobytes())).load()
-
-
-class _Unpickler(pickle.Unpickler):
-    """Makes values of types of this package and arrays of numpy, and of nothing else."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        package = __name__.rpartition(".")[0]
-        inner = module.rpartition(f"{package}.")
-        if inner[1]:
-            return super().find_class(f"{package}.{inner[2]}", name)
-        if module.partition(".")[0] != "numpy" and (module, name) not in _PLAIN:
-            raise pickle.UnpicklingError(f"{module}.{name} is no value of a message")
-        return super().find_class(module, name)

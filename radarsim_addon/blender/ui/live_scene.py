@@ -8,7 +8,7 @@ its mesh and its F-curves are all that counts.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 from typing import Any
@@ -71,9 +71,10 @@ class LiveScene:
 
     def same(self, other: LiveScene | None) -> bool:
         """Whether another one would give the same draft."""
-        if other is None:
+        if other is None or self.message.fields != other.message.fields:
             return False
-        return np.array_equal(self.message.arrays["scene"], other.message.arrays["scene"])
+        arrays = other.message.arrays
+        return all(np.array_equal(a, arrays[name]) for name, a in self.message.arrays.items())
 
 
 @dataclass(frozen=True)
@@ -223,8 +224,7 @@ def _scene(
         receiver=receiver_record(rig, snapshot, metres, *size),
         transmitter=transmitter_record(rig, snapshot, metres),
         range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
-        # no more of them than a draft needs
-        surfaces=[replace(one, shaders=(), exponent=None) for one in echoing.values()],
+        surfaces=[*echoing.values()],
         meshes=keys,
         matrices=matrices,
         slots=[
@@ -235,7 +235,7 @@ def _scene(
         moves=moves,
         interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
     )
-    notes = _notes([*echoing.values()], objects, other, len(motion.unknown))
+    notes = _notes(drafted.surfaces, objects, other, len(motion.unknown))
     yield LiveScene(scene_message(drafted), notes, measurement.radar.burst.pulses)
 
 

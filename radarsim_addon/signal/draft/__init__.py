@@ -15,9 +15,7 @@ from .draft import (
     mesh_message,
     scene_message,
 )
-from .scene import (
-    DraftScene,
-)
+from .scene import DraftScene
 
 __all__ = [
     "DRAFT",

@@ -17,14 +17,16 @@ from typing import NamedTuple, NoReturn, cast
 import numpy as np
 
 from ...arrays import Real
-from ...messages import Message, packed
+from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
+from ...messages import Message
+from ...typed_json import from_json
 from ..decoding import FrameInput, FrameTable
 from ..detection import FrameBudget
 from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows, unrendered_record
-from ..radar import Radar
+from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
 from ..runs import RadarFrame
-from ..scene import Mesh
+from ..scene import Mesh, Surface
 from .scene import DraftScene, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
@@ -136,19 +138,47 @@ def _no_images(ring: int, snapshot: int) -> NoReturn:
 
 def mesh_message(key: int, mesh: Mesh) -> Message:
     """Return the message with a mesh, in float32; scenes name it by its key."""
-    normals = mesh.corner_normals
-    small = dataclasses.replace(
-        mesh,
-        vertices=mesh.vertices.astype(np.float32),
-        corner_edges=mesh.corner_edges[:0],
-        corner_normals=None if normals is None else normals.astype(np.float32),
-    )
-    return Message({"kind": MESH, "key": key}, {"mesh": packed(small)})
+    values = {item.name: getattr(mesh, item.name) for item in dataclasses.fields(mesh)}
+    values["corner_edges"] = mesh.corner_edges[:0]
+    numbers = {name: x for name, x in values.items() if x is not None}
+    small = {n: x.astype(np.float32) if x.dtype == np.float64 else x for n, x in numbers.items()}
+    return Message({"kind": MESH, "key": key}, small)
+
+
+def mesh_of(message: Message) -> Mesh:
+    return Mesh(**message.arrays)
 
 
 def scene_message(scene: DraftScene) -> Message:
     """Return the message with a scene; its meshes have messages of their own, which go before."""
-    return Message({"kind": SCENE}, {"scene": packed(scene)})
+    # no more of surfaces than a draft needs
+    surfaces = [dataclasses.replace(one, shaders=(), exponent=None) for one in scene.surfaces]
+    arrays = {name: x for name, x in vars(scene).items() if isinstance(x, np.ndarray)}
+    plain = dataclasses.replace(scene, surfaces=surfaces, radar=None, **dict.fromkeys(arrays))  # type: ignore[arg-type]
+    fields = {name: x for name, x in dataclasses.asdict(plain).items() if name not in arrays}
+    radar = waveform_to_dict(scene.radar.waveform), dataclasses.asdict(scene.radar.burst)
+    return Message({**fields, "radar": radar, "kind": SCENE}, arrays)
+
+
+#: Fields of a scene that are records.
+_RECORDS: dict[str, type] = {
+    "link_budget": LinkBudget,
+    "weather": Weather,
+    "receiver": ReceiverRecord,
+    "transmitter": TransmitterRecord,
+}
+
+
+def scene_of(message: Message) -> DraftScene:
+    fields = {item.name: message.fields.get(item.name) for item in dataclasses.fields(DraftScene)}
+    for name, kind in _RECORDS.items():
+        if fields[name] is not None:
+            fields[name] = from_json(kind, fields[name], name)
+    waveform = waveform_from_dict(message.fields["radar"][0])
+    fields["radar"] = Radar(waveform, burst_from_dict(message.fields["radar"][1], waveform))
+    fields["surfaces"] = [from_json(Surface, one, "Surface") for one in message.fields["surfaces"]]
+    fields["range_limits_m"] = tuple(message.fields["range_limits_m"])
+    return DraftScene(**{**fields, **message.arrays})
 
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:

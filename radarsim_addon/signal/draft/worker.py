@@ -15,7 +15,7 @@ import time
 from typing import IO
 
 from ...errors import RadarSimError
-from ...messages import Message, open_messages, read_message, unpacked, write_message
+from ...messages import Message, open_messages, read_message, write_message
 from ..scene import Mesh
 from .draft import (
     FAULT,
@@ -23,6 +23,8 @@ from .draft import (
     MESH,
     draft_message,
     make_draft,
+    mesh_of,
+    scene_of,
 )
 from .scene import DraftScene
 
@@ -52,30 +54,29 @@ class _Inbox:
             time.sleep(_LOOK_S)
         return not self._messages.empty()
 
-    def newest_scene(self) -> tuple[DraftScene, int] | None:
-        """Wait for a scene; return the last one that has come with its number, None at the end."""
+    def newest_scene(self) -> Message | None:
+        """Wait for a scene; return the last one that has come, None at the end of input."""
         newest = None
         while newest is None or not self._messages.empty():
             message = self._messages.get()
             if message is None:
                 return None
             if message.fields["kind"] == MESH:
-                self.meshes[message.fields["key"]] = unpacked(message.arrays["mesh"])
+                self.meshes[message.fields["key"]] = mesh_of(message)
             else:
                 newest = message
-        scene: DraftScene = unpacked(newest.arrays["scene"])
-        used = set(scene.meshes)
+        used = set(newest.fields["meshes"])
         self.meshes = {key: mesh for key, mesh in self.meshes.items() if key in used}
-        return scene, newest.fields["number"]
+        return newest
 
 
 def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
     """Draft scenes until the input ends."""
     inbox = _Inbox(reading)
-    while (newest := inbox.newest_scene()) is not None:
-        scene, number = newest
+    while (message := inbox.newest_scene()) is not None:
+        number = message.fields["number"]
         try:
-            _draft(scene, number, inbox, writing)
+            _draft(scene_of(message), number, inbox, writing)
         except RadarSimError as error:
             write_message(writing, {"kind": FAULT, "number": number, "text": str(error)}, {})
 

@@ -20,8 +20,8 @@ from radarsim_addon.blender.headless import make_job
 from radarsim_addon.blender.materials import make_physical_material
 from radarsim_addon.blender.rig_settings import settings
 from radarsim_addon.blender.ui.live_scene import LiveReader, LiveScene
-from radarsim_addon.messages import unpacked
 from radarsim_addon.signal.draft import DraftLevel, make_draft
+from radarsim_addon.signal.draft.draft import mesh_of, scene_of
 from radarsim_addon.signal.scene import Mesh
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
@@ -265,9 +265,9 @@ def draft() -> Any:
     meshes: dict[int, Mesh] = {}
     for message in LiveReader().read(bpy.context):
         if isinstance(message, LiveScene):
-            scene = unpacked(message.message.arrays["scene"])
+            scene = scene_of(message.message)
         elif message is not None:
-            meshes[message.fields["key"]] = unpacked(message.arrays["mesh"])
+            meshes[message.fields["key"]] = mesh_of(message)
     return make_draft(scene, meshes, DraftLevel(16384, 2))
 
 

@@ -19,7 +19,7 @@ from radarsim_addon.blender.materials import make_physical_material, set_clutter
 from radarsim_addon.blender.rig_settings import read_measurement
 from radarsim_addon.blender.ui import live_preview
 from radarsim_addon.blender.ui.live_scene import LiveReader
-from radarsim_addon.messages import unpacked
+from radarsim_addon.signal.draft.draft import scene_of
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -275,7 +275,7 @@ def read_scene() -> dict[str, Any]:
     """Fields and arrays of the scene as it is sent, and its notes."""
     bpy.context.view_layer.update()
     *_, found = LiveReader().read(bpy.context)
-    return {**vars(unpacked(found.message.arrays["scene"])), "notes": found.notes}
+    return {**vars(scene_of(found.message)), "notes": found.notes}
 
 
 def test_what_did_not_change_is_not_drafted_again(scene: Any) -> None:

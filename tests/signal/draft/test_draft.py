@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.contract import LinkBudget, ReceiverRecord, TransmitterRecord
-from radarsim_addon.messages import _Unpickler, read_message, unpacked, write_message
+from radarsim_addon.messages import read_message, write_message
 from radarsim_addon.physics.radar_equation import (
     lambert_plate_rcs_m2,
     monostatic_power_w,
@@ -32,6 +32,7 @@ from radarsim_addon.signal.draft import (
     mesh_message,
     scene_message,
 )
+from radarsim_addon.signal.draft.draft import scene_of
 from radarsim_addon.signal.draft.worker import serve
 from radarsim_addon.signal.radar import Burst, Radar, Waveform, Weather
 from radarsim_addon.signal.scene import Clutter, Mesh, Shader, Surface
@@ -145,7 +146,7 @@ def test_messages_keep_a_scene_and_end_where_they_are_cut() -> None:
     stream.seek(0)
     message = read_message(stream)
     assert message is not None
-    back = unpacked(message.arrays["scene"])
+    back = scene_of(message)
     for item in dataclasses.fields(DraftScene):
         value, other = getattr(back, item.name), getattr(given, item.name)
         if item.name == "surfaces":
@@ -153,14 +154,6 @@ def test_messages_keep_a_scene_and_end_where_they_are_cut() -> None:
         assert np.array_equal(value, other) if isinstance(other, np.ndarray) else value == other
     for length in (0, 5, 60, len(whole) - 1):
         assert read_message(io.BytesIO(whole[:length])) is None
-
-
-def test_types_of_the_package_have_the_name_of_the_process() -> None:
-    """Blender calls an extension's package bl_ext.REPOSITORY.NAME."""
-    reader = _Unpickler(io.BytesIO())
-    name = f"bl_ext.user_default.{Surface.__module__}"
-    assert reader.find_class(name, "Surface") is Surface
-    assert reader.find_class("numpy", "ndarray") is np.ndarray
 
 
 def test_rain_attenuates_on_both_ways() -> None:
