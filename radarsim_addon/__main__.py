@@ -70,8 +70,8 @@ def render_command(
 
 
 def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
-    """Coordinate workers; without Blender, unless this runs in its program."""
-    from .signal.distributed import run_frames
+    """Give the frames to workers. This process needs no Blender, unless it runs in that program."""
+    from .coordinator import run_frames
 
     if process:  # what is missing is told before the renders; else the workers start sooner
         from .signal.pipeline import main as process_main

@@ -161,7 +161,7 @@ def read_npy(path: Path) -> NDArray[Any]:
 
 
 def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Return arrays of an .npz file by name; `names`: these alone.
+    """Return arrays of an .npz file by name. With `names`, read these arrays alone.
 
     radarsim does not compress such files. An archive may hold 256 MiB, or as much as its file.
     """

@@ -123,14 +123,14 @@ def write_json(path: Path, data: object, sync: bool = True) -> None:
 
 
 def record_fields(record: object) -> dict[str, Any]:
-    """Fields of a dataclass by name; TypeError for anything else."""
+    """Return the fields of a dataclass by name. TypeError: it is none."""
     # `dataclasses.asdict` copies all that is in it, which takes longer than writing it
     return {name: getattr(record, name) for name in _names(cast(Hashable, type(record)))}
 
 
 @functools.cache
 def _names(kind: Hashable) -> tuple[str, ...]:
-    """Names of the fields of a dataclass; TypeError for any other type."""
+    """Return the names of the fields of a dataclass. TypeError: it is none."""
     return tuple(field.name for field in dataclasses.fields(cast(Any, kind)))
 
 
@@ -203,7 +203,7 @@ def remove_file(path: Path) -> None:
 
 
 def _owner_mark() -> str:
-    """Host and process, as they stand in the names of temporary files."""
+    """Return host and process as the names of temporary files contain them."""
     host = identity()["host"] + identity()["space"]
     return f"{zlib.crc32(host.encode()):08x}-{os.getpid():x}"
 
@@ -218,7 +218,7 @@ def remove_abandoned(folder: Path) -> None:
 
 
 def remove_temporaries(folder: Path) -> None:
-    """Remove what killed processes left half-written in a folder; nobody may be writing there."""
+    """Remove half-written files of killed processes. No other process may write to the folder."""
     for path in folder.glob(TEMPORARY_PATTERN):
         with contextlib.suppress(OSError):  # a leftover that stays harms nobody: it is never read
             path.unlink(missing_ok=True)
@@ -244,7 +244,7 @@ class TextTooLongError(ValueError):
 
 
 def read_text(path: Path, most_bytes: int) -> str:
-    """Text of a file of at most `most_bytes`, UTF-8 with or without byte-order mark.
+    """Return the text of a file of at most `most_bytes`, UTF-8 with or without byte-order mark.
 
     What is read is counted, not what the file system says: a device or a pipe has no size.
     """
@@ -256,7 +256,8 @@ def read_text(path: Path, most_bytes: int) -> str:
 
 
 def refusal_to_open(path: Path) -> str:
-    """Say why a file that a user names cannot be read: "does not exist"; "" where it can.
+    """Return the reason why a file that a user names cannot be read, such as "does not exist".
+    Empty: it can be read.
 
     `Path.is_file` raises for names that are too long and in folders that are closed to this user.
     """

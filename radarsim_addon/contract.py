@@ -22,7 +22,7 @@ Layout of a run's folder::
     frames/frame_0001/motion.json         how bodies move in the burst            (MotionRecord)
     frames/frame_0001/burst_001/          the same of a further render of the burst
     frames/frame_0001/deforming_surfaces.npz                        (signal.motion.motion_file)
-    frames/frame_0001/still_bodies.npz                              (signal.motion.still_bodies)
+    frames/frame_0001/still_bodies.npz                               (signal.motion.motion_file)
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ from .options import documented, setting
 
 @dataclass(frozen=True)
 class FluctuationRecord:
-    """How the clutter of a surface fluctuates: arguments of physics.clutter's `texture` and
-    `clutter_velocities`.
+    """Fluctuation of a surface's clutter: arguments of `texture` and `clutter_velocities` in
+    physics.clutter.
     """
 
     texture: str = "none"
@@ -50,7 +50,7 @@ class FluctuationRecord:
 
 @dataclass(frozen=True)
 class ObjectRecord:
-    """Where one mesh object truly is: the reference that measured ranges are compared with."""
+    """True place of one mesh object: the reference for measured ranges."""
 
     name: str
     #: From the receiver to the evaluated mesh at t; null if a shader displaces the surface.
@@ -93,17 +93,19 @@ STILL_BODIES_FILE = "still_bodies.npz"
 
 
 def frame_dir(frame: int) -> str:
-    """Folder of a radar frame, relative to the run's folder."""
+    """Return the folder of a radar frame, relative to the run's folder."""
     return f"{FRAMES_DIR}/frame_{frame:04d}"
 
 
 def burst_dir(frame: int, render: int) -> str:
-    """Folder of a render of a burst, relative to the run's; the first: the frame's own."""
+    """Return the folder of a render of a burst, relative to the run's folder. The first render is
+    in the frame's own folder.
+    """
     return frame_dir(frame) if render == 0 else f"{frame_dir(frame)}/burst_{render:03d}"
 
 
 def render_stem(ring: int, snapshot_index: int) -> str:
-    """File name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
+    """Return the file name, without suffix, of one ring (from 0) in one snapshot (from 0)."""
     return f"ring_{ring:03d}_t{snapshot_index}"
 
 
@@ -168,7 +170,7 @@ AMPLITUDE_MODEL: dict[str, Any] = {
 @documented
 @dataclass(frozen=True)
 class AntennaRecord:
-    """Antenna pattern: a kind and its parameters, see signal.radar.antennas.
+    """Antenna pattern: a kind and its parameters, see signal.radar.link_budget.
 
     The antenna looks along the -z of what carries it (the light, the camera), its y is up.
 

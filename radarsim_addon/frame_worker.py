@@ -26,7 +26,7 @@ class FrameWorker(Protocol):
     """A run that is open in this process."""
 
     def about(self) -> dict[str, Any]:
-        """Return what the run is: "frames", and "lines" to print."""
+        """Describe the run: its "frames", and "lines" to print."""
 
     def do(self, frame: int) -> dict[str, Any]:
         """Do a frame; "held" where another process has it, "earlier" where it was done before."""
@@ -47,7 +47,7 @@ _open: dict[tuple[str, ...], FrameWorker] = {}
 def run_frame(
     folder: str, words: Sequence[str], frame: int | None, command: str = ""
 ) -> dict[str, Any]:
-    """Do a frame of a command line given in `folder`; None: say what the run is.
+    """Do a frame of a command line given in `folder`. None: describe the run.
 
     `command` names the call of the command: each call opens its files again. An error is part of
     the answer. It closes the run: the next frame finds a new one.

@@ -96,7 +96,8 @@ class MovieWriter:
 
 
 def movie_encoder() -> list[str]:
-    """Command that runs a script with bpy: a Blender without a window, or Python with bpy.
+    """Return the command that runs a script with bpy: a Blender without a window, or Python with
+    bpy.
 
     Raises MissingDependencyError without bpy, OutputError where this Blender has no FFmpeg.
     """

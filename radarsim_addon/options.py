@@ -60,7 +60,7 @@ Choices = tuple[tuple[str, str, str], ...]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a field declares in addition to its name, type and default; bounds are in SI."""
+    """The declaration of a field, in addition to its name, type and default. Bounds are in SI."""
 
     label: str  # in the window, without unit; a noun in sentence case
     help: str  # tooltip and help of the option: verb first, no final full stop
@@ -164,18 +164,18 @@ class Declared:
         return self.default if self.of.initial is None else self.of.initial
 
     def from_shown(self, value: float) -> float:
-        """A number given in the shown unit, in SI, to the last decimal digit."""
+        """Convert a number from the shown unit to SI, to the last decimal digit."""
         if not self.exponent or not math.isfinite(value):
             return float(value)
         return float(Decimal(repr(float(value))).scaleb(self.exponent))
 
     def to_shown(self, value: float) -> float:
-        """A number given in SI, in the shown unit, to the last decimal digit."""
+        """Convert a number from SI to the shown unit, to the last decimal digit."""
         return float(Decimal(repr(float(value))).scaleb(-self.exponent))
 
     @property
     def expected(self) -> str:
-        """What a value must be, for messages: "a whole number from 1 to 64"."""
+        """Description of allowed values, for messages: "a whole number from 1 to 64"."""
         of = self.of
         if of.choices:
             return f"one of {', '.join(map(repr, self.values))}"
@@ -219,7 +219,7 @@ class Declared:
         )
 
     def _expected(self, value: object) -> str:
-        """What a value must be, where this one is not it."""
+        """Return the description of allowed values for a message about this refused value."""
         most, unit = self._most, f" {self.of.unit}" if self.of.unit else ""
         huge = (
             self.number is not None
@@ -231,11 +231,13 @@ class Declared:
 
     @property
     def _most(self) -> float:
-        """What no value exceeds where no maximum is declared."""
+        """Largest magnitude of a value if no maximum is declared."""
         return MAX_LENGTH_M if self.of.unit == "m" else _MOST
 
     def typed(self, text: str, value: object) -> str:
-        """Say why a number (SI) that was typed in the shown unit is refused; "" where it is not."""
+        """Return the reason to refuse a number (SI) that was typed in the shown unit. Empty: it is
+        allowed.
+        """
         if self._in_bounds(value):
             return ""
         expected = self._expected(value)
@@ -247,7 +249,7 @@ class Declared:
         return f"{text}{unit} is out of bounds; expected {expected}.{hint}"
 
     def fits(self, value: object) -> bool:
-        """Whether a value (SI) has the type and is within the bounds."""
+        """Return True if a value (SI) has the type and is within the bounds."""
         of = self.of
         if of.choices:
             listed = of.lists and isinstance(value, list | tuple)
@@ -340,7 +342,7 @@ class CommandParser(argparse.ArgumentParser):
         self.exit(2, text)
 
     def _near(self, word: str) -> list[str]:
-        """Options of this parser and of its commands that resemble a word."""
+        """Return options of this parser and of its commands that resemble a word."""
         commands = [
             command
             for action in self._actions
@@ -395,7 +397,7 @@ def add_arguments(
 
 
 def _reading(item: Declared) -> dict[str, Any]:
-    """How argparse reads the text of an option."""
+    """Return the arguments of argparse that read the text of an option."""
     if item.kind is bool:
         return {"action": argparse.BooleanOptionalAction}
     if item.of.choices:
@@ -421,7 +423,7 @@ def _reading(item: Declared) -> dict[str, Any]:
 
 
 def _pair_reader(reader: Callable[[str], Any], metavar: str) -> Callable[[str], Any]:
-    """Reader of two numbers, between them what is between those of the placeholder "A:B"."""
+    """Return a reader of two numbers. The separator is that of the placeholder, such as "A:B"."""
 
     def pair(text: str) -> tuple[Any, Any]:
         first, second = (reader(part) for part in text.split(metavar[1]))
@@ -477,7 +479,7 @@ class Share:
 
     @property
     def by_workers(self) -> bool:
-        """Whether other processes do the frames."""
+        """True if other processes do the frames."""
         return self.workers is not None or self.dask is not None
 
     @property
@@ -488,7 +490,7 @@ class Share:
         return [text for name, value in given.items() if value for text in (name, str(value))]
 
     def part(self, frames: Sequence[int]) -> list[int]:
-        """Frames of this shard: every n-th, so that all shards have as much to do."""
+        """Return the frames of this shard: every n-th, so that all shards have as much to do."""
         index, count = self.shard or (1, 1)
         return list(frames[index - 1 :: count])
 

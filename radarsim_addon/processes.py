@@ -8,11 +8,13 @@ import ctypes
 import functools
 import gc
 import json
+import math
 import os
 import shutil
 import socket
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,10 @@ from typing import Any
 #: In a temporary folder: the process that it belongs to.
 _OWNER = "radarsim_owner.json"
 #: Names of the folders of radarsim, and of Blender's sessions.
-_FOLDERS = ("radarsim_*", "blender_*")
+_FOLDERS = ("radarsim_", "blender_")
+#: Time between two searches for abandoned folders [s], and when each place was searched last.
+_SEARCHES_S = 60.0
+_searched_s: dict[str, float] = {}
 
 #: Options of glibc's mallopt: the free memory from which on it goes back to the system, and the
 #: size from which on an array has pages of its own; and their values [bytes].
@@ -42,7 +47,7 @@ def keep_freed_memory() -> None:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Collect no garbage during imports; later collections leave out what was imported."""
+    """Switch garbage collection off during imports. Later collections skip the imported objects."""
     gc.disable()
     try:
         yield
@@ -60,12 +65,14 @@ def _identity_of(pid: int) -> dict[str, Any]:
 
 
 def identity() -> dict[str, Any]:
-    """Return what names this process among those of all machines."""
+    """Return a record that identifies this process among those of all machines."""
     return _identity_of(os.getpid())
 
 
 def process_began(pid: object) -> str | None:
-    """Return what tells a process from a later one of the same number; None where it is gone."""
+    """Return a text that distinguishes a process from a later one of the same number. None: it has
+    ended.
+    """
     if not isinstance(pid, int) or pid <= 0:
         return None
     if sys.platform == "win32":
@@ -85,7 +92,9 @@ def process_began(pid: object) -> str | None:
 
 
 def is_gone(owner: object) -> bool:
-    """Whether a process of this machine, as `identity` gave it, has ended; False where unknown."""
+    """Return True if a process of this machine, as `identity` returned it, has ended. False if that
+    is unknown.
+    """
     mine = identity()
     if not isinstance(owner, dict) or any(owner.get(k) != mine[k] for k in ("host", "space")):
         return False
@@ -94,9 +103,11 @@ def is_gone(owner: object) -> bool:
 
 
 def temporary_folder() -> Path:
-    """Make a folder in the system's temporary one; those of killed processes are removed."""
+    """Make a folder in the system's temporary folder. Folders of killed processes are removed
+    first.
+    """
     remove_abandoned_folders()
-    folder = Path(tempfile.mkdtemp(prefix=_FOLDERS[0][:-1]))
+    folder = Path(tempfile.mkdtemp(prefix=_FOLDERS[0]))
     own_folder(folder)
     return folder
 
@@ -108,8 +119,18 @@ def own_folder(folder: Path) -> None:
 
 
 def remove_abandoned_folders() -> None:
-    """Remove temporary folders whose process was killed. Those of other users stay."""
-    for folder in (f for name in _FOLDERS for f in Path(tempfile.gettempdir()).glob(name)):
+    """Remove temporary folders whose process was killed. Those of other users stay.
+
+    At most once a minute: in a long list of temporary files, a search takes as long as a render.
+    """
+    place, now_s = tempfile.gettempdir(), time.monotonic()
+    if now_s - _searched_s.get(place, -math.inf) < _SEARCHES_S:
+        return
+    _searched_s[place] = now_s
+    names: list[str] = []
+    with contextlib.suppress(OSError):  # some places can be written to, but not listed
+        names = os.listdir(place)
+    for folder in (Path(place, name) for name in names if name.startswith(_FOLDERS)):
         with contextlib.suppress(OSError, ValueError):
             owned = os.name != "posix" or folder.lstat().st_uid == os.geteuid()
             if owned and not folder.is_symlink() and not (folder / _OWNER).is_symlink():
@@ -120,7 +141,7 @@ def remove_abandoned_folders() -> None:
 
 
 def _began_windows(pid: int) -> str | None:
-    """The same by the Windows API (os.kill would end the process there)."""
+    """Do the same with the Windows API: there, os.kill would end the process."""
     if sys.platform != "win32":
         return None
     kernel = ctypes.WinDLL("kernel32", use_last_error=True)

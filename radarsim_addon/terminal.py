@@ -12,7 +12,7 @@ _STEERING = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 
 
 def printable(text: str) -> str:
-    """Text on one line that no terminal obeys: control characters as Python escapes them.
+    """Return a text on one line that no terminal obeys: control characters as Python escapes them.
 
     Names of objects may hold any character, and files come from strangers.
     """

@@ -83,7 +83,7 @@ class _Reader:
     limits: Callable[[str], Setting] | None
 
     def record(self, kind: type, data: object, where: str) -> Any:
-        """An instance of a dataclass."""
+        """Make an instance of a dataclass."""
         if not isinstance(data, dict):
             raise self.error(f"{where} is {data!r:.60}; expected a JSON object with its fields.")
         fields, known = _fields(kind), _known(kind, self.limits)
@@ -117,7 +117,7 @@ class _Reader:
             raise self.error(f"{where}: {wrong}") from wrong
 
     def _value(self, hint: object, value: Any, where: str, setting: Declared | None = None) -> Any:
-        """A value as its annotated type."""
+        """Convert a value to its annotated type."""
         kind, optional, origin, inner = _parts(hint)
         if value is None and optional:
             return None
@@ -167,7 +167,7 @@ class _Reader:
 
 @functools.cache
 def _fields(kind: type) -> dict[str, dataclasses.Field[Any]]:
-    """Fields of a dataclass by name."""
+    """Return fields of a dataclass by name."""
     return {item.name: item for item in dataclasses.fields(kind)}
 
 
@@ -175,7 +175,8 @@ def _fields(kind: type) -> dict[str, dataclasses.Field[Any]]:
 def _known(
     kind: type, limits: Callable[[str], Setting] | None
 ) -> dict[str, tuple[Any, Any, Declared | None]]:
-    """By field of a dataclass: annotation, the type of plain values, None for others, and bounds.
+    """Return, for each field of a dataclass, the annotation, the type of plain values (None for
+    others), and the bounds.
 
     Few values of a file are anything else.
     """
@@ -191,7 +192,7 @@ def _known(
 
 
 def _fits(value: object, setting: Declared | None) -> bool:
-    """Whether a plain value of the right type is within its bounds."""
+    """Return True if a plain value of the right type is within its bounds."""
     if setting is not None:
         return setting.fits(value)
     return type(value) is not float or math.isfinite(value)
@@ -199,14 +200,14 @@ def _fits(value: object, setting: Declared | None) -> bool:
 
 @functools.cache
 def _parts(hint: object) -> tuple[Any, bool, Any, tuple[Any, ...]]:
-    """Kind of the values, whether None is one, and what the kind is made of."""
+    """Return the kind of the values, True if None is one of them, and the parts of the kind."""
     kind, optional = value_type(hint)
     return kind, optional, typing.get_origin(kind), typing.get_args(kind)
 
 
 @functools.cache
 def _limited(limits: Callable[[str], Setting] | None, name: str, hint: object) -> Declared | None:
-    """What the numbers in a field may be that is no setting."""
+    """Return the bounds of the numbers in a field that is no setting."""
     kind, optional, origin, inner = _parts(hint)
     while origin in (list, dict):
         kind, optional, origin, inner = _parts(inner[-1])
@@ -254,7 +255,7 @@ FrameRecord = contract.RenderRecord | contract.PathsRecord | contract.GroundTrut
 
 
 def file_sha256(path: Path) -> str:
-    """SHA-256 of a file, as hexadecimal digits."""
+    """Return the SHA-256 of a file, as hexadecimal digits."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
@@ -344,7 +345,7 @@ def check_run(
 
 
 def _limit(name: str) -> Setting:
-    """Bounds of the numbers in a field, of any record."""
+    """Return bounds of the numbers in a field, of any record."""
     if name in _LIMITS:
         return Setting(name, "", **_LIMITS[name])
     most = MAX_LENGTH_M if name.endswith("_m") or name in _POSES else None

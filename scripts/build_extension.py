@@ -30,7 +30,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "radarsim_addon"
 #: What an extension carries; anything else in the package's folder is not the extension's.
-SUFFIXES = {".py", ".toml", ".json", ".txt", ".csv", ".npz", ".png", ".blend", ".osl", ".typed"}
+SUFFIXES = {
+    ".py", ".md", ".toml", ".json", ".txt", ".csv", ".npz", ".png", ".blend", ".osl", ".typed",
+}  # fmt: skip
 #: Platforms of the manifest, and what the names of their wheels match.
 PLATFORMS = {
     "linux-x64": r"manylinux.*_x86_64|none-any",

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,8 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+# Whatever the environment says: to compile all tests again takes as long as to collect them.
+sys.dont_write_bytecode = False
 _plain_approx = pytest.approx
 
 

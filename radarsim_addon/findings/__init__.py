@@ -2,9 +2,9 @@
 """Findings: records of what went wrong, or of what you should know before you trust a result.
 
 A finding has a code, a severity, subjects (objects, materials), frames and numbers, and three texts
-made from them: what happened, why it matters, what to do. catalogue.py declares every code once
-(those of scenes, settings and runs are in scene_kinds.py); records.py makes findings of the codes,
-merges those of many frames and objects, and reads and writes them as JSON. Console, window, JSON
+made from them: what happened, why it matters, what to do. catalogue.md declares every code once;
+records.py makes findings of the codes, merges those of many frames and objects, and reads and
+writes them as JSON. Console, window, JSON
 files and ``docs/findings.md`` show the same records. Standard library only.
 """
 

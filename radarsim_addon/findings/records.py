@@ -2,9 +2,8 @@
 """Findings: made from the catalogue, merged, to JSON and back.
 
 `finding` fills the templates of a code with its numbers. `merge` makes one finding of all of a
-code,
-over frames and objects: subjects and frames are joined, a number becomes its least and largest
-value, and the templates are filled again.
+code, over frames and objects: subjects and frames are joined, a number becomes its least and
+largest value, and the templates are filled again.
 """
 
 from __future__ import annotations
@@ -17,8 +16,7 @@ from typing import Any, cast, get_args
 
 from ..errors import FrameFileError
 from ..terminal import printable
-from .catalogue import CATALOGUE
-from .scene_kinds import Severity
+from .catalogue import CATALOGUE, Severity
 
 # -- numbers, spans of numbers, names and frames as text -------------------------------------------
 
@@ -145,15 +143,15 @@ class Finding:
         return " ".join(part for part in (self.text, self.cause, self.remedy) if part)
 
     def about(self, *subjects: str) -> Finding:
-        """The same finding about these objects or materials."""
+        """Return this finding about other objects or materials."""
         return written(replace(self, subjects=tuple(dict.fromkeys(subjects))))
 
     def as_information(self) -> Finding:
-        """The same finding where it is no danger."""
+        """Return this finding with the severity "info"."""
         return replace(self, severity="info")
 
     def in_frame(self, frame: int) -> Finding:
-        """The same finding of one radar frame."""
+        """Return this finding, of one radar frame."""
         return replace(self, frames=(frame,))
 
 
@@ -268,15 +266,9 @@ def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Findin
 
     `found` has the numbers of the templates by subject, of one at least.
     """
-    columns: dict[str, set[float]] = {}
-    for numbers in found.values():
-        for name, value in numbers.items():
-            columns.setdefault(name, set()).add(value)
-    spans: dict[str, Value] = {
-        name: min(values) if len(values) == 1 else (min(values), max(values))
-        for name, values in columns.items()
-    }
-    return written(Finding(code, CATALOGUE[code].severity, tuple(found), (), spans))
+    severity = CATALOGUE[code].severity
+    each = [Finding(code, severity, (name,), (), numbers) for name, numbers in found.items()]
+    return written(_merged(each))
 
 
 def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> list[str]:

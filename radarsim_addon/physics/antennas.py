@@ -136,21 +136,6 @@ def to_antenna_frame(matrix_world: ArrayLike, directions_world: ArrayLike) -> Re
     return unit_directions(directions_world) @ rotation
 
 
-def two_way_gain(transmit: Antenna, receive: Antenna, directions: ArrayLike) -> Real:
-    """Return the product of both gains: the monostatic two-way pattern.
-
-    Parameters
-    ----------
-    transmit, receive : antennas
-    directions : directions in the common frame, (..., 3)
-
-    Returns
-    -------
-    ndarray : gain over isotropic, squared, (...)
-    """
-    return transmit.gain(directions) * receive.gain(directions)
-
-
 def sphere_mean(antenna: Antenna, latitudes: int = 181, longitudes: int = 360) -> float:
     """Return the mean gain over the sphere: 1 for a lossless antenna.
 
@@ -235,11 +220,6 @@ class CosinePower:
     def peak_gain(self) -> float:
         """Gain on boresight."""
         return 2 * (self.exponent + 1) * self.efficiency
-
-    @property
-    def half_power_beamwidth_rad(self) -> float:
-        """Full width at half power, 2 acos(2^(-1/q)); pi for q = 0."""
-        return 2 * float(np.arccos(0.5 ** (1 / self.exponent))) if self.exponent else float(np.pi)
 
     def gain(self, directions: ArrayLike) -> Real:
         """Return the power gain, (...), in directions (..., 3)."""

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import Real
 from ..errors import ConfigError
 from .checks import EDGE_SLACK, CsvTable, read_csv, real_array
-from .material_model import Parameter
+from .materials import Parameter
 
 _COLUMNS = (("grazing_deg", "sigma0_db"), ("grazing_deg", "sigma0"))
 #: What a cell of the column polarisation may hold.
@@ -280,7 +280,7 @@ _NRL_SEA = {
 
 
 def _nrl_sea_db(frequency_hz: float, grazing_rad: Real, side: str, sea_state: float) -> Real:
-    """Gregers-Hansen and Mital, eq. 7, with the constants of their listing."""
+    """Evaluate Gregers-Hansen and Mital, eq. 7, with the constants of their listing."""
     c1, c2, c3, c4, c5 = _NRL_SEA[side]
     psi_deg = np.degrees(grazing_rad)
     by_frequency = (27.5 + c3 * psi_deg) * np.log10(frequency_hz / 1e9) / (1 + 0.95 * psi_deg)
@@ -447,7 +447,7 @@ def texture(points_m: Real, kind: str, shape: float, length_m: float, seed: int)
 
 
 def _gaussian_field(places: Real, rng: np.random.Generator) -> Real:
-    """Unit Gaussian field of correlation exp(-r^2), (n,): random Fourier features."""
+    """Return a unit Gaussian field of correlation exp(-r^2), (n,), from random Fourier features."""
     waves = rng.normal(0.0, math.sqrt(2.0), (_COSINES, 3))
     phases = rng.uniform(0.0, 2 * np.pi, _COSINES)
     found = np.zeros(len(places))
@@ -463,8 +463,8 @@ def _probability(field: Real) -> Real:
 
 
 def _inverse_stable(angle: Real, field: Real, shape: float) -> Real:
-    """1/S of mean 1, S one-sided stable (Kanter, Ann. Probab. 3, 697, 1975): an exponential times
-    it is Weibull.
+    """Return 1/S of mean 1, with S one-sided stable (Kanter, Ann. Probab. 3, 697, 1975). Times an
+    exponential, it has a Weibull distribution.
     """
     if shape == 1.0:
         return np.ones(angle.size)

@@ -6,14 +6,13 @@
 >>> material("table", 5.3e9, path="my_measurement.csv")
 
 The models are of four kinds: a user's numbers or CSV file, building materials and grounds of
-Recommendation ITU-R P.2040, moist soil, and water (`materials_water`).
+Recommendation ITU-R P.2040, moist soil, and water.
 
 P.2040, Table 3, has eps' = a f^b, sigma = c f^d [S/m], f in GHz; eps'' = sigma / (2 pi f eps_0).
-The
-edition matters: P.2040-1 (2015) has other numbers for several materials (concrete 5.31 there, 5.24
-here). The rows named `ITU_EDITION` are those of P.2040-2 (2021) and P.2040-3 (2023), which agree.
-Asphalt concrete, vinyl tile and carpet tile were added with P.2040-4 (2025), whose text was not at
-hand: they come from two implementations of it that agree, and carry `ITU_NEW_EDITION`.
+The edition matters: P.2040-1 (2015) has other numbers for several materials (concrete 5.31 there,
+5.24 here). The rows named `ITU_EDITION` are those of P.2040-2 (2021) and P.2040-3 (2023), which
+agree. Asphalt concrete, vinyl tile and carpet tile were added with P.2040-4 (2025), whose text was
+not at hand: they come from two implementations of it that agree, and carry `ITU_NEW_EDITION`.
 
 Soil is that of Dobson et al. 1985 (1.4 to 18 GHz) and Peplinski et al. 1995 (0.3 to 1.3 GHz). The
 two differ in the effective conductivity and, below 1.3 GHz, in a linear correction of eps'.
@@ -24,6 +23,8 @@ of a soil's permittivity is that, not the digits printed.
 from __future__ import annotations
 
 import difflib
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from pathlib import Path
 from types import MappingProxyType
@@ -34,10 +35,400 @@ from numpy.typing import ArrayLike
 
 from ..arrays import Complex, Real, reals
 from ..errors import ConfigError
-from .checks import read_csv
-from .constants import VACUUM_PERMITTIVITY_F_PER_M
-from .material_model import MaterialModel, Parameter
-from .materials_water import WATER_MODELS, debye_permittivity
+from .checks import EDGE_SLACK, read_csv, real_array, require_one_shape
+from .constants import VACUUM_PERMITTIVITY_F_PER_M, ZERO_CELSIUS_K
+
+# -------------------------------------------------------------------------------------------------
+# Material models: an equation, its source, and its band of validity.
+#
+# A `MaterialModel` gives the relative permittivity eps at a frequency, and n = sqrt(eps): all media
+# are non-magnetic (mu = 1). Beyond its band it takes the nearest edge, continues its equation, or
+# refuses; `out_of_band` tells what the choice may cost.
+# -------------------------------------------------------------------------------------------------
+
+BEYOND_BAND = ("hold", "extrapolate", "refuse")
+"""What a model does outside its band: take the nearest edge, continue its equation, or raise."""
+
+
+@dataclass(frozen=True)
+class OutOfBand:
+    """How far a model is from its band, and what that may cost.
+
+    Attributes
+    ----------
+    edge_hz : nearest edge of the band [Hz]
+    reflection_db
+        Difference in reflection at normal incidence, held against extrapolated [dB, 0 or more].
+    absorption_ratio : absorption per length, the larger of the two over the smaller
+    """
+
+    edge_hz: float
+    reflection_db: float
+    absorption_ratio: float
+
+    @property
+    def error_class(self) -> str:
+        """'small' (0.5 dB, factor 1.25), 'moderate' (2 dB, factor 2) or 'large'."""
+        for name, most_db, most_ratio in (("small", 0.5, 1.25), ("moderate", 2.0, 2.0)):
+            if self.reflection_db <= most_db and self.absorption_ratio <= most_ratio:
+                return name
+        return "large"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that a model takes.
+
+    Attributes
+    ----------
+    name, unit, meaning : texts for users
+    default : value if none is given; None: it must be given
+    minimum, maximum, above : closed bounds and open lower bound; None: no bound
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    default: float | None = None
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+
+
+@dataclass(frozen=True)
+class MaterialModel:
+    """A medium's complex relative permittivity against frequency.
+
+    Parameters
+    ----------
+    name, title : key in the registry, and name for people
+    source, edition : publication of the equation or the numbers, and its edition
+    bands_hz : intervals [Hz], both ends included, in which the source declares it valid
+    permittivity_of
+        Equation: (frequency_hz, **parameters) -> complex relative permittivity, without checks.
+    parameters : its other parameters
+    remedy : advice for frequencies outside the band
+    """
+
+    name: str
+    title: str
+    source: str
+    edition: str
+    bands_hz: tuple[tuple[float, float], ...]
+    permittivity_of: Callable[..., Complex] = field(repr=False, compare=False)
+    parameters: tuple[Parameter, ...] = ()
+    remedy: str = (
+        "Change the carrier, or give measured values with the model 'table' or a fixed value with "
+        "'permittivity'."
+    )
+
+    @property
+    def band_text(self) -> str:
+        """The valid bands as text, in GHz."""
+        return " and ".join(_interval_text(low, high) for low, high in self.bands_hz)
+
+    def permittivity(
+        self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
+    ) -> Complex:
+        """Return the complex relative permittivity at frequencies [Hz].
+
+        `parameters` are values of the model's own by name; they broadcast with the frequency.
+        ConfigError: a number outside the valid range, an unknown or missing parameter, or numbers
+        for which the equation gives a medium that amplifies.
+        """
+        frequency = real_array("Frequency", frequency_hz, "Hz", above=0.0)
+        values = self._values(parameters)
+        require_one_shape(frequency_hz=frequency, **values)
+        frequency = self._within_band(frequency, beyond_band)
+        eps = np.asarray(self.permittivity_of(frequency, **values), dtype=np.complex128)
+        given = ", ".join(f"{name} {value}" for name, value in values.items())
+        if np.any(eps == 0):
+            raise ConfigError(
+                f"Material {self.name!r} with {given} has the index 0; expected n or k above 0 "
+                "(vacuum is n = 1)."
+            )
+        if not np.all(np.isfinite(eps)) or np.any(eps.imag < 0):
+            raise ConfigError(
+                f"Material {self.name!r} ({self.source}) gives no passive permittivity with "
+                f"{given}: its fit does not extend there. Use values nearer to its data, or the "
+                "models 'table' or 'permittivity'."
+            )
+        return eps
+
+    def index(
+        self, frequency_hz: ArrayLike, beyond_band: str = "refuse", **parameters: ArrayLike
+    ) -> Complex:
+        """Return the complex index of refraction, n + jk = sqrt(eps), Re >= 0 and Im >= 0."""
+        permittivity = self.permittivity(frequency_hz, beyond_band, **parameters)
+        # A lossless plasma, eps = -a - j0, must not fall on the other side of the branch cut.
+        root = np.sqrt(permittivity.real + 1j * np.abs(permittivity.imag))
+        return np.asarray(root, dtype=np.complex128)
+
+    def out_of_band(self, frequency_hz: float, **parameters: ArrayLike) -> OutOfBand | None:
+        """Return how far a frequency [Hz] is from the band; None inside.
+
+        The errors are infinite if the equation cannot be continued so far.
+        """
+        edge_hz = float(self._nearest(np.asarray(float(frequency_hz))))
+        if abs(edge_hz - frequency_hz) <= EDGE_SLACK * edge_hz:
+            return None
+        held = complex(self.index(frequency_hz, "hold", **parameters))
+        try:
+            continued = complex(self.index(frequency_hz, "extrapolate", **parameters))
+        except ConfigError:
+            return OutOfBand(edge_hz, np.inf, np.inf)
+        db = [10 * np.log10(max(abs((n - 1) / (n + 1)) ** 2, 1e-12)) for n in (held, continued)]
+        low, high = sorted((held.imag, continued.imag))
+        ratio = 1.0 if high == 0 else high / low if low > 0 else np.inf
+        return OutOfBand(edge_hz, float(abs(db[0] - db[1])), float(ratio))
+
+    def _values(self, given: dict[str, ArrayLike]) -> dict[str, Real]:
+        known = {parameter.name: parameter for parameter in self.parameters}
+        unknown = sorted(set(given) - set(known))
+        if unknown:
+            takes = ", ".join(f"{p.name} [{p.unit or '1'}]" for p in self.parameters) or "none"
+            raise ConfigError(
+                f"Material {self.name!r} has no parameter {unknown[0]!r}; its parameters: {takes}."
+            )
+        values = {}
+        for parameter in self.parameters:
+            value = given.get(parameter.name, parameter.default)
+            if value is None:
+                raise ConfigError(
+                    f"Material {self.name!r} needs {parameter.name} [{parameter.unit or '1'}]: "
+                    f"{parameter.meaning}. Give a value."
+                )
+            values[parameter.name] = real_array(
+                f"{parameter.name} of material {self.name!r}",
+                value,
+                parameter.unit,
+                parameter.minimum,
+                parameter.maximum,
+                parameter.above,
+            )
+        return values
+
+    def _nearest(self, frequency: Real) -> Real:
+        """Return the frequencies, or the nearest edge of a band for those outside all bands."""
+        with np.errstate(divide="ignore"):
+            edges = np.stack([np.clip(frequency, low, high) for low, high in self.bands_hz])
+            near = np.argmin(np.abs(np.log(edges) - np.log(frequency)), axis=0)
+        return np.asarray(np.take_along_axis(edges, near[None], axis=0)[0])
+
+    def _within_band(self, frequency: Real, beyond_band: str) -> Real:
+        if beyond_band not in BEYOND_BAND:
+            raise ConfigError(
+                f"Beyond band is {beyond_band!r}; expected one of {', '.join(BEYOND_BAND)}."
+            )
+        clipped = self._nearest(frequency)
+        inside = np.abs(clipped - frequency) <= EDGE_SLACK * clipped
+        if beyond_band == "extrapolate":
+            return np.where(inside, clipped, frequency)
+        if beyond_band == "refuse" and not np.all(inside):
+            bad = frequency[~inside].flat[0]
+            raise ConfigError(
+                f"Material {self.name!r} is not defined at {bad / 1e9:g} GHz: {self.source} "
+                f"({self.edition}) holds for {self.band_text}. {self.remedy}"
+            )
+        return clipped
+
+
+def _interval_text(low_hz: float, high_hz: float) -> str:
+    if low_hz <= 0 and np.isinf(high_hz):
+        return "every frequency"
+    if low_hz <= 0:
+        return f"up to {high_hz / 1e9:g} GHz"
+    return f"{low_hz / 1e9:g} to {high_hz / 1e9:g} GHz"
+
+
+# -------------------------------------------------------------------------------------------------
+# Pure water, sea water and ice: the complex relative permittivity, and the models with their bands.
+#
+# Frequencies are in Hz, temperatures in degC, salinity in psu.
+# -------------------------------------------------------------------------------------------------
+
+
+def debye_permittivity(
+    frequency_hz: ArrayLike,
+    static_permittivity: ArrayLike,
+    infinite_permittivity: ArrayLike,
+    relaxation_frequency_hz: ArrayLike,
+) -> Complex:
+    """Return eps_inf + (eps_s - eps_inf)/(1 - j f/f_r), f_r = 1/(2 pi tau) (Debye 1929).
+
+    Parameters
+    ----------
+    frequency_hz, relaxation_frequency_hz : f and f_r
+    static_permittivity, infinite_permittivity : eps_s and eps_inf
+
+    Returns
+    -------
+    ndarray
+    """
+    f, static, infinite = reals(frequency_hz, static_permittivity, infinite_permittivity)
+    ratio = f / np.asarray(relaxation_frequency_hz)
+    return np.asarray(infinite + (static - infinite) / (1 - 1j * ratio), dtype=np.complex128)
+
+
+def liebe_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
+    """Return the permittivity of pure water by Liebe, Hufford and Manabe 1991, eq. (1) to (4).
+
+    ITU-R P.527-4 has the same.
+
+    Parameters
+    ----------
+    frequency_hz, temperature_c
+
+    Returns
+    -------
+    ndarray
+    """
+    theta = 300 / (np.asarray(temperature_c, dtype=np.float64) + ZERO_CELSIUS_K) - 1
+    static = 77.66 + 103.3 * theta
+    middle = 0.0671 * static
+    infinite = 3.52 - 7.52 * theta
+    first_hz = (20.20 - 146.4 * theta + 316 * theta**2) * 1e9
+    return (
+        debye_permittivity(frequency_hz, static, middle, first_hz)
+        + debye_permittivity(frequency_hz, middle, infinite, 39.8 * first_hz)
+        - middle
+    )
+
+
+def kaatze_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
+    """Return the permittivity of pure water by Kaatze 1989, one relaxation.
+
+    J. Chem. Eng. Data 34, 371, eq. (5) to (7).
+
+    Parameters
+    ----------
+    frequency_hz, temperature_c
+
+    Returns
+    -------
+    ndarray
+    """
+    celsius = np.asarray(temperature_c, dtype=np.float64)
+    static = 10 ** (1.94404 - 1.991e-3 * celsius)
+    infinite = 5.77 - 2.74e-2 * celsius
+    kelvin = celsius + ZERO_CELSIUS_K
+    tau_s = 3.745e-15 * (1 + 7e-5 * (celsius - 27.5) ** 2) * np.exp(2.2957e3 / kelvin)
+    return debye_permittivity(frequency_hz, static, infinite, 1 / (2 * np.pi * tau_s))
+
+
+def klein_swift_permittivity(
+    frequency_hz: ArrayLike, temperature_c: ArrayLike, salinity_psu: ArrayLike
+) -> Complex:
+    """Return the permittivity of sea water by Klein and Swift 1977 (IEEE Trans. AP-25, 104).
+
+    Eq. (5), (8), (14), (17), (18).
+
+    Parameters
+    ----------
+    frequency_hz, temperature_c, salinity_psu
+
+    Returns
+    -------
+    ndarray
+    """
+    f, t, s = reals(frequency_hz, temperature_c, salinity_psu)
+    static = (87.134 - 1.949e-1 * t - 1.276e-2 * t**2 + 2.491e-4 * t**3) * (
+        1 + 1.613e-5 * s * t - 3.656e-3 * s + 3.210e-5 * s**2 - 4.232e-7 * s**3
+    )
+    tau_s = (1.768e-11 - 6.086e-13 * t + 1.104e-14 * t**2 - 8.111e-17 * t**3) * (
+        1 + 2.282e-5 * s * t - 7.638e-4 * s - 7.760e-6 * s**2 + 1.105e-8 * s**3
+    )
+    delta = 25 - t
+    beta = (
+        2.033e-2
+        + 1.266e-4 * delta
+        + 2.464e-6 * delta**2
+        - s * (1.849e-5 - 2.551e-7 * delta + 2.551e-8 * delta**2)
+    )
+    at_25_c = s * (0.182521 - 1.46192e-3 * s + 2.09324e-5 * s**2 - 1.28205e-7 * s**3)
+    conductivity = at_25_c * np.exp(-delta * beta)
+    relaxation = debye_permittivity(f, static, 4.9, 1 / (2 * np.pi * tau_s))
+    return relaxation + 1j * conductivity / (2 * np.pi * f * VACUUM_PERMITTIVITY_F_PER_M)
+
+
+def ice_permittivity(frequency_hz: ArrayLike, temperature_c: ArrayLike) -> Complex:
+    """Return the permittivity of pure ice by Maetzler 2006.
+
+    Thermal Microwave Radiation (IET), section 5.3.
+
+    Parameters
+    ----------
+    frequency_hz, temperature_c
+
+    Returns
+    -------
+    ndarray
+    """
+    f_hz, celsius = reals(frequency_hz, temperature_c)
+    f_ghz = f_hz / 1e9
+    kelvin = celsius + ZERO_CELSIUS_K
+    theta = 300 / kelvin - 1
+    alpha = (0.00504 + 0.0062 * theta) * np.exp(-22.1 * theta)
+    resonance = np.exp(335 / kelvin)
+    beta = (
+        0.0207 / kelvin * resonance / (resonance - 1) ** 2
+        + 1.16e-11 * f_ghz**2
+        + np.exp(-9.963 + 0.0372 * celsius)
+    )
+    return np.asarray(
+        3.1884 + 9.1e-4 * celsius + 1j * (alpha / f_ghz + beta * f_ghz), dtype=np.complex128
+    )
+
+
+def _temperature(default: float, minimum: float, maximum: float) -> Parameter:
+    return Parameter("temperature_c", "degC", "temperature", default, minimum, maximum)
+
+
+WATER_MODELS = (
+    MaterialModel(
+        name="water",
+        title="Pure water",
+        source="Liebe, Hufford, Manabe, Int. J. Infrared Millimeter Waves 12, 659",
+        edition="1991, double Debye; as ITU-R P.527-4",
+        bands_hz=((1e6, 1e12),),
+        permittivity_of=liebe_permittivity,
+        parameters=(_temperature(20.0, -4.0, 40.0),),
+    ),
+    MaterialModel(
+        name="water_kaatze",
+        title="Pure water, single relaxation",
+        source="Kaatze, J. Chem. Eng. Data 34, 371",
+        edition="1989",
+        bands_hz=((1.1e9, 57e9),),
+        permittivity_of=kaatze_permittivity,
+        parameters=(_temperature(20.0, -4.1, 60.0),),
+        remedy="Use the model 'water' (Liebe, up to 1 THz), or change the carrier.",
+    ),
+    MaterialModel(
+        name="sea_water",
+        title="Sea water",
+        source="Klein and Swift, IEEE Trans. Antennas Propag. 25, 104",
+        edition="1977",
+        # Their fit was made for radiometers below X band; they doubt the relaxation above.
+        bands_hz=((0.3e9, 10e9),),
+        permittivity_of=klein_swift_permittivity,
+        parameters=(
+            _temperature(20.0, 0.0, 40.0),
+            Parameter("salinity_psu", "psu", "salinity", 35.0, 4.0, 40.0),
+        ),
+    ),
+    MaterialModel(
+        name="ice",
+        title="Pure ice",
+        source="Maetzler, in Thermal Microwave Radiation (IET), section 5.3",
+        edition="2006",
+        bands_hz=((1e7, 3e12),),
+        permittivity_of=ice_permittivity,
+        # Below 240 K the real part no longer follows the straight line.
+        parameters=(_temperature(-10.0, -33.15, 0.0),),
+    ),
+)
+
 
 _ALL_HZ = ((0.0, np.inf),)
 

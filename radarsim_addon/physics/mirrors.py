@@ -215,7 +215,7 @@ def coherent_reflection(rms_height_m: ArrayLike, sine: ArrayLike, wavelength_m: 
 
 
 def _along(fields: Complex, ways: Real) -> Complex:
-    """Components of fields (k, n, 3) along unit vectors (n, 3), (k, n)."""
+    """Return the components of fields (k, n, 3) along unit vectors (n, 3), (k, n)."""
     return np.stack([dots(field, ways) for field in fields])
 
 

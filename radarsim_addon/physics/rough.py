@@ -503,7 +503,7 @@ def lobe_integral(exponent: int, cosine: Real) -> Real:
 
 @lru_cache(maxsize=64)
 def _table(exponent: int) -> tuple[Real, Real]:
-    """Cosines and the integrals there."""
+    """Return cosines and the integrals at them."""
     cosines = np.linspace(0.0, 1.0, _COSINES)
     return cosines, lobe_integral(exponent, cosines)
 

@@ -105,28 +105,6 @@ def ground_path(
     )
 
 
-def horizon_m(antenna_m: float, target_m: ArrayLike, radius_m: float) -> Real:
-    """Return the distance along the ground from which on the Earth hides targets.
-
-    Parameters
-    ----------
-    antenna_m, target_m, radius_m : as for `ground_path`
-
-    Returns
-    -------
-    ndarray : distances [m]; infinite over a flat Earth
-    """
-    height = np.asarray(target_m, dtype=np.float64)
-    if math.isinf(radius_m):
-        return np.full(height.shape, math.inf)
-    # acos(a / (a + h)) as an arc tangent keeps its digits for small heights
-    one, other = (
-        np.arctan(np.sqrt(h / radius_m * (2 + h / radius_m)))
-        for h in (np.float64(antenna_m), height)
-    )
-    return np.asarray(radius_m * (one + other))
-
-
 def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
     """Return the grazing angle below which rays do not describe the field over a round Earth.
 
@@ -144,7 +122,9 @@ def least_grazing_rad(wavelength_m: float, radius_m: float) -> float:
 
 
 def _seen(height: Real | float, distance: Real, curvature: float) -> tuple[Real, Real]:
-    """Height above the tangent plane and distance in it of points, seen from the ground [m]."""
+    """Return the height of points above the tangent plane, and their distance in it, seen from the
+    ground [m].
+    """
     chord = distance * np.sinc(curvature * distance / (2 * np.pi))
     up = height * np.cos(curvature * distance) - curvature / 2 * chord**2
     out = (1 + curvature * height) * distance * np.sinc(curvature * distance / np.pi)
@@ -152,7 +132,7 @@ def _seen(height: Real | float, distance: Real, curvature: float) -> tuple[Real,
 
 
 def _reflection_distance(antenna: float, height: Real, x: Real, curvature: float) -> Real:
-    """Distance from the foot of the antenna to the point of reflection [m]."""
+    """Return the distance from the foot of the antenna to the point of reflection [m]."""
     low, high = np.zeros(x.shape), x.copy()
     at = x * antenna / (antenna + height)
     for _ in range(_MOST_STEPS):

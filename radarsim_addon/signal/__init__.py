@@ -67,114 +67,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .decoding import (
-        Decoded,
-        FrameInput,
-        PixelGrid,
-        decode,
-        frame_paths,
-        iter_path_chunks,
-        open_frame,
-        pixel_grid,
-        range_rate,
-    )
-    from .detection import (
-        Cfar,
-        CfarResult,
-        Detection,
-        Detections,
-        FrameStatistics,
-        LeadingEdge,
-        Peak,
-        cfar_threshold,
-        detect_targets,
-        find_peaks,
-        frame_statistics,
-        leading_edges,
-        peak_to_background_db,
-    )
-    from .echoes import (
-        Echoes,
-        EchoOptions,
-        EchoSynthesizer,
-        PhaseNoise,
-        ReceivedSignal,
-        Receiver,
-        apply_receiver,
-        load_phase_noise,
-        pulse_times_s,
-        synthesize,
-    )
-    from .maps import (
-        ExpectedPower,
-        PowerProfile,
-        RangeDopplerMap,
-        RangeProfiles,
-        Spectrogram,
-        SpectrogramOptions,
-        expected_power,
-        expected_power_profile,
-        map_noise_gain,
-        mti_cancel,
-        mti_response,
-        power_to_db,
-        range_doppler,
-        range_noise_gain,
-        range_process,
-        spectrogram,
-    )
-    from .paths import PathCounts, PathFlag, Paths, make_paths, path_power_w
-    from .pictures import (
-        plot_echo,
-        plot_range_doppler,
-        plot_range_profile,
-        plot_rings,
-        plot_spectrogram,
-        save_figure,
-    )
-    from .pipeline import (
-        FrameResult,
-        ProcessOptions,
-        Progress,
-        ResolvedOptions,
-        process_frame,
-        process_run,
-    )
-    from .products import write_products
-    from .radar import (
-        AntennaRecord,
-        ArbitraryPulse,
-        Burst,
-        Channel,
-        Element,
-        FmcwWaveform,
-        LinkBudget,
-        PhaseCodedPulse,
-        PmcwWaveform,
-        Radar,
-        SteppedWaveform,
-        Waveform,
-        Weather,
-        load_radar,
-        matched_filter,
-        replica,
-        replica_spectrum,
-        slow_time_window,
-        waveform_from_dict,
-        waveform_to_dict,
-        window_at,
-    )
-    from .runs import MissingRender, RadarFrame, Run, open_run, read_exr, write_exr
-    from .scattering import amplitude, path_amplitude, path_phasors
-    from .spectrum import (
-        FrequencyGrid,
-        Ramp,
-        ReceiveWindow,
-        Spectrum,
-        SpectrumAccumulator,
-        SynthesisReport,
-        nufft1,
-    )
+    from .decoding import *
+    from .detection import *
+    from .echoes import *
+    from .maps import *
+    from .paths import *
+    from .pictures import *
+    from .pipeline import *
+    from .products import *
+    from .radar import *
+    from .runs import *
+    from .scattering import *
+    from .spectrum import *
 
 __all__ = [
     "AntennaRecord",

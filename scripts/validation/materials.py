@@ -9,12 +9,12 @@ import re
 from pathlib import Path
 
 from radarsim_addon.physics import materials
-from radarsim_addon.physics.materials import soil_permittivity
-from radarsim_addon.physics.materials_water import (
+from radarsim_addon.physics.materials import (
     ice_permittivity,
     kaatze_permittivity,
     klein_swift_permittivity,
     liebe_permittivity,
+    soil_permittivity,
 )
 
 from .case import Bench, Case, Check, Group, worst_of

@@ -7,12 +7,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import bpy
 import numpy as np
 from mathutils import Matrix
 
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.materials import link_group
+from radarsim_addon.blender.state import Snapshot
+from radarsim_addon.signal.scene import find_walls
 from tests.blender import render_helpers as rh
 
 WALL = 10.0
@@ -91,3 +94,8 @@ def cross(
     cosine = np.abs(rays @ np.array([-math.sin(angle), math.cos(angle), 0.0]))
     ratio = through / bare
     return Crossing(cosine, ratio[..., 2], -CODE * np.log(ratio[..., 0] / ratio[..., 2]) / 2)
+
+
+def walls_of(item: bpy.types.Object, snapshot: Snapshot) -> Any:
+    """Return the walls of an evaluated object."""
+    return find_walls(snapshot.mesh_of(item), snapshot.matrix_of(item)[:3, :3])

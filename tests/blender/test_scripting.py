@@ -113,50 +113,49 @@ def test_look_at(empty: Any) -> None:
     np.testing.assert_allclose(up, [0.0, 0.0, 1.0], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: radarsim.add_radar(preset="x_band"), ConfigError, "automotive_77ghz"),
-        (lambda: radarsim.add_radar(carier_hz=77e9), ConfigError, "carrier_hz"),
-        (lambda: radarsim.add_radar(carrier_hz=-1.0), ConfigError, "arrier"),
-        (lambda: radarsim.add_radar(field_of_view_deg=200), ConfigError, "less than 180"),
-        (lambda: radarsim.add_radar((1, 1, 1), look_at=(1, 1, 1)), ConfigError, "same point"),
-        (lambda: radarsim.material(), ConfigError, "needs a medium or n"),
-        (lambda: radarsim.material("itu_concrete", n=2.0), ConfigError, "not both"),
-        (lambda: radarsim.material("itu_concrte"), ConfigError, "concrete"),
-        (lambda: radarsim.material("2"), ConfigError, "no material '2'"),
-        (lambda: radarsim.material(2), ConfigError, "Medium is 2; expected a name"),
-        (lambda: radarsim.material("concrete", kappa=0.1), ConfigError, "Leave out kappa"),
-        (lambda: radarsim.material(n=0), ConfigError, "has the index 0"),
-        (lambda: radarsim.material(n="2"), ConfigError, "'2'; expected a number"),
-        (lambda: radarsim.material(n=[1, 2]), ConfigError, "expected one number"),
-        (lambda: radarsim.material(n=2 + 1j), ConfigError, "expected a number"),
-        (lambda: radarsim.material("metal", name=5), ConfigError, "expected text"),
-        (lambda: radarsim.material("metal", rms_slope="1"), ConfigError, "rms_slope is '1'"),
-        (lambda: radarsim.add_radar((math.nan, 0, 0)), ConfigError, "three finite numbers"),
-        (lambda: radarsim.add_radar((0, 0)), ConfigError, "three finite numbers"),
-        (lambda: radarsim.settings(None), SceneError, "add_radar"),
-        (lambda: radarsim.settings("Radar"), SceneError, "add_radar"),
-        (lambda: radarsim.assign_material([], "concrete"), SceneError, "no material"),
-        (
-            lambda: radarsim.assign_material("Cube", radarsim.material("metal")),
-            SceneError,
-            "no object",
-        ),
-        (
-            lambda: radarsim.assign_material([], radarsim.material("metal")),
-            SceneError,
-            "can have a Radar Material",
-        ),
-    ],
-)
-def test_what_is_wrong_is_named_and_nothing_is_left(
-    empty: Any, call: Any, error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        call()
-    assert not bpy.data.objects
-    assert not bpy.data.lights and not bpy.data.cameras
+WRONG: list[tuple[Any, type[Exception], str]] = [
+    (lambda: radarsim.add_radar(preset="x_band"), ConfigError, "automotive_77ghz"),
+    (lambda: radarsim.add_radar(carier_hz=77e9), ConfigError, "carrier_hz"),
+    (lambda: radarsim.add_radar(carrier_hz=-1.0), ConfigError, "arrier"),
+    (lambda: radarsim.add_radar(field_of_view_deg=200), ConfigError, "less than 180"),
+    (lambda: radarsim.add_radar((1, 1, 1), look_at=(1, 1, 1)), ConfigError, "same point"),
+    (lambda: radarsim.material(), ConfigError, "needs a medium or n"),
+    (lambda: radarsim.material("itu_concrete", n=2.0), ConfigError, "not both"),
+    (lambda: radarsim.material("itu_concrte"), ConfigError, "concrete"),
+    (lambda: radarsim.material("2"), ConfigError, "no material '2'"),
+    (lambda: radarsim.material(2), ConfigError, "Medium is 2; expected a name"),
+    (lambda: radarsim.material("concrete", kappa=0.1), ConfigError, "Leave out kappa"),
+    (lambda: radarsim.material(n=0), ConfigError, "has the index 0"),
+    (lambda: radarsim.material(n="2"), ConfigError, "'2'; expected a number"),
+    (lambda: radarsim.material(n=[1, 2]), ConfigError, "expected one number"),
+    (lambda: radarsim.material(n=2 + 1j), ConfigError, "expected a number"),
+    (lambda: radarsim.material("metal", name=5), ConfigError, "expected text"),
+    (lambda: radarsim.material("metal", rms_slope="1"), ConfigError, "rms_slope is '1'"),
+    (lambda: radarsim.add_radar((math.nan, 0, 0)), ConfigError, "three finite numbers"),
+    (lambda: radarsim.add_radar((0, 0)), ConfigError, "three finite numbers"),
+    (lambda: radarsim.settings(None), SceneError, "add_radar"),
+    (lambda: radarsim.settings("Radar"), SceneError, "add_radar"),
+    (lambda: radarsim.assign_material([], "concrete"), SceneError, "no material"),
+    (
+        lambda: radarsim.assign_material("Cube", radarsim.material("metal")),
+        SceneError,
+        "no object",
+    ),
+    (
+        lambda: radarsim.assign_material([], radarsim.material("metal")),
+        SceneError,
+        "can have a Radar Material",
+    ),
+]
+
+
+def test_what_is_wrong_is_named_and_nothing_is_left(empty: Any, subtests: pytest.Subtests) -> None:
+    for call, error, message in WRONG:
+        with subtests.test(message):
+            with pytest.raises(error, match=message):
+                call()
+            assert not bpy.data.objects
+            assert not bpy.data.lights and not bpy.data.cameras
 
 
 @pytest.mark.parametrize("frames", [[], 1, [1.5], "1:3"])

@@ -108,10 +108,11 @@ def _gaps(item: Any) -> list[str]:
 ITEMS = _public_items()
 
 
-@pytest.mark.parametrize("name", sorted(ITEMS))
-def test_public_names_are_documented(name: str) -> None:
-    gaps = _gaps(ITEMS[name])
-    assert not gaps, f"{name} does not document {', '.join(gaps)}"
+def test_public_names_are_documented(subtests: pytest.Subtests) -> None:
+    for name in sorted(ITEMS):
+        with subtests.test(name):
+            gaps = _gaps(ITEMS[name])
+            assert not gaps, f"{name} does not document {', '.join(gaps)}"
 
 
 def test_physics_and_the_companion_module_are_covered() -> None:

@@ -30,7 +30,7 @@ from radarsim_addon.findings import (
     to_json,
 )
 from radarsim_addon.findings.__main__ import reference_page
-from radarsim_addon.findings.catalogue import CATALOGUE, TOPICS
+from radarsim_addon.findings.catalogue import CATALOGUE, TOPICS, Kind, read_topics
 from radarsim_addon.signal.pipeline import main
 from radarsim_addon.typed_json import read_record, write_record
 from tests.signal.synthetic import Setup, points, run_record, write_run
@@ -280,6 +280,28 @@ def test_codes_are_declared_once_and_have_texts() -> None:
             assert not set("\n\t") & set(text)
 
 
+_ONE = "\n# Old\n\n## one (info)\n\nText\ngoes on.\n\nCause.\n\nRemedy.\n\n# New\n\n## "
+
+
+def test_a_catalogue_is_read() -> None:
+    topics = read_topics(f"{_ONE}two (error)\n\nText.\n\nCause.\n\nRemedy.\n")
+    assert topics["Old"] == {"one": Kind("info", "Text goes on.", "Cause.", "Remedy.")}
+    assert topics["New"] == {"two": Kind("error", "Text.", "Cause.", "Remedy.")}
+
+
+@pytest.mark.parametrize(
+    ("entry", "found"),
+    [
+        ("two (info)\n\nText.\n\nCause.", r"'two \(info\)' has 2 paragraphs"),
+        ("two (dire)\n\nText.\n\nCause.\n\nRemedy.", r"'two \(dire\)' has 3 paragraphs"),
+        ("one (error)\n\nText.\n\nCause.\n\nRemedy.", r"'one \(error\)' has 3 paragraphs"),
+    ],
+)
+def test_an_entry_of_the_catalogue_that_does_not_fit_is_named(entry: str, found: str) -> None:
+    with pytest.raises(ValueError, match=found):
+        read_topics(_ONE + entry)
+
+
 def test_a_verb_has_the_number_of_its_names() -> None:
     one = finding("mirror-without-image", "Cube")
     assert one.text.startswith("'Cube' is smooth and planar, so it acts as a mirror, but")
@@ -291,14 +313,17 @@ def test_a_verb_has_the_number_of_its_names() -> None:
     assert joined.text.startswith("'Cube', 'Ball' are smooth")
 
 
-@pytest.mark.parametrize("code", [c for c, kind in CATALOGUE.items() if "{subjects}" in kind.text])
-def test_texts_with_names_fit_one_name(code: str) -> None:
+def test_texts_with_names_fit_one_name(subtests: pytest.Subtests) -> None:
     """A sentence that begins with names has the verb of one name, or that of several."""
-    kind = CATALOGUE[code]
-    assert re.findall(r"(?:^|[.:] )\{subjects\} (?!\{they:)", kind.text) == []
-    for text in (kind.text, kind.cause, kind.remedy):
-        fixed = re.sub(r"\{\w+:[^}]*\|.*?\}", "", text)
-        assert not re.search(r"(?i)these (pairs of )?(objects|mirrors|materials|surfaces)", fixed)
+    for code in (c for c, kind in CATALOGUE.items() if "{subjects}" in kind.text):
+        with subtests.test(code):
+            kind = CATALOGUE[code]
+            assert re.findall(r"(?:^|[.:] )\{subjects\} (?!\{they:)", kind.text) == []
+            for text in (kind.text, kind.cause, kind.remedy):
+                fixed = re.sub(r"\{\w+:[^}]*\|.*?\}", "", text)
+                assert not re.search(
+                    r"(?i)these (pairs of )?(objects|mirrors|materials|surfaces)", fixed
+                )
 
 
 def codes_used() -> tuple[set[str], list[str]]:

@@ -22,8 +22,8 @@ ROOMS = (
     "", "physics",
     "signal.scene", "signal.radar", "signal.motion", "signal.runs", "signal.paths",
     "signal.spectrum",
-    "signal.decoding", "signal.scattering", "signal.echoes", "signal.maps", "signal.detection",
-    "signal.draft", "signal.results", "signal.pictures", "signal.products", "signal.distributed",
+    "signal.decoding", "signal.tracing", "signal.scattering", "signal.echoes", "signal.maps",
+    "signal.detection", "signal.draft", "signal.products", "signal.pictures",
     "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",
     "blender.rig_settings", "blender.views", "blender.motion", "blender.run", "blender.rings",
@@ -32,7 +32,7 @@ ROOMS = (
 #: Entry points: they stand at the root of the package and join both halves.
 ENTRIES = ("radarsim_addon", "radarsim_addon.__main__", "radarsim_addon.frame_worker")
 #: Rooms of signal that the Blender half may use; the last ones only where results are shown.
-FOR_BLENDER = {"scene", "radar", "motion", "paths", "decoding", "runs"}
+FOR_BLENDER = {"scene", "radar", "motion", "paths", "decoding", "runs", "tracing"}
 FOR_WINDOWS = {"pipeline", "detection", "draft", "pictures"}
 BLENDER_MODULES = {"bpy", "bpy_extras", "mathutils", "bmesh", "gpu", "blf"}
 
@@ -132,6 +132,21 @@ def test_blender_uses_few_rooms_of_signal() -> None:
             shows = here in ("blender.headless", "blender.ui")
             allowed = FOR_BLENDER | FOR_WINDOWS if shows else FOR_BLENDER
             assert there.removeprefix("signal.") in allowed, item
+
+
+#: Attributes by which Blender's objects and meshes are read.
+READING = {"object_instances", "loop_triangles", "loops", "evaluated_get", "to_mesh_clear"}
+
+
+def test_only_one_room_reads_evaluated_objects() -> None:
+    """All others are given a snapshot and its meshes."""
+    readers = {
+        name
+        for name, path in MODULES.items()
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.Attribute) and node.attr in READING
+    }
+    assert readers == {f"radarsim_addon.blender.state.{name}" for name in ("meshes", "snapshot")}
 
 
 def test_no_circle_of_modules() -> None:

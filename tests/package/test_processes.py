@@ -75,8 +75,11 @@ def test_temporary_folders_of_killed_processes_go(
         (session / "radarsim_owner.json").write_text((theirs / "radarsim_owner.json").read_text())
         mine = processes.temporary_folder()
         assert theirs.is_dir() and session.is_dir()
+    soon = processes.temporary_folder()
+    assert theirs.is_dir()  # the last search was a moment ago
+    processes._searched_s.clear()
     again = processes.temporary_folder()
-    assert sorted(tmp_path.iterdir()) == sorted([mine, again])
+    assert sorted(tmp_path.iterdir()) == sorted([mine, soon, again])
 
 
 def test_folders_of_others_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,6 +100,7 @@ def test_folders_of_others_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     processes.remove_abandoned_folders()
     assert sorted(tmp_path.rglob("*")) == before
     (tmp_path / "radarsim_a" / "radarsim_owner.json").write_text(json.dumps(gone))
+    processes._searched_s.clear()
     processes.remove_abandoned_folders()
     assert not (tmp_path / "radarsim_a").exists()
 

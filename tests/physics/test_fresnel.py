@@ -35,28 +35,28 @@ def index_of(case: str) -> complex:
     return (1 - r_s) / (1 + r_s)
 
 
-@pytest.mark.parametrize("row", reference_rows(), ids=lambda r: f"{r['case']}-{r['inc_deg']}")
-def test_reflection_matches_multiple_precision(row: dict[str, str]) -> None:
-    cosine = np.cos(np.radians(float(row["inc_deg"])))
-    r_s, r_p = fresnel.reflection_coefficients(index_of(row["case"]), cosine)
-    for got, name in ((r_s, "rs"), (r_p, "rp")):
-        expected = complex(float(row[f"{name}_re"]), float(row[f"{name}_im"]))
-        # cos(89.9999 deg) itself carries 6e-11 of relative rounding in float64.
-        assert abs(complex(got) - expected) <= 1e-10 * abs(expected)
-    powers = [
-        float(row[f"{name}_re"]) ** 2 + float(row[f"{name}_im"]) ** 2 for name in ("rs", "rp")
-    ]
-    mean = float(fresnel.unpolarised_reflectance(index_of(row["case"]), cosine))
-    assert mean == pytest.approx(sum(powers) / 2, rel=2e-10)
+def test_reflection_matches_multiple_precision(subtests: pytest.Subtests) -> None:
+    for row in reference_rows():
+        with subtests.test(f"{row['case']}-{row['inc_deg']}"):
+            cosine = np.cos(np.radians(float(row["inc_deg"])))
+            r_s, r_p = fresnel.reflection_coefficients(index_of(row["case"]), cosine)
+            for got, name in ((r_s, "rs"), (r_p, "rp")):
+                expected = complex(float(row[f"{name}_re"]), float(row[f"{name}_im"]))
+                # cos(89.9999 deg) itself carries 6e-11 of relative rounding in float64.
+                assert abs(complex(got) - expected) <= 1e-10 * abs(expected)
+            powers = [float(row[f"{n}_re"]) ** 2 + float(row[f"{n}_im"]) ** 2 for n in ("rs", "rp")]
+            mean = float(fresnel.unpolarised_reflectance(index_of(row["case"]), cosine))
+            assert mean == pytest.approx(sum(powers) / 2, rel=2e-10)
 
 
-@pytest.mark.parametrize("row", reference_rows(), ids=lambda r: f"{r['case']}-{r['inc_deg']}")
-def test_transmission_keeps_digits_where_reflection_is_total(row: dict[str, str]) -> None:
-    cosine = np.cos(np.radians(float(row["inc_deg"])))
-    t_s, t_p = fresnel.power_transmission(index_of(row["case"]), cosine)
-    # The table prints six digits.
-    assert t_s == pytest.approx(float(row["1-|rs|^2"]), rel=1e-5, abs=1e-15)
-    assert t_p == pytest.approx(float(row["1-|rp|^2"]), rel=1e-5, abs=1e-15)
+def test_transmission_keeps_digits_where_reflection_is_total(subtests: pytest.Subtests) -> None:
+    for row in reference_rows():
+        with subtests.test(f"{row['case']}-{row['inc_deg']}"):
+            cosine = np.cos(np.radians(float(row["inc_deg"])))
+            t_s, t_p = fresnel.power_transmission(index_of(row["case"]), cosine)
+            # The table prints six digits.
+            assert t_s == pytest.approx(float(row["1-|rs|^2"]), rel=1e-5, abs=1e-15)
+            assert t_p == pytest.approx(float(row["1-|rp|^2"]), rel=1e-5, abs=1e-15)
 
 
 def test_brewster_angle_reflects_nothing_of_p() -> None:

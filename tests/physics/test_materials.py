@@ -14,13 +14,15 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics import materials
-from radarsim_addon.physics.material_model import MaterialModel
-from radarsim_addon.physics.materials import ITU_NEW_ROWS, ITU_ROWS, soil_permittivity
-from radarsim_addon.physics.materials_water import (
+from radarsim_addon.physics.materials import (
+    ITU_NEW_ROWS,
+    ITU_ROWS,
+    MaterialModel,
     ice_permittivity,
     kaatze_permittivity,
     klein_swift_permittivity,
     liebe_permittivity,
+    soil_permittivity,
 )
 
 DATA = Path(__file__).parents[1] / "data" / "material_spot_values.csv"
@@ -68,15 +70,14 @@ def evaluate(model: str, params: str, frequency_hz: float) -> complex:
     return complex(equation(frequency_hz, number(params, "T")))
 
 
-@pytest.mark.parametrize(
-    "row", spot_rows(), ids=lambda r: f"{r['model']}-{r['freq_GHz']}-{r['params']}"
-)
-def test_spot_values(row: dict[str, str]) -> None:
-    got = evaluate(row["model"], row["params"], float(row["freq_GHz"]) * 1e9)
-    # Half a unit of the last digit printed (6, for ice 8), and 1e-7 for the electric constant.
-    digit = 0.6e-8 if row["model"].startswith("ice") else 0.6e-6
-    assert got.real == pytest.approx(float(row["eps_re"]), rel=2e-7, abs=0.6e-6)
-    assert got.imag == pytest.approx(float(row["eps_im"]), rel=2e-7, abs=digit)
+def test_spot_values(subtests: pytest.Subtests) -> None:
+    for row in spot_rows():
+        with subtests.test(f"{row['model']}, {row['freq_GHz']} GHz, {row['params']}"):
+            got = evaluate(row["model"], row["params"], float(row["freq_GHz"]) * 1e9)
+            # Half a unit of the last printed digit (6, for ice 8), and 1e-7: electric constant.
+            digit = 0.6e-8 if row["model"].startswith("ice") else 0.6e-6
+            assert got.real == pytest.approx(float(row["eps_re"]), rel=2e-7, abs=0.6e-6)
+            assert got.imag == pytest.approx(float(row["eps_im"]), rel=2e-7, abs=digit)
 
 
 @pytest.mark.parametrize("name", ALL_NAMES)

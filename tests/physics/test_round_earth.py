@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.physics.constants import STANDARD_EARTH_RADIUS_M
-from radarsim_addon.physics.round_earth import ground_path, horizon_m
+from radarsim_addon.physics.round_earth import ground_path
 
 A = np.longdouble(STANDARD_EARTH_RADIUS_M)
 CASES = [
@@ -114,11 +114,14 @@ def test_near_the_radar_the_earth_is_flat() -> None:
 
 def test_the_horizon_is_where_the_grazing_angle_ends() -> None:
     for antenna, target in ((15.0, 60.0), (300.0, 2.0)):
-        limit = float(horizon_m(antenna, target, STANDARD_EARTH_RADIUS_M))
+        # an arc tangent keeps the digits of acos(a / (a + h))
+        limit = STANDARD_EARTH_RADIUS_M * sum(
+            math.atan(math.sqrt((2 + part) * part))
+            for part in (antenna / STANDARD_EARTH_RADIUS_M, target / STANDARD_EARTH_RADIUS_M)
+        )
         # the textbook's sqrt(2 a h), good to h / a
         textbook = sum(math.sqrt(2 * STANDARD_EARTH_RADIUS_M * h) for h in (antenna, target))
         assert limit == pytest.approx(textbook, rel=1e-4)
         angles = ground_path(antenna, target, limit * np.array([1 - 1e-6, 1 + 1e-6])).grazing_rad
         assert angles[0] > 0 > angles[1]
         assert ground_path(antenna, target, limit * (1 - 1e-6)).divergence < 0.1
-    assert np.isinf(horizon_m(15.0, 60.0, math.inf))

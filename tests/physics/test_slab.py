@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The slab against energy conservation, limits, and the characteristic matrix."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -30,19 +32,20 @@ def characteristic_matrix(index: complex, thickness_m: float, cosine: float, pol
     return abs(transmission) ** 2, abs(reflection) ** 2
 
 
-@pytest.mark.parametrize("index", [1.4 + 1.0j, 2.3 + 0.002j, 2.29, 9 + 3j, 1 / 1.5])
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 85.0])
-@pytest.mark.parametrize("thickness_m", [1e-4, 0.003, 0.02])
-def test_coherent_matches_the_characteristic_matrix(index, degrees, thickness_m) -> None:
-    cosine = np.cos(np.radians(degrees))
-    power = fresnel.slab_power(index, thickness_m, WAVELENGTH_M, cosine)
-    for polarisation, transmitted, reflected in (
-        ("s", power.transmitted_s, power.reflected_s),
-        ("p", power.transmitted_p, power.reflected_p),
-    ):
-        t, r = characteristic_matrix(index, thickness_m, cosine, polarisation)
-        assert float(transmitted) == pytest.approx(t, rel=1e-10, abs=1e-15)
-        assert float(reflected) == pytest.approx(r, rel=1e-10, abs=1e-12)
+def test_coherent_matches_the_characteristic_matrix(subtests: pytest.Subtests) -> None:
+    indices = (1.4 + 1.0j, 2.3 + 0.002j, 2.29, 9 + 3j, 1 / 1.5)
+    slabs = itertools.product(indices, (0.0, 30.0, 60.0, 85.0), (1e-4, 0.003, 0.02))
+    for index, degrees, thickness_m in slabs:
+        with subtests.test(f"{index}, {degrees}, {thickness_m}"):
+            cosine = np.cos(np.radians(degrees))
+            power = fresnel.slab_power(index, thickness_m, WAVELENGTH_M, cosine)
+            for polarisation, transmitted, reflected in (
+                ("s", power.transmitted_s, power.reflected_s),
+                ("p", power.transmitted_p, power.reflected_p),
+            ):
+                t, r = characteristic_matrix(index, thickness_m, cosine, polarisation)
+                assert float(transmitted) == pytest.approx(t, rel=1e-10, abs=1e-15)
+                assert float(reflected) == pytest.approx(r, rel=1e-10, abs=1e-12)
 
 
 @pytest.mark.parametrize("model", ["coherent", "incoherent"])

@@ -101,7 +101,7 @@ def test_a_vacuum_takes_nothing() -> None:
 
 def test_fog_is_rayleigh_absorption_of_its_drops() -> None:
     """6 pi Im((eps - 1) / (eps + 2)) / lambda times the drops' volume, in dB."""
-    from radarsim_addon.physics.materials_water import liebe_permittivity
+    from radarsim_addon.physics.materials import liebe_permittivity
 
     for f_hz in (10e9, 35e9, 94e9):
         eps = liebe_permittivity(f_hz, 10.0)
@@ -145,7 +145,7 @@ def test_the_echo_of_small_drops_follows_the_permittivity_of_their_temperature(
     temperature_c: float,
 ) -> None:
     """|K|^2 with K = (eps - 1) / (eps + 2): Rayleigh scatterers."""
-    from radarsim_addon.physics.materials_water import liebe_permittivity
+    from radarsim_addon.physics.materials import liebe_permittivity
 
     eps = np.array([liebe_permittivity(1e9, at_c) for at_c in (temperature_c, 10.0)])
     of_drops = np.abs((eps - 1) / (eps + 2)) ** 2

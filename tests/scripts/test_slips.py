@@ -15,16 +15,17 @@ ROOT = Path(__file__).resolve().parents[2]
 SLIPS = slips.read_slips()
 
 
-@pytest.mark.parametrize("slip", SLIPS, ids=lambda slip: f"{slip.part}-{slip.name}")
-def test_a_slip_fits_the_code_and_names_tests_that_are_there(slip: slips.Slip) -> None:
-    changed = slips.slipped_text(slip, ROOT)
-    assert changed != (ROOT / slip.path).read_text("utf-8")
-    ast.parse(changed)
-    assert slip.seen.endswith(".") and slip.tests
-    for test in slip.tests:
-        path, _, function = test.partition("[")[0].partition("::")
-        text = (ROOT / path).read_text("utf-8")
-        assert re.search(rf"^def {function or 'test_'}", text, re.MULTILINE), test
+def test_a_slip_fits_the_code_and_names_tests_that_are_there(subtests: pytest.Subtests) -> None:
+    for slip in SLIPS:
+        with subtests.test(slip.name):
+            changed = slips.slipped_text(slip, ROOT)
+            assert changed != (ROOT / slip.path).read_text("utf-8")
+            ast.parse(changed)
+            assert slip.seen.endswith(".") and slip.tests
+            for test in slip.tests:
+                path, _, function = test.partition("[")[0].partition("::")
+                text = (ROOT / path).read_text("utf-8")
+                assert re.search(rf"^def {function or 'test_'}", text, re.MULTILINE), test
 
 
 def test_names_are_taken_once_and_every_part_has_slips() -> None:

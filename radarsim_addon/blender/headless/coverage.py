@@ -46,7 +46,7 @@ from ..scene import (
     ground_below,
     rigid_pose,
 )
-from ..state import evaluated_depsgraph
+from ..state import evaluated_snapshot
 from .console import quiet_blender
 from .session import leave_blender, open_scene
 
@@ -73,10 +73,10 @@ def scene_coverage(
     record = read_link_budget(radar, wavelength_m, link_budget_file)
     system = None if record is None else make_system(record, wavelength_m)
     rig = find_rig(scene, **antennas_of(scene, radar), any_projection=True)
-    depsgraph = evaluated_depsgraph(view_layer)
+    snapshot = evaluated_snapshot(view_layer)
     units = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
-    light, camera = (one.evaluated_get(depsgraph) for one in (rig.emitter, rig.camera))
-    ground = ground_below(depsgraph, np.array(camera.matrix_world)[:3, 3], request.ground)
+    light, camera = (snapshot.evaluated(one) for one in (rig.emitter, rig.camera))
+    ground = ground_below(snapshot, np.array(camera.matrix_world)[:3, 3], request.ground)
     mounts = []
     for item, antenna in (
         (light, system and system.transmitter),

@@ -27,12 +27,13 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ...arrays import Single
 from ...errors import OutputError, SceneError
 from ...messages import Message
 from ...processes import temporary_folder
 from ..run.scene_state import Device, choose_device, chosen_device
 from ..scene import frame_handlers, simulation_frames, writes_disk_caches
-from ..state import SettingsRestorer, Snapshot, evaluated_depsgraph, read_numbers, take_snapshot
+from ..state import SettingsRestorer, Snapshot, evaluated_snapshot, vertex_positions
 
 #: Name of the copy of a file that was never saved.
 _UNSAVED = "unsaved.blend"
@@ -67,7 +68,7 @@ def save_copy(
     folder = temporary_folder().resolve()
     try:
         check_room(folder)
-        names, numbers = evaluated_numbers(take_snapshot(evaluated_depsgraph(view_layer)))
+        names, numbers = evaluated_numbers(evaluated_snapshot(view_layer))
         file = folder / (Path(bpy.data.filepath).name or _UNSAVED)
         _save(file)
         if bpy.data.filepath:
@@ -245,7 +246,7 @@ def open_copy(order: Message) -> None:
     kind, ids = fields["device"]
     choose_device(scene, Device(kind, tuple(ids)))
     view_layer = scene.view_layers[fields["view_layer"]]
-    here = evaluated_numbers(take_snapshot(evaluated_depsgraph(view_layer)))
+    here = evaluated_numbers(evaluated_snapshot(view_layer))
     different = differences((fields["names"], order.arrays["numbers"]), here)
     if different and not _simulates():
         shown = ", ".join(map(repr, different[:10]))
@@ -289,8 +290,8 @@ def evaluated_numbers(snapshot: Snapshot) -> tuple[list[str], NDArray[np.float64
         if not one.own or one.original.type != "MESH" or _shown_otherwise(one.original):
             numbers[row, 33] = -1
         else:
-            evaluated = one.original.evaluated_get(snapshot.depsgraph)
-            numbers[row, 33:] = _mesh_numbers(evaluated.data.vertices, weights)
+            places = vertex_positions(snapshot.evaluated(one.original))
+            numbers[row, 33:] = _mesh_numbers(places, weights)
     return [one.original.name_full for one in snapshot.shapes], numbers
 
 
@@ -303,8 +304,7 @@ def _shown_otherwise(item: bpy.types.Object) -> bool:
     return subdivided or item.mode == "EDIT"
 
 
-def _mesh_numbers(vertices: Any, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    places = read_numbers(vertices, "co", 3)
+def _mesh_numbers(places: Single, weights: NDArray[np.float64]) -> NDArray[np.float64]:
     found = np.zeros(7)
     found[0] = len(places)
     for start in range(0, len(places), _CHUNK):

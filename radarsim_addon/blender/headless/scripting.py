@@ -55,7 +55,7 @@ from ..rig_settings import (
 )
 from ..rig_settings import settings as settings_of
 from ..scene import antennas_of, find_rig, radars, replace_material, setup_rig, suggest_materials
-from ..state import evaluated_depsgraph
+from ..state import evaluated_snapshot
 from .console import quiet_blender
 from .session import make_job
 
@@ -240,9 +240,9 @@ def assign_by_name(scene: bpy.types.Scene | None = None) -> dict[str, str]:
     scene = bpy.context.scene if scene is None else scene
     layer = scene.view_layers[0]
     taken = {}
-    for material, ready in suggest_materials(evaluated_depsgraph(layer)).items():
+    for material, ready in suggest_materials(evaluated_snapshot(layer)).items():
         if ready:
-            replace_material(material, ready, carrier_hz(scene), evaluated_depsgraph(layer))
+            replace_material(material, ready, carrier_hz(scene), evaluated_snapshot(layer))
             taken[material.name] = ready
     return taken
 

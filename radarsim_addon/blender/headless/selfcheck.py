@@ -40,7 +40,7 @@ from ..run.scene_state import (
     keep,
 )
 from ..scene import setup_rig
-from ..state import evaluated_depsgraph
+from ..state import evaluated_snapshot
 from ..views import PathClass, RenderRequest, View, ViewWindow
 from ..views.requests import Region, VertexMark
 from .console import quiet_blender
@@ -308,7 +308,7 @@ class _Looking:
     def __enter__(self) -> _Looking:
         self._job.prepare()
         scene = self._job.path_scene
-        scene.place(evaluated_depsgraph(bpy.context.view_layer))
+        scene.place(evaluated_snapshot(bpy.context.view_layer))
         record = scene.look(self._window, (0.0, 0.0), 1)
         self.rays = pixel_rays(record, _SIDE_PX, _SIDE_PX)
         return self

@@ -4,8 +4,8 @@
 A material has one of the node groups of the room `nodes`. `physical_materials` reads a medium of
 the library and a rough surface from its custom properties and sets the group's inputs at the
 carrier; `clutter` and `scattered_lobe` add models of sigma0 and directive lobes, whose tables the
-group reads; `mirrors` tells what a smooth surface reflects. For interiors, `wall_faces` measures
-walls, `layers` stores their normals and thicknesses for the shaders, `interiors` chooses whether
+group reads; `mirrors` tells what a smooth surface reflects. For interiors, `layers` stores
+normals and thicknesses of walls for the shaders, `interiors` chooses whether
 the volume or the faces absorb and delay, and `total_reflection` names what straight rays through
 interiors get wrong.
 """
@@ -27,6 +27,7 @@ from .interiors import (
 )
 from .layers import (
     beyond_float32,
+    convex_objects,
     doubled_panes,
     interior_losses_db,
     set_layer_normals,
@@ -63,7 +64,6 @@ from .total_reflection import (
     straight_interiors,
     total_reflections,
 )
-from .wall_faces import convex_objects
 
 __all__ = [
     "EXACT_FACETS",

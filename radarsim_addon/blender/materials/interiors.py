@@ -25,7 +25,7 @@ import numpy as np
 from ...arrays import Mask, Real, dots, norms
 from ...errors import ConfigError
 from ...findings import Finding, finding
-from ...signal.scene import SMOOTH_BELOW, RayMesh, Surface
+from ...signal.scene import ALL_FACES, SMOOTH_BELOW, Mesh, RayMesh, Surface
 from ..nodes import attributes
 from ..nodes.materials import (
     transmission_inputs,
@@ -34,15 +34,10 @@ from ..nodes.materials import (
 from ..state import (
     SettingsRestorer,
     Snapshot,
-    evaluated_mesh,
-    evaluated_objects,
-    read_triangles,
-    take_snapshot,
 )
-from .layers import FACES_LOSS_DB, MAX_LOSS_DB
+from .layers import FACES_LOSS_DB, MAX_LOSS_DB, layer_faces
 from .physical_materials import SURFACE_TYPES, assigned_materials
 from .surfaces import read_surface, surfaces_of
-from .wall_faces import ALL_FACES, LayerFaces
 
 
 def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> list[Finding]:
@@ -103,29 +98,28 @@ _TRIANGLES = 500
 _POINTS, _MOST_FACES = 64, 64
 
 
-def overlapping_shells(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def overlapping_shells(snapshot: Snapshot) -> list[Finding]:
     """Find meshes with an interior that consist of parts which reach into one another."""
     found = []
-    surfaces = surfaces_of(take_snapshot(depsgraph))
-    for item, materials in assigned_materials(depsgraph):
+    surfaces = surfaces_of(snapshot)
+    for item, materials in assigned_materials(snapshot):
         if item.type != "MESH" or not any(one.has_interior for one in surfaces.of(materials)):
             continue
-        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-            if mesh is None or len(mesh.polygons) <= 6:  # a box, or less, has no parts
-                continue
-            vertices, corners = read_triangles(mesh)
-        fraction = _buried(vertices.astype(np.float64), corners)
+        mesh = snapshot.mesh_of(item)
+        if mesh is None or len(mesh.sides) <= 6:  # a box, or less, has no parts
+            continue
+        fraction = _buried(mesh)
         if fraction > _LEAST_BURIED:
             found.append(finding("shells-overlap", item.name, fraction=fraction))
     return found
 
 
-def _buried(points: Real, corners: Any) -> float:
+def _buried(mesh: Mesh) -> float:
     """Fraction of a surface whose outer side is inside another part of the mesh."""
-    rays = RayMesh(points, corners)
-    place, outward, area = _largest(points[corners])
+    place, outward, area = _largest(mesh.vertices[mesh.triangles])
     with np.errstate(invalid="ignore"):
-        buried = dots(rays.normals_of(rays.first(place, outward)[0]), outward) > 0
+        behind = mesh.rays.normals_of(mesh.rays.first(place, outward)[0])
+        buried = dots(behind, outward) > 0
     return float(area[buried].sum() / max(area.sum(), 1e-300))
 
 
@@ -138,7 +132,7 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
     return triangles[chosen].mean(axis=1), across[chosen] / double[chosen, None], double[chosen] / 2
 
 
-def found_inside(depsgraph: bpy.types.Depsgraph, antennas: Sequence[Real]) -> list[Finding]:
+def found_inside(snapshot: Snapshot, antennas: Sequence[Real]) -> list[Finding]:
     """Find what is inside the material of walls and other interiors, in the evaluated frame.
 
     One ``inside-a-wall`` names each object and antenna with its wall, of the walls whose absorption
@@ -146,7 +140,7 @@ def found_inside(depsgraph: bpy.types.Depsgraph, antennas: Sequence[Real]) -> li
     holds an antenna has its index and what spreading is off by at most. `antennas` are (3,) each
     [Blender units].
     """
-    snapshot, places = take_snapshot(depsgraph), np.asarray(antennas, dtype=np.float64)
+    snapshot, places = snapshot, np.asarray(antennas, dtype=np.float64)
     surfaces = surfaces_of(snapshot)
     low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
     found = []
@@ -200,12 +194,11 @@ def _near(
     for other in np.flatnonzero(meets & shown).tolist():
         if other == row:
             continue
-        with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[other]]) as mesh:
-            if mesh is None or not len(mesh.polygons):
-                continue
-            vertices, corners = read_triangles(mesh)
+        mesh = snapshot.mesh(snapshot.shapes[snapshot.layout.shape[other]])
+        if mesh is None or not len(mesh.sides):
+            continue
         matrix = snapshot.matrix(other)
-        points = (vertices @ matrix[:3, :3].T + matrix[:3, 3])[corners].mean(axis=1)
+        points = (mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles].mean(axis=1)
         yield other, points[:: -(-len(points) // _POINTS)]
 
 
@@ -214,10 +207,11 @@ class _Wall:
 
     def __init__(self, snapshot: Snapshot, row: int) -> None:
         matrix = snapshot.matrix(row)
-        with snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]]) as mesh:
-            vertices, corners = read_triangles(mesh)
+        mesh = snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]])
         self._place = matrix[:3, 3]
-        self._rays = RayMesh(vertices @ matrix[:3, :3].T, corners)
+        none = np.empty((0, 3))
+        found = (none, none.astype(int)) if mesh is None else (mesh.vertices, mesh.triangles)
+        self._rays = RayMesh(found[0] @ matrix[:3, :3].T, found[1])
 
     def holds(self, points: Real) -> Mask:
         """Whether points (n, 3) are inside: a ray from each passes an odd number of faces."""
@@ -278,7 +272,7 @@ class _Rounding(NamedTuple):
 
 def settle_interiors_far_away(
     recorder: SettingsRestorer,
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     antennas: Sequence[Sequence[float]],
     reach: float,
     wavelength: float,
@@ -297,8 +291,8 @@ def settle_interiors_far_away(
     depth = _DEPTH_ROUNDINGS * _EPS32 * distance
     nepers = _ABSORPTION_ROUNDINGS * _EPS32 * range_encoding_length * math.log(10) / 10
     delay, errors, walls = False, {}, []
-    surfaces, lengths = surfaces_of(take_snapshot(depsgraph)), cache(_lengths)
-    for one in assigned_materials(depsgraph):
+    surfaces, lengths = surfaces_of(snapshot), cache(_lengths)
+    for one in assigned_materials(snapshot):
         known = surfaces.of(one.materials)
         delay |= any(surface.delays for surface in known)
         entered = [surface for surface in known if surface.has_interior]
@@ -311,23 +305,23 @@ def settle_interiors_far_away(
         errors[one.item.name_full] = one.item, error
         plate = len(set(one.materials)) == 1 and known[0].is_entered
         if plate and _matters(error, wavelength) and loss_db <= FACES_LOSS_DB:
-            middle = _middle_of_plate(one.item, depsgraph)
+            middle = _middle_of_plate(one.item, snapshot)
             if not math.isnan(middle):
                 walls.append((one.item, middle))
     rims = []
     if walls:
-        boxes = _Boxes(depsgraph)
+        boxes = _Boxes(snapshot)
         for item, middle in walls:
             if boxes.empty_inside(item, antennas):
                 recorder.set_item(item, attributes.OBJECT_LAYER_AT_FACES, [1.0, middle, 0.0])
                 item.update_tag()
                 del errors[item.name_full]
-                if _echoes_from_its_rim(item, depsgraph):
+                if _echoes_from_its_rim(item, snapshot):
                     loss_db = losses_db.get(item.name_full, 0.0)
                     rims.append(finding("rim-echoes-weak", item.name_full, power_db=loss_db))
     named = [one for one in errors.values() if _matters(one[1], wavelength)]
     if any(_is_flat(item) for item, _ in named):
-        boxes = _Boxes(depsgraph)
+        boxes = _Boxes(snapshot)
         named = [one for one in named if not boxes.nothing_behind(one[0], antennas)]
     found = [_named(item.name_full, error, wavelength) for item, error in named] + rims
     left = [error for _, error in errors.values()]
@@ -369,21 +363,21 @@ def _rounding(
     return _Rounding(power * both_ways, length * both_ways, by_absorption)
 
 
-def _middle_of_plate(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> float:
+def _middle_of_plate(item: bpy.types.Object, snapshot: Snapshot) -> float:
     """Return the place of a plate's middle along its normal, in own units; NaN for others."""
     if attributes.OBJECT_LAYER_THICKNESS not in item:
         return math.nan
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
-    low, high = LayerFaces.read([item], depsgraph).planes(normal[None], ALL_FACES)
+    low, high = layer_faces(snapshot, [item]).planes(normal[None], ALL_FACES)
     return float(low[0] + high[0]) / 2
 
 
-def _echoes_from_its_rim(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bool:
+def _echoes_from_its_rim(item: bpy.types.Object, snapshot: Snapshot) -> bool:
     """Whether a rough wall has a rim that counts: waves inside it come back from there."""
     roughness = (read_surface(slot.material).roughness or 0.0 for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
-        LayerFaces.read([item], depsgraph).rim_fractions(normal[None])[0] > _LEAST_RIM
+        layer_faces(snapshot, [item]).rim_fractions(normal[None])[0] > _LEAST_RIM
     )
 
 
@@ -393,19 +387,15 @@ def _is_flat(item: bpy.types.Object) -> bool:
 
 
 class _Boxes:
-    """Bounding boxes of all surfaces and their instances at the depsgraph's moment."""
+    """Bounding boxes of all surfaces and their instances at the snapshot's moment."""
 
-    def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
-        poses, boxes, owners = [], [], []
-        for one in evaluated_objects(depsgraph):
-            if one.visible and one.original.type in SURFACE_TYPES and not one.original.hide_render:
-                poses.append(one.matrix)
-                boxes.append(one.box)
-                owners.append(one.original.as_pointer())
-        self._poses, self._own = np.array(poses), np.array(boxes)
-        corners = np.einsum("nij,nkj->nki", self._poses[:, :3, :3], self._own)
-        self._corners: Real = corners + self._poses[:, None, :3, 3]
-        self._owners = np.array(owners)
+    def __init__(self, snapshot: Snapshot) -> None:
+        shown = snapshot.of_shapes([_is_surface(shape) for shape in snapshot.shapes])
+        rows = np.flatnonzero(snapshot.layout.visible & shown)
+        shapes = snapshot.layout.shape[rows]
+        self._poses, self._corners = snapshot.matrices_of(rows), snapshot.corners_of(rows)
+        self._own = np.array([shape.box for shape in snapshot.shapes])[shapes]
+        self._owners = np.array([one.original.as_pointer() for one in snapshot.shapes])[shapes]
         self._centres = self._corners.mean(axis=1)
         self._radii = np.linalg.norm(self._corners - self._centres[:, None], axis=2).max(axis=1)
 

@@ -11,28 +11,31 @@ panes that are modelled by both of their sides, give findings.
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable, Sequence
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
 
 from ...arrays import Real
 from ...findings import Finding, finding, finding_about
-from ..nodes import attributes
-from ..state import SettingsRestorer, read_numbers, take_snapshot
-from .physical_materials import SHEET_THICKNESS, assigned_materials
-from .surfaces import surfaces_of
-from .wall_faces import (
+from ...signal.scene import (
     LAYER_SHARE,
     MIN_PLATE_FRACTION,
+    MOST_TRIANGLES,
+    ConvexBodies,
+    Depths,
     LayerFaces,
     WallFaces,
-    convex_parts,
-    depths_of,
+    convex_bodies,
+    depths_behind,
     find_walls,
-    least_depths,
-    linear_of,
 )
+from ..nodes import attributes
+from ..state import SettingsRestorer, Snapshot, read_mesh
+from .physical_materials import SHEET_THICKNESS, assigned_materials
+from .surfaces import surfaces_of
 
 _NAME = "radarsim walls"
 
@@ -121,9 +124,8 @@ def _is_distorted(item: bpy.types.Object) -> bool:
 def _sharpen_mesh(recorder: SettingsRestorer, mesh: bpy.types.Mesh, angle_deg: float) -> None:
     """Mark the edges of a linked mesh with more than this angle as sharp, in memory."""
     name = "sharp_edge"
-    edge = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
-    sides = read_numbers(mesh.polygons, "loop_total", dtype=np.int32).ravel()
-    normal = np.repeat(read_numbers(mesh.polygons, "normal", 3), sides, axis=0)
+    faces = read_mesh(mesh)
+    edge, normal = faces.corner_edges, np.repeat(faces.normals, faces.sides, axis=0)
     order = np.argsort(edge, kind="stable")
     one, other = order[:-1], order[1:]
     cosine = np.einsum("nx,nx->n", normal[one], normal[other])
@@ -191,7 +193,7 @@ _MOST_ACROSS = 0.01
 _WALL_SHARE = 0.75
 
 
-def set_layer_normals(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def set_layer_normals(recorder: SettingsRestorer, snapshot: Snapshot) -> list[Finding]:
     """Set what is known of the walls of each object with a penetrable physical material.
 
     That is normal and thickness of a layer, or the common thickness of walls in several directions.
@@ -200,27 +202,28 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph
     none.
     """
     others: list[str] = []
-    surfaces = surfaces_of(take_snapshot(depsgraph))
+    surfaces = surfaces_of(snapshot)
     items = [
         item
-        for item, materials in assigned_materials(depsgraph)
+        for item, materials in assigned_materials(snapshot)
         if any(one.is_entered for one in surfaces.of(materials))
     ]
-    faces = LayerFaces.read(items, depsgraph)
+    faces = layer_faces(snapshot, items)
     given = [item.get(attributes.OBJECT_LAYER_NORMAL) for item in items]
     own = np.array([one is not None for one in given], dtype=bool)
     normals = faces.layer_normals()
     for row in np.flatnonzero(own).tolist():
         normals[row] = given[row] if np.any(given[row]) else np.nan
     low, high = faces.planes(normals, MIN_PLATE_FRACTION)
-    massive = {item for bodies in convex_parts(depsgraph) for item in bodies.without_walls()}
+    massive = {item for bodies in convex_parts(snapshot) for item in bodies.without_walls()}
     for row, (item, thickness) in enumerate(zip(items, (high - low).tolist(), strict=True)):
         normal = None if np.isnan(normals[row, 0]) else normals[row]
         if own[row]:
             _set_thickness(recorder, item, thickness)
         elif normal is None or math.isnan(thickness):
-            walls = None if item in massive else find_walls(item, depsgraph)
-            known = _set_what_is_found(recorder, item, depsgraph, normal, walls)
+            linear = snapshot.matrix_of(item)[:3, :3]
+            walls = None if item in massive else find_walls(snapshot.mesh_of(item), linear)
+            known = _set_what_is_found(recorder, item, linear, normal, walls)
             others += [] if known else [item.name_full]
         else:
             _set_layer(recorder, item, normal, thickness)
@@ -243,14 +246,14 @@ def set_layer_normals(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph
 def _set_what_is_found(
     recorder: SettingsRestorer,
     item: bpy.types.Object,
-    depsgraph: bpy.types.Depsgraph,
+    linear: Real,
     normal: Real | None,
     walls: WallFaces | None,
 ) -> bool:
     """Set the walls of an object that is no single plate; returns whether these are all right."""
     several = walls is not None and bool(walls.wall.any())
     if walls is not None and several and normal is not None:
-        across = normal @ np.linalg.inv(linear_of(item.evaluated_get(depsgraph)))
+        across = normal @ np.linalg.inv(linear)
         several = walls.across(across / np.linalg.norm(across)) > _MOST_ACROSS
     if walls is not None and several and walls.share >= _WALL_SHARE:
         one = walls.one_thickness
@@ -277,32 +280,76 @@ def _set_thickness(recorder: SettingsRestorer, item: bpy.types.Object, thickness
         recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
 
 
-def thinnest(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> float:
+def layer_faces(snapshot: Snapshot, items: Sequence[bpy.types.Object]) -> LayerFaces:
+    """Return the polygons of objects, in which layers are looked for."""
+    linear = [snapshot.matrix_of(item)[:3, :3] for item in items]
+    meshes = [snapshot.mesh_of(item) for item in items]
+    return LayerFaces.of_meshes(meshes, np.array(linear).reshape(-1, 3, 3))
+
+
+def _depths_of(snapshot: Snapshot, item: bpy.types.Object) -> Depths | None:
+    """Look across the largest triangles of an object into it; None without faces."""
+    mesh = snapshot.mesh_of(item)
+    if mesh is None or not len(mesh.sides):
+        return None
+    return depths_behind(mesh, snapshot.matrix_of(item)[:3, :3])
+
+
+#: By snapshot.
+_of_snapshots: WeakKeyDictionary[Snapshot, list[ConvexBodies]] = WeakKeyDictionary()
+
+
+def convex_parts(snapshot: Snapshot) -> list[ConvexBodies]:
+    """Find the objects with an interior that are small closed convex meshes, in several parts."""
+    if snapshot not in _of_snapshots:
+        surfaces, bodies = surfaces_of(snapshot), []
+        for item, materials in assigned_materials(snapshot):
+            shape = snapshot.own_shapes.get(item)
+            if shape is None or shape.kind != "MESH":
+                continue
+            if not any(one.has_interior for one in surfaces.of(materials)):
+                continue
+            if 3 < snapshot.face_count(shape) <= MOST_TRIANGLES:
+                mesh = snapshot.mesh(shape)
+                if mesh is not None:
+                    bodies.append((item, mesh, snapshot.matrix_of(item)))
+        _of_snapshots[snapshot] = list(convex_bodies(bodies))
+    return _of_snapshots[snapshot]
+
+
+def convex_objects(snapshot: Snapshot) -> set[Hashable]:
+    """Return the original objects that have an interior and are small closed convex meshes."""
+    return {item for part in convex_parts(snapshot) for item in part.items}
+
+
+def thinnest(snapshot: Snapshot, item: bpy.types.Object) -> float:
     """Return the least depth behind the largest faces of an object, across them [Blender units].
 
     0 for a mesh that is open behind all of them.
     """
-    depths = depths_of(item, depsgraph)
+    depths = _depths_of(snapshot, item)
     if depths is None or not np.isfinite(depths.depth).any():
         return 0.0
     return float(depths.depth.min())
 
 
-def interior_losses_db(wavelength: float, depsgraph: bpy.types.Depsgraph) -> dict[str, float]:
+def interior_losses_db(wavelength: float, snapshot: Snapshot) -> dict[str, float]:
     """Return the two-way absorption [dB] of objects of physical materials, by full name.
 
     It is across each where it is thinnest; `wavelength` is in Blender units.
     """
-    surfaces = surfaces_of(take_snapshot(depsgraph))
-    depths = least_depths(depsgraph)
+    surfaces = surfaces_of(snapshot)
+    depths: dict[Hashable, float] = {}
+    for bodies in convex_parts(snapshot):
+        depths.update(zip(bodies.items, bodies.thinnest().tolist(), strict=True))
     losses = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         entered = [surface for surface in surfaces.of(materials) if surface.is_entered]
         if item.type != "MESH" or not entered:
             continue
         kappa = max((one.kappa for one in entered if one.kappa is not None), default=0.0)
         if kappa > 0:
-            depth = depths[item] if item in depths else thinnest(item, depsgraph)
+            depth = depths[item] if item in depths else thinnest(snapshot, item)
             nepers = 2 * 4 * math.pi * kappa / wavelength * depth
             losses[item.name_full] = nepers * 10 / math.log(10)
     return losses
@@ -340,14 +387,14 @@ _NEAR = 10.0
 _LEAST_FRACTION = 0.1
 
 
-def doubled_panes(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> list[Finding]:
+def doubled_panes(snapshot: Snapshot, metres_per_unit: float) -> list[Finding]:
     """Find objects whose thin sheets have another face right behind them: they count twice."""
-    named, surfaces = [], surfaces_of(take_snapshot(depsgraph))
-    for item, materials in assigned_materials(depsgraph):
+    named, surfaces = [], surfaces_of(snapshot)
+    for item, materials in assigned_materials(snapshot):
         sheets = [one for one in materials if surfaces[one].kind == "sheet"]
         if item.type != "MESH" or not sheets:
             continue
-        depths = depths_of(item, depsgraph)
+        depths = _depths_of(snapshot, item)
         if depths is None:
             continue
         thickness_m = max(float(m.get(SHEET_THICKNESS, 0.0)) for m in sheets)

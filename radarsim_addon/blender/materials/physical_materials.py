@@ -38,8 +38,7 @@ from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, finding
 from ...physics.checks import real_array
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...physics.material_model import MaterialModel
-from ...physics.materials import TABLE, material_model
+from ...physics.materials import TABLE, MaterialModel, material_model
 from ...physics.rough import (
     cycles_roughness,
     kirchhoff_limits,
@@ -67,9 +66,7 @@ from ..state import (
     SettingsRestorer,
     Shape,
     Snapshot,
-    read_numbers,
     slot_materials,
-    take_snapshot,
 )
 
 #: Object types whose surface Cycles shades by material slots.
@@ -90,14 +87,13 @@ class MaterialAssignment(NamedTuple):
 _of_snapshots: WeakKeyDictionary[Snapshot, list[MaterialAssignment]] = WeakKeyDictionary()
 
 
-def assigned_materials(depsgraph: bpy.types.Depsgraph) -> list[MaterialAssignment]:
-    """Return the materials of each rendered object with a surface, in the order of the depsgraph.
+def assigned_materials(snapshot: Snapshot) -> list[MaterialAssignment]:
+    """Return the materials of each rendered object with a surface, in the order of the snapshot.
 
     A material may be in a slot of the mesh or of the object, or be set by Geometry Nodes. The
     object may be linked, overridden, or a member of an instanced collection that is in no scene.
     The slots of the evaluated object have all of these.
     """
-    snapshot = take_snapshot(depsgraph)
     if snapshot not in _of_snapshots:
         # Instances that Geometry Nodes make have slots of their own. They come after the object's,
         # whose places stay.
@@ -111,15 +107,13 @@ def assigned_materials(depsgraph: bpy.types.Depsgraph) -> list[MaterialAssignmen
     return [one for one in _of_snapshots[snapshot] if not one.item.hide_render]
 
 
-def foreign_objects(
-    depsgraph: bpy.types.Depsgraph, is_known: Callable[[Any], bool]
-) -> Iterator[Any]:
+def foreign_objects(snapshot: Snapshot, is_known: Callable[[Any], bool]) -> Iterator[Any]:
     """Yield rendered objects with faces of a material that is not known, or of none (None).
 
     Faces decide, not slots: an object that only holds instances has none, and Set Material of
     Geometry Nodes leaves an empty slot that no face uses.
     """
-    snapshot, is_known = take_snapshot(depsgraph), cache(is_known)
+    snapshot, is_known = snapshot, cache(is_known)
     for shape in snapshot.shapes:
         original, slots = shape.original, shape.materials or (None,)
         if original.type not in SURFACE_TYPES or original.hide_render or all(map(is_known, slots)):
@@ -132,9 +126,8 @@ def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
     """Return the slots that faces use; all of hair curves and point clouds, which have no mesh."""
     if shape.kind in {"CURVES", "POINTCLOUD"}:
         return list(range(count))
-    with snapshot.mesh(shape) as mesh:
-        polygons = () if mesh is None else mesh.polygons
-        found = read_numbers(polygons, "material_index", dtype=np.int32) if polygons else ()
+    mesh = snapshot.mesh(shape)
+    found = () if mesh is None else mesh.slots
     used: list[int] = np.unique(np.clip(found, 0, count - 1)).astype(int).tolist()
     return used
 

@@ -5,7 +5,7 @@ Cycles follows straight rays through interiors. `total_reflections` starts rays 
 points spread over each object with an interior, refracts them by Snell's law (`_bent`) and looks
 where they arrive: if n sin(angle) > 1 there, the power that Cycles lets out is in truth reflected.
 The fraction is that of the power that enters, with the absorption on the shorter of the bent and
-the straight way. Small convex bodies (`wall_faces.convex_parts`) are done at once by the planes of
+the straight way. Small convex bodies (`layers.convex_parts`) are done at once by the planes of
 their faces, others by rays. Objects whose faces stand for walls are also asked how much enters by
 one face and leaves by another across it: a corner.
 
@@ -27,13 +27,12 @@ import numpy as np
 from ...arrays import Indices, Mask, Real, crosses, dots, norms
 from ...findings import Finding, finding, finding_about
 from ...physics.fresnel import excess_path_m, slab_power
-from ...signal.scene import RayMesh, Surface
+from ...signal.scene import ConvexBodies, Mesh, RayMesh, Surface
 from ..nodes import attributes
-from ..state import evaluated_mesh, read_triangles, take_snapshot
-from .layers import thinnest
+from ..state import Snapshot
+from .layers import convex_parts, thinnest
 from .physical_materials import assigned_materials
 from .surfaces import surfaces_of
-from .wall_faces import ConvexBodies, convex_parts, linear_of
 
 #: Rays that are followed into an object, about, and triangles on which they begin, at most.
 _RAYS = 1000
@@ -65,7 +64,7 @@ class _Body(NamedTuple):
 
 
 def total_reflections(
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     antennas: Sequence[Sequence[float]],
     wavelength: float,
     extinction_length: float,
@@ -77,24 +76,28 @@ def total_reflections(
     information and one as a caution, if any, with indices and fractions of their objects; and the
     same of ``wall-corners``, of objects whose faces absorb and delay.
     """
-    surfaces, inside_of = surfaces_of(take_snapshot(depsgraph)), cache(_inside)
+    snapshot, inside_of = snapshot, cache(_inside)
+    surfaces = surfaces_of(snapshot)
     places = list(dict.fromkeys(map(tuple, antennas)))  # one, where both are there
     bodies: dict[Any, _Body] = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         entered = [surface for surface in surfaces.of(materials) if surface.has_interior]
         if item.type == "MESH" and entered:
             mediums = [inside_of(surface, wavelength, extinction_length) for surface in entered]
-            bodies[item] = _body(item, depsgraph, mediums)
+            bodies[item] = _body(snapshot, item, mediums)
     fractions = dict.fromkeys(bodies, 0.0)
     bending = {item for item, body in bodies.items() if body.refraction > 1}
-    for part in convex_parts(depsgraph):
+    for part in convex_parts(snapshot):
         if bending.intersection(part.items):
             of_part = _reflected_in_convex(part, [bodies[item] for item in part.items], places)
             fractions.update(zip(part.items, of_part.tolist(), strict=True))
             bending.difference_update(part.items)
     by_corners = dict.fromkeys(bodies, 0.0)
     for item in bending:
-        fractions[item], by_corners[item] = _reflected(item, depsgraph, bodies[item], places)
+        mesh, matrix = snapshot.mesh_of(item), snapshot.matrix_of(item)
+        if mesh is not None and len(mesh.sides):
+            found = _reflected(mesh, matrix, bodies[item], places)
+            fractions[item], by_corners[item] = found
     return [
         *_said(fractions, bodies, lambda found: finding_about("total-reflection", found)),
         *_said(by_corners, bodies, lambda found: finding_about("wall-corners", found)),
@@ -124,26 +127,23 @@ def _inside(surface: Surface, wavelength: float, extinction_length: float) -> tu
 
 
 def _body(
-    item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, mediums: Sequence[tuple[float, float]]
+    snapshot: Snapshot, item: bpy.types.Object, mediums: Sequence[tuple[float, float]]
 ) -> _Body:
     """What rays meet in an object: the greatest index of its materials, the least absorption."""
     indices, absorptions = zip(*mediums, strict=True)
     shell = attributes.OBJECT_SHELL_THICKNESS in item
-    at_most = thinnest(item, depsgraph) if shell else math.inf
+    at_most = thinnest(snapshot, item) if shell else math.inf
     layer = _NO_LAYER
     given = item.get(attributes.OBJECT_LAYER_NORMAL)
     if given is not None and np.any(given) and not shell:
-        linear = linear_of(item.evaluated_get(depsgraph))
+        linear = snapshot.matrix_of(item)[:3, :3]
         layer = np.array(given, dtype=np.float64) @ np.linalg.pinv(linear)
         layer /= np.linalg.norm(layer)
     return _Body(max(indices), min(absorptions), layer, at_most)
 
 
 def _reflected(
-    item: bpy.types.Object,
-    depsgraph: bpy.types.Depsgraph,
-    body: _Body,
-    antennas: Sequence[Sequence[float]],
+    mesh: Mesh, matrix: Real, body: _Body, antennas: Sequence[Sequence[float]]
 ) -> tuple[float, float]:
     """Return the fractions of the entering power that arrive where they are totally reflected, or
     seem to leave; and that leave by a face across the one where they entered, if faces stand for
@@ -151,13 +151,7 @@ def _reflected(
 
     Echoes through an object on both their ways are absorbed once more, and so is what stays inside.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return 0.0, 0.0
-        vertices, corners = read_triangles(mesh)
-    matrix = np.array(evaluated.matrix_world, dtype=np.float64)
-    points = vertices.astype(np.float64) @ matrix[:3, :3].T
+    points, corners = mesh.vertices @ matrix[:3, :3].T, mesh.triangles
     if np.linalg.det(matrix[:3, :3]) < 0:
         corners = corners[:, ::-1]
     starts, normals, areas = _starts(points[corners])
@@ -309,20 +303,20 @@ def _spread(triangles: int) -> Real:
     return np.stack([1 - steps.sum(axis=1), *steps.T], axis=1)
 
 
-def straight_interiors(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> list[Finding]:
+def straight_interiors(snapshot: Snapshot, metres_per_unit: float) -> list[Finding]:
     """Find objects that waves cross at the delay of the straight line, whatever its angle.
 
     One ``interior-not-refracted`` has all of them, and what the one with the largest error adds to
     an echo behind it at two angles.
     """
-    surfaces = surfaces_of(take_snapshot(depsgraph))
+    surfaces = surfaces_of(snapshot)
     worst: dict[str, tuple[float, float]] = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         simple = (s for s in surfaces.of(materials) if s.has_interior and not s.is_entered)
         index = max((one.n for one in simple if one.n is not None), default=1.0)
         if item.type != "MESH" or index <= 1:
             continue
-        depth_m = thinnest(item, depsgraph) * metres_per_unit
+        depth_m = thinnest(snapshot, item) * metres_per_unit
         if depth_m > 0:
             worst[item.name_full] = (
                 _too_long_m(index, depth_m, 60.0),
@@ -342,26 +336,25 @@ def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
 
-def averaging_objects(depsgraph: bpy.types.Depsgraph) -> dict[str, complex]:
+def averaging_objects(snapshot: Snapshot) -> dict[str, complex]:
     """Return the objects that let waves through in the mean of both polarisations, by name, with
     their largest index.
     """
     found = {}
-    surfaces = surfaces_of(take_snapshot(depsgraph))
-    for item, materials in assigned_materials(depsgraph):
+    surfaces = surfaces_of(snapshot)
+    for item, materials in assigned_materials(snapshot):
         indices = [one.index for one in surfaces.of(materials) if one.passes_by_polarisation]
         if indices:
             found[item.name_full] = max(indices, key=abs)
     return found
 
 
-def average_in_a_row(depsgraph: bpy.types.Depsgraph, objects: Collection[str]) -> bool:
+def average_in_a_row(snapshot: Snapshot, objects: Collection[str]) -> bool:
     """Return whether waves may pass several walls of these objects, by name, one after the other.
 
     Also for one object that consists of several walls, or has several instances; layer normals are
     set.
     """
-    snapshot = take_snapshot(depsgraph)
     shapes = [shape.original for shape in snapshot.shapes]
     ours = snapshot.of_shapes([item.name_full in objects for item in shapes])
     several = (

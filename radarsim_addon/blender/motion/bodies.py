@@ -29,8 +29,9 @@ from ...arrays import Indices, Mask, Real, are_finite, norms, turned
 from ...contract import BodyRecord
 from ...signal.motion import BodyMotions, StillBodies, body_record, write_still_bodies
 from ...signal.paths import PathRows
-from ...signal.scene import RayMesh
+from ...signal.scene import Meshes, SceneModel
 from ...typed_json import file_sha256
+from ..materials import surfaces_of
 from ..scene import InstancePose, Poses, distance_from_box, instance_name
 from ..state import Key, Layout
 
@@ -64,38 +65,43 @@ class Part:
     row: int
 
 
-class Bodies:
-    """Surfaces of a scene at one moment, whose objects have their numbers, from 1, in this order.
+class Bodies(SceneModel):
+    """The scene as it was read, with what tells on which of its bodies a scatterer lies.
 
-    By body: `number` of the object (n,), `pose` (n, 4, 4) and `box` (n, 2, 3) as `Poses` has them,
-    `row` in the `snapshot` and number of its `shape` (n,).
+    `row` (n,) is that of each body in the `snapshot`; shapes have the snapshot's numbers.
     """
 
     def __init__(self, names: Sequence[str], poses: Poses, metres_per_unit: float) -> None:
         assert poses.snapshot is not None
-        self._metres_per_unit = metres_per_unit
-        self._names = names
-        self.snapshot = poses.snapshot
+        self.snapshot = snapshot = poses.snapshot
         numbers = {name: number for number, name in enumerate(names, start=1)}
         #: Original objects that are rendered, by number.
         self.originals: dict[int, Any] = {
             numbers[name]: item for name, item in poses.rendered.items() if name in numbers
         }
-        self._surfaces: dict[int, RayMesh] = {}
         number = poses.numbered(names)
         number[~np.isin(number, list(self.originals))] = 0
-        self._order = _body_order(poses, number)
-        self.number = number[self._order]
-        self.pose, self.box = poses.pose[self._order], poses.box[self._order]
-        self.row = poses.rows[self._order]
-        self.shape = self.snapshot.layout.shape[self.row]
+        self._order = order = _body_order(poses, number)
+        self.row, shapes = poses.rows[order], snapshot.shapes
+        surfaces = surfaces_of(snapshot)
+        super().__init__(
+            names,
+            number[order],
+            poses.pose[order],
+            poses.box[order],
+            snapshot.layout.shape[self.row],
+            [tuple(surfaces.of(one.materials)) for one in shapes],
+            Meshes(
+                lambda number: snapshot.mesh(shapes[number]),
+                lambda number: snapshot.face_count(shapes[number]),
+                len(shapes),
+            ),
+            metres_per_unit,
+        )
         #: Body of each object that is a single one, by the object's number; 0: none, or several.
         self._lone_body = np.zeros(len(names) + 1, dtype=np.int32)
         once, first, count = np.unique(self.number, return_index=True, return_counts=True)
         self._lone_body[once[count == 1]] = first[count == 1] + 1
-
-    def __len__(self) -> int:
-        return int(self.number.size)
 
     def __getitem__(self, index: int) -> Part:
         """Return body number `index` + 1."""
@@ -106,15 +112,6 @@ class Bodies:
 
     def __iter__(self) -> Iterator[Part]:
         return (self[index] for index in range(len(self)))
-
-    def name(self, number: int) -> str:
-        """Return the name of the object of a number."""
-        return self._names[number - 1]
-
-    def of_number(self, number: int) -> Indices:
-        """Return the indices of the bodies of an object."""
-        first, stop = np.searchsorted(self.number, [number, number + 1])
-        return np.arange(first, stop)
 
     def label(self, rows: PathRows) -> None:
         """Fill in bodies, and objects that are unknown though the scatterer is known."""
@@ -209,15 +206,15 @@ class Bodies:
         have priority.
         """
         shape, instance = int(self.shape[index]), InstancePose(self.pose[index], self.box[index])
-        if self.snapshot.shapes[shape].original.type != "MESH":
+        known = self.snapshot.shapes[shape]
+        mesh = self.meshes[shape] if known.original.type == "MESH" else None
+        if mesh is None:
             return np.full(len(points), np.inf)
-        if shape not in self._surfaces:
-            self._surfaces[shape] = RayMesh(*self.snapshot.triangles(self.snapshot.shapes[shape]))
         # one product a point: those of several round otherwise
-        local = distance_from_box(instance, points[:, None])[0][:, 0] / self._metres_per_unit
-        metres = float(np.linalg.norm(instance.pose[:3, :3], axis=0).max()) * self._metres_per_unit
+        local = distance_from_box(instance, points[:, None])[0][:, 0] / self.metres_per_unit
+        metres = float(np.linalg.norm(instance.pose[:3, :3], axis=0).max()) * self.metres_per_unit
         reach = within_m * (_BEYOND / metres if metres > 0 else np.inf)
-        return self._surfaces[shape].near(local, reach)[1] * metres
+        return mesh.rays.near(local, reach)[1] * metres
 
 
 class Parts:

@@ -19,7 +19,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ... import contract
@@ -45,6 +44,7 @@ from ..scene import (
     pose_in_metres,
     simulation_frames,
 )
+from ..state import Snapshot, marked_points, points_within, surface_points, vertex_positions
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
@@ -58,12 +58,9 @@ from .deforming import (
     DeformingSurface,
     are_same_points,
     is_cut,
-    marked_points,
+    is_on_grid,
     may_change_points,
     may_deform,
-    points_within,
-    surface_points,
-    vertex_positions,
 )
 from .fits import Fits
 from .samples import Sampler, SamplingPlan
@@ -96,7 +93,7 @@ _NEGLIGIBLE = 0.01
 class BurstMotion:
     """Motion of one radar frame.
 
-    `show` sets the scene to a moment and returns its depsgraph. `names` are objects in the order of
+    `show` sets the scene to a moment and returns its snapshot. `names` are objects in the order of
     their numbers, from 1. `receiver_kind` is as `contract.ReceiverRecord` names it, `motion` as
     `PathOptions` has it. `render` is the number of this render within the burst, from 0.
     """
@@ -131,11 +128,11 @@ class BurstMotion:
     # -- before the renders ------------------------------------------------------------------------
 
     def begin(self) -> Any:
-        """Find deforming surfaces; return the depsgraph at the frame's time."""
+        """Find deforming surfaces; return the snapshot at the frame's time."""
         instant = self._plan.rendered[1]
-        depsgraph = self._show(instant)
-        self._measured_scene = depsgraph.scene
-        self.poses = evaluated_poses(depsgraph, self._units)
+        snapshot = self._show(instant)
+        self._measured_scene = snapshot.depsgraph.scene
+        self.poses = evaluated_poses(snapshot, self._units)
         wanted = set(self._names)
         if not self._frozen:
             assert self.poses.snapshot is not None
@@ -150,41 +147,41 @@ class BurstMotion:
         }
         deforming: dict[str, Any] = {}
         if candidates and not self._frozen:
-            deforming = self._find_deforming(candidates, depsgraph)
-            depsgraph = self._show(instant)
-            self.poses = evaluated_poses(depsgraph, self._units)
+            deforming = self._find_deforming(candidates, snapshot)
+            snapshot = self._show(instant)
+            self.poses = evaluated_poses(snapshot, self._units)
         surfaces = {
-            name: DeformingSurface(item, depsgraph, self._units) for name, item in deforming.items()
+            name: DeformingSurface(item, snapshot, self._units) for name, item in deforming.items()
         }
         self._deformations = Deformations(surfaces, self._units)
         self.bodies = Bodies(self._names, self.poses, self._units)
         self._touched = Parts(self.bodies, np.empty(0, dtype=np.intp))
-        return depsgraph
+        return snapshot
 
-    def _find_deforming(
-        self, candidates: dict[str, Any], depsgraph: bpy.types.Depsgraph
-    ) -> dict[str, Any]:
+    def _find_deforming(self, candidates: dict[str, Any], snapshot: Snapshot) -> dict[str, Any]:
         deforming: dict[str, Any] = {}
         changing: dict[str, Any] = {}
-        before = {name: vertex_positions(item, depsgraph) for name, item in candidates.items()}
+        before = {
+            name: vertex_positions(snapshot.evaluated(item)) for name, item in candidates.items()
+        }
         items, deforming_points = list(candidates.values()), set[str]()
-        within = points_within(depsgraph, items)
+        within = points_within(snapshot.depsgraph, items)
         moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
         cached = any(map(deforms_linearly_between_frames, candidates.values()))
         if self._by_scripts or (self._smooth and cached):
             # A cache or a script may hold its vertices from frame to frame.
             moments += self._plan.whole_frames()
         for _, moment in moments:
-            depsgraph = self._show(moment)
+            snapshot = self._show(moment)
             for name, item in list(candidates.items()):
-                now = vertex_positions(item, depsgraph)
+                now = vertex_positions(snapshot.evaluated(item))
                 if now.shape != before[name].shape:
                     changing[name] = item
                     deforming.pop(name, None)
                     del candidates[name]
                 elif not np.array_equal(now, before[name]):
                     deforming[name] = item
-            now_within = points_within(depsgraph, items) if within else {}
+            now_within = points_within(snapshot.depsgraph, items) if within else {}
             deforming_points |= {name for name, at in within.items() if now_within.get(name) != at}
         changing |= self._with_other_points(
             {name: item for name, item in deforming.items() if may_change_points(item)},
@@ -207,13 +204,14 @@ class BurstMotion:
         if simulated:
             found = {name: item for name, item in items.items() if is_cut(item)}
         with marked_points(() if simulated else items.values()):
-            depsgraph = self._show(self._plan.rendered[1])
-            first = {name: surface_points(item, depsgraph) for name, item in items.items()}
+            snapshot = self._show(self._plan.rendered[1])
+            first = {name: surface_points(snapshot.evaluated(item)) for name, item in items.items()}
             for moment in moments:
-                depsgraph = self._show(moment)
+                snapshot = self._show(moment)
                 for name, item in items.items():
-                    now = surface_points(item, depsgraph)
-                    if name not in found and not are_same_points(first[name], now):
+                    now = surface_points(snapshot.evaluated(item))
+                    same = are_same_points(first[name], now, on_grid=is_on_grid(item))
+                    if name not in found and not same:
                         found[name] = item
         return found
 
@@ -223,16 +221,16 @@ class BurstMotion:
             return
         rendered_s, rendered = self._plan.rendered
         other_s, other = self._plan.at(0.0 if self._plan.rendered_fraction > 0.5 else 1.0)
-        depsgraph = self._show(rendered)
+        snapshot = self._show(rendered)
         first = {
-            name: DeformingSurface(item, depsgraph, self._units) for name, item in items.items()
+            name: DeformingSurface(item, snapshot, self._units) for name, item in items.items()
         }
-        depsgraph = self._show(other)
+        snapshot = self._show(other)
         agree: dict[str, float] = {}
         apart: dict[str, float] = {}
         for name, item in items.items():
-            now = DeformingSurface(item, depsgraph, self._units)
-            scale = max(item.evaluated_get(depsgraph).matrix_world.to_scale(), key=abs)
+            now = DeformingSurface(item, snapshot, self._units)
+            scale = max(snapshot.evaluated(item).matrix_world.to_scale(), key=abs)
             apart_m = first[name].apart_m(now, abs(scale))
             allowed_m = max(_WARN_WAVELENGTHS * self._plan.wavelength_m, first[name].rounding_m)
             (agree if apart_m <= allowed_m else apart)[name] = apart_m
@@ -465,9 +463,9 @@ class BurstMotion:
 
     def _stationary(self) -> FrameMotion:
         at_s, instant = self._plan.rendered
-        depsgraph = self._show(instant)
+        snapshot = self._show(instant)
         antennas = (
-            pose_in_metres(item.evaluated_get(depsgraph).matrix_world, self._units)
+            pose_in_metres(snapshot.evaluated(item).matrix_world, self._units)
             for item in (self._rig.camera, self._rig.emitter)
         )
         poses = np.concatenate([list(antennas), self.bodies.pose[self._touched.index]])

@@ -10,9 +10,7 @@ numbers the surface points of paths.
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Iterator
 
 import bpy
 import numpy as np
@@ -23,13 +21,11 @@ from ...signal.paths import PathRows
 from ...signal.scene import RayMesh, barycentric
 from ..materials import SURFACE_TYPES
 from ..scene import distance_from_box
-from ..state import evaluated_mesh, read_numbers, read_triangles
+from ..state import Snapshot, SurfacePoints, vertex_positions
 from .bodies import Bodies, Part
 
 #: Types of parents that deform their children.
 _DEFORMING_PARENTS = {"ARMATURE", "LATTICE", "CURVE", "KEY"}
-#: Types of objects without faces.
-_OF_POINTS = {"CURVES", "POINTCLOUD"}
 #: Modifiers that keep each vertex on the same point of the surface, whatever changes.
 _KEEP_POINTS = {
     *("ARMATURE", "CAST", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM", "LATTICE", "MESH_DEFORM"),
@@ -46,8 +42,6 @@ _KEEP_SHAPE = {
 }
 #: Nodes that put vertices on the edges of a grid that does not move with the surface.
 _ON_GRID_NODES = {"GeometryNodeVolumeToMesh", "GeometryNodeGridToMesh"}
-#: Attribute of meshes by which their points are recognised after all modifiers, while it is there.
-_MARKS = "radarsim_point"
 #: Part of the deformation by which vertices may slide along the surface.
 _MAX_SLIDE = 0.02
 #: Steps of float32 by which marks of one point may differ.
@@ -109,21 +103,18 @@ class Deformations:
 class DeformingSurface:
     """Mesh or points of one object at the frame's time, and the vertices that paths need."""
 
-    def __init__(
-        self, item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
-    ) -> None:
+    def __init__(self, item: bpy.types.Object, snapshot: Snapshot, metres_per_unit: float) -> None:
         self.item = item
         self._units = metres_per_unit
-        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-            if mesh is not None:
-                positions, self.triangles = read_triangles(mesh)
-        if mesh is None:  # each point is a triangle of its own
-            positions = vertex_positions(item, depsgraph)
+        mesh = snapshot.mesh_of(item)
+        if mesh is not None:
+            self._rays, self.triangles, self._vertices = mesh.rays, mesh.triangles, mesh.vertices
+        else:  # each point is a triangle of its own
+            self._vertices = vertex_positions(snapshot.evaluated(item)).astype(np.float64)
             self.triangles = np.repeat(
-                np.arange(len(positions), dtype=np.int32)[:, None], 3, axis=1
+                np.arange(len(self._vertices), dtype=np.int32)[:, None], 3, axis=1
             )
-        self._vertices = positions.astype(np.float64)
-        self._rays = RayMesh(self._vertices, self.triangles)
+            self._rays = RayMesh(self._vertices, self.triangles)
         self.count = len(self._vertices)
         #: Vertices that surface points use: index in the mesh to index in the series.
         self.needed: dict[int, int] = {}
@@ -158,9 +149,9 @@ class DeformingSurface:
         ]
         return np.array(in_series, dtype=np.int32).reshape(-1, 3), weights
 
-    def sample(self, depsgraph: bpy.types.Depsgraph) -> Single | None:
-        """Return the needed vertices at the depsgraph's time [m]; None if their number changed."""
-        positions = vertex_positions(self.item, depsgraph)
+    def sample(self, snapshot: Snapshot) -> Single | None:
+        """Return the needed vertices at its moment [m]; None if their number changed."""
+        positions = vertex_positions(snapshot.evaluated(self.item))
         if len(positions) != self.count:
             return None
         needed = np.fromiter(self.needed, dtype=np.intp, count=len(self.needed))
@@ -174,21 +165,6 @@ def may_deform(item: bpy.types.Object) -> bool:
     if item.type != "MESH" or item.modifiers or item.parent_type in _DEFORMING_PARENTS:
         return True
     return item.data is not None and item.data.shape_keys is not None
-
-
-def vertex_positions(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Single:
-    """Return the vertices of the evaluated mesh, in its own axes, (n, 3), Blender units.
-
-    Hair curves and point clouds have their points instead.
-    """
-    evaluated = item.evaluated_get(depsgraph)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is not None:
-            return read_numbers(mesh.vertices, "co", 3)
-    held = getattr(evaluated.data, "attributes", {}).get("position")
-    if held is None:
-        return np.empty((0, 3), dtype=np.float32)
-    return read_numbers(held.data, "vector", 3)
 
 
 def may_change_points(item: bpy.types.Object) -> bool:
@@ -239,91 +215,17 @@ def _is_grid_tree(tree: bpy.types.NodeTree) -> bool:
     )
 
 
-@contextlib.contextmanager
-def marked_points(items: Iterable[Any]) -> Iterator[None]:
-    """Give the corners of the meshes of objects their places as an attribute, for a time.
+def are_same_points(one: SurfacePoints, other: SurfacePoints, *, on_grid: bool) -> bool:
+    """Return whether vertices are the same points of a surface at two times.
 
-    Modifiers interpolate attributes of corners where they make vertices.
+    `on_grid` is of the object, as `is_on_grid`.
     """
-    meshes = {item.data: None for item in items if item.type == "MESH"}
-    try:
-        for mesh in meshes:
-            if not mesh.loops or mesh.is_editmode:
-                continue
-            marks = mesh.attributes.new(_MARKS, "FLOAT_VECTOR", "CORNER")
-            places = read_numbers(mesh.vertices, "co", 3)
-            corners = read_numbers(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
-            # At least 1: geometry that other objects bring has 0.
-            marks.data.foreach_set("vector", (places - places.min(axis=0) + 1)[corners].ravel())
-        yield
-    finally:
-        for mesh in meshes:
-            marks = mesh.attributes.get(_MARKS)
-            if marks is not None:
-                mesh.attributes.remove(marks)
-
-
-class SurfacePoints(NamedTuple):
-    """What tells the vertices of an evaluated mesh, while `marked_points`."""
-
-    #: Vertices, (n, 3).
-    places: Single
-    #: Vertices of the corners of all faces.
-    corners: NDArray[np.int32]
-    #: Marks of the vertices, (n, 3), if any modifier left them.
-    marks: Single | None
-    #: Ends of a curve's bevel.
-    ends: tuple[float, ...]
-    #: As `is_on_grid`.
-    on_grid: bool
-
-
-def surface_points(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> SurfacePoints:
-    """Return what tells the vertices of an object at the depsgraph's time."""
-    evaluated = item.evaluated_get(depsgraph)
-    ends = tuple(getattr(evaluated.data, f"bevel_factor_{end}", 0.0) for end in ("start", "end"))
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None:
-            none = np.empty(0, dtype=np.int32)
-            return SurfacePoints(vertex_positions(item, depsgraph), none, None, ends, False)
-        places = read_numbers(mesh.vertices, "co", 3)
-        corners = read_numbers(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
-        marks, held = None, mesh.attributes.get(_MARKS)
-        if held is not None and held.domain in ("CORNER", "POINT"):
-            marks = read_numbers(held.data, "vector", 3)
-            if held.domain == "CORNER":
-                of_corner, marks = marks, np.zeros_like(places)
-                np.maximum.at(marks, corners, of_corner)
-        return SurfacePoints(places, corners, marks, ends, is_on_grid(item))
-
-
-def are_same_points(one: SurfacePoints, other: SurfacePoints) -> bool:
-    """Return whether vertices are the same points of a surface at two times."""
     if one.places.shape != other.places.shape or one.ends != other.ends:
         return False
     moved = float(np.abs(one.places - other.places).max(initial=0.0))
-    if one.on_grid:
+    if on_grid:
         return moved <= _ROUNDED * float(np.spacing(np.abs(one.places).max(initial=1e-30)))
     if one.marks is None or other.marks is None or not one.marks.any():
         return np.array_equal(one.corners, other.corners)
     slid = float(np.abs(one.marks - other.marks).max())
     return slid <= max(_ROUNDED * float(np.spacing(one.marks.max())), _MAX_SLIDE * moved)
-
-
-def points_within(depsgraph: bpy.types.Depsgraph, items: Iterable[Any]) -> dict[str, bytes]:
-    """Return the points of hair and point clouds that nodes make within objects of other types.
-
-    By the names of the objects. `items` are those that may have nodes.
-    """
-    found: dict[str, bytes] = {}
-    if not any(modifier.type == "NODES" for item in items for modifier in item.modifiers):
-        return found
-    for one in depsgraph.object_instances:
-        item = one.object
-        if item.type not in _OF_POINTS or item.original.type in _OF_POINTS:
-            continue
-        held = item.data.attributes.get("position")
-        if held is not None:
-            points = read_numbers(held.data, "vector", 3).tobytes()
-            found[item.name] = found.get(item.name, b"") + points
-    return found

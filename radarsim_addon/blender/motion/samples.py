@@ -15,13 +15,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import bpy
 import numpy as np
 
 from ...arrays import Indices, Real
 from ..plan import Instant, instant_at
 from ..scene import Rig, check_poses, check_vertices
-from ..state import Layout, Shape, Snapshot, take_snapshot
+from ..state import Layout, Shape, Snapshot
 from .bodies import Parts
 from .deforming import Deformations
 
@@ -234,9 +233,9 @@ class Sampler:
         """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
         if at_s in self._others:
             return
-        depsgraph = self._show(instant)
+        snapshot = self._show(instant)
         frame = instant.frame + instant.subframe
-        snapshot, rows, poses = self._matrices(depsgraph, frame)
+        snapshot, rows, poses = self._matrices(snapshot, frame)
         poses[:, :3, 3] *= self._units
         if self._first is None:
             self._first = snapshot, poses
@@ -246,7 +245,7 @@ class Sampler:
         if inside:
             self.lost.update(rows[np.isnan(poses[:, 0, 0])].tolist())
         for name, surface in self.surfaces.items():
-            vertices = surface.sample(depsgraph)
+            vertices = surface.sample(snapshot)
             if vertices is None:
                 if inside:
                     self.changed.add(name)
@@ -254,14 +253,11 @@ class Sampler:
                 check_vertices(name, vertices, frame)
             self.vertices[name][at_s] = vertices
 
-    def _matrices(
-        self, depsgraph: bpy.types.Depsgraph, frame: float
-    ) -> tuple[Snapshot, Indices, Real]:
+    def _matrices(self, snapshot: Snapshot, frame: float) -> tuple[Snapshot, Indices, Real]:
         """Return the snapshot, rows that may differ from the first sample's, and matrices of these.
 
         They are those of antennas and parts in the world, NaN for instances that do not exist.
         """
-        snapshot = take_snapshot(depsgraph)
         in_layout = self._rows_in(snapshot.layout, snapshot.shapes)
         chosen = self._may_differ(snapshot)
         rows = in_layout[chosen[2:] - 2]
@@ -272,10 +268,10 @@ class Sampler:
             part = self.parts[int(chosen[2 + at]) - 2]
             if not part.key:  # hidden
                 item = self._originals[part.number]
-                matrices[2 + at] = item.evaluated_get(depsgraph).matrix_world
+                matrices[2 + at] = snapshot.evaluated(item).matrix_world
                 there[at] = True
         for at, item in enumerate(self._antennas):
-            matrices[at] = item.evaluated_get(depsgraph).matrix_world
+            matrices[at] = snapshot.evaluated(item).matrix_world
         # NaN marks an instance that does not exist, so it must not come from Blender.
         found = np.concatenate([[0, 1], 2 + np.flatnonzero(there)])
         check_poses(lambda at: self._name(int(chosen[found[at]])), matrices[found], frame)

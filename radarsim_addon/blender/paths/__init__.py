@@ -6,9 +6,8 @@ frames of a run; `frame` measures and refines the tiles of one (`tiles`: the fie
 partition; `glints`: bright spots that need finer ones; `measured_tiles`: rows and sums of measured
 tiles; `error_budget`: which tiles to refine). `view_tracer` renders a tile replicate and decodes
 its rows. `hit_points` moves their vertices onto the meshes in float64, `clutter_weights` corrects
-powers of lobes that Cycles does not have. `mirror_paths` adds paths over planar mirrors (`mirrors`:
-images of the transmitter) and curved ones (`curved_mirrors`); `obstacles` finds what lies on ways
-that Cycles does not trace.
+powers of lobes that Cycles does not have. Paths over mirrors are those of `signal.tracing`;
+`obstacles` finds what delays waves on ways that Cycles does not trace.
 """
 
 from .path_job import PathJob

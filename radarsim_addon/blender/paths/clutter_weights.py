@@ -28,7 +28,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,14 +39,13 @@ from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
 from ...physics.rough import directive_lobe, facet_scattering
+from ...signal.decoding import in_view
 from ...signal.paths import PathFlag, PathRows, has_images
-from ...signal.scene import SMOOTH_BELOW, ScatteredLobe, Surface
-from ..materials import EXACT_FACETS, surfaces_of
-from ..motion import Bodies
+from ...signal.scene import SMOOTH_BELOW, Mesh, ScatteredLobe, SceneModel, Surface
+from ..materials import EXACT_FACETS
 from ..nodes.physical_material import TABLE_WIDTH, table_angles_rad
 from ..nodes.radar_material import EXTINCTION, INDEX, ROUGHNESS
 from .hit_points import HitPoints, Normals
-from .mirrors import in_view
 from .view_tracer import ViewTracer
 
 #: Rows that are weighted at a time: their arrays stay in the processor's cache.
@@ -63,39 +61,38 @@ class ClutterWeights:
     """Weights the rows of a frame. `hits` finds normals; rows have the numbers of `bodies`."""
 
     def __init__(
-        self, hits: HitPoints, bodies: Bodies, carrier_hz: float, polarisation: str
+        self, hits: HitPoints, model: SceneModel, carrier_hz: float, polarisation: str
     ) -> None:
         self._hits, self._carrier_hz = hits, carrier_hz
         wavelength_m = SPEED_OF_LIGHT_MPS / carrier_hz
-        self._seen_mirrors = SeenMirrors(hits, bodies, polarisation, wavelength_m)
-        self._reverses = ReverseMarks(hits, bodies)
+        self._seen_mirrors = SeenMirrors(hits, model, polarisation, wavelength_m)
+        self._reverses = ReverseMarks(hits, model)
         #: Paths in the direction in which they are sampled well.
-        self.better = BetterDirection(bodies, wavelength_m)
+        self.better = BetterDirection(model, wavelength_m)
         self._surfaces: list[ClutterLobe | DirectiveLobe] = []
-        known: dict[str, int] = {}
+        known: dict[Surface, int] = {}
         self._several: set[str] = set()
-        surfaces = surfaces_of(bodies.snapshot)
-        of_shape = np.zeros(len(bodies.snapshot.shapes), dtype=np.intp)
-        for number, shape in enumerate(bodies.snapshot.shapes):
-            for material in {one for one in shape.materials if one is not None}:
-                surface = surfaces[material]
+        of_shape = np.zeros(len(model.surfaces), dtype=np.intp)
+        for number, every in enumerate(model.surfaces):
+            for surface in set(every):
                 clutter = surface.clutter if surface.has_clutter_row else None
                 lobe = surface.scattered_lobe()
                 if clutter is None and lobe is None:
                     continue
-                if len(set(shape.materials)) > 1:
-                    self._several.add(shape.original.name_full)
+                if len(set(every)) > 1:
+                    owners = np.unique(model.number[model.shape == number])
+                    self._several.update(map(model.name, owners[owners > 0].tolist()))
                     continue
-                if material.name_full not in known:
-                    known[material.name_full] = len(self._surfaces) + 1
+                if surface not in known:
+                    known[surface] = len(self._surfaces) + 1
                     if clutter is not None:
                         table_db = clutter.sigma0_db(carrier_hz, table_angles_rad(), polarisation)
                         self._surfaces.append(clutter_lobe(surface, clutter.model, table_db))
                     elif lobe is not None:
                         self._surfaces.append(DirectiveLobe.of(lobe, polarisation, wavelength_m))
-                of_shape[number] = known[material.name_full]
+                of_shape[number] = known[surface]
         #: Number of the surface of each body, from 1; 0: none. Body 0 is unknown.
-        self._of_body = np.concatenate([[0], of_shape[bodies.shape]]).astype(np.intp)
+        self._of_body = np.concatenate([[0], of_shape[model.shape]]).astype(np.intp)
 
     def __bool__(self) -> bool:
         return bool(self._surfaces or self._several)
@@ -445,28 +442,25 @@ class ReverseMarks:
     """Marks rows whose reverse is a path of its own.
 
     Rays end at scatterers that are no mirrors, because the transmitter is a point. So a path has a
-    reverse if it has not been mirrored at its first scatterer. (`mirror_paths` handles a mirror
+    reverse if it has not been mirrored at its first scatterer. (`signal.tracing` handles a mirror
     there with images of the transmitter.)
     """
 
-    def __init__(self, hits: HitPoints, bodies: Bodies) -> None:
-        self._hits, self._bodies = hits, bodies
+    def __init__(self, hits: HitPoints, model: SceneModel) -> None:
+        self._hits, self._model = hits, model
 
     @cached_property
     def _by_body(self) -> tuple[Mask, Mask]:
         """By the body's number, from 1: whether it may mirror, and whether its normals differ from
         those of its faces. Body 0 is unknown.
         """
-        bodies = self._bodies
-        shapes, surfaces = bodies.snapshot.shapes, surfaces_of(bodies.snapshot)
-        known = [surfaces.of(shape.materials) for shape in shapes]
-        mirrors = np.array([any(one.is_mirror_like for one in every) for every in known], bool)
-        rounded = np.zeros(len(shapes), dtype=bool)
+        model = self._model
+        mirrors = np.array([any(s.is_mirror_like for s in every) for every in model.surfaces], bool)
+        rounded = np.zeros(len(mirrors), dtype=bool)
         for number in np.flatnonzero(mirrors).tolist():
-            with bodies.snapshot.mesh(shapes[number]) as mesh:
-                rounded[number] = is_smooth_shaded(mesh)
+            rounded[number] = is_smooth_shaded(model.meshes[number])
         unknown = mirrors.any()
-        return np.append(unknown, mirrors[bodies.shape]), np.append(unknown, rounded[bodies.shape])
+        return np.append(unknown, mirrors[model.shape]), np.append(unknown, rounded[model.shape])
 
     def mark(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
         """Set the flag of labelled, refined rows whose rays start at `origins_m`, (n, 3)."""
@@ -495,13 +489,9 @@ class ReverseMarks:
         rows["flags"][several[marked]] |= np.uint16(PathFlag.HAS_REVERSE)
 
 
-def is_smooth_shaded(mesh: bpy.types.Mesh | None) -> bool:
+def is_smooth_shaded(mesh: Mesh | None) -> bool:
     """Whether a mesh, or None, has faces whose normals are not those of their planes."""
-    if mesh is None or not len(mesh.polygons):
-        return False
-    smooth = np.zeros(len(mesh.polygons), dtype=bool)
-    mesh.polygons.foreach_get("use_smooth", smooth)
-    return bool(smooth.any())
+    return mesh is not None and mesh.corner_normals is not None
 
 
 #: Ratio of the widths of two lobes from which on they differ.
@@ -521,24 +511,21 @@ class BetterDirection:
     reverse path, and the row stays as it is.
     """
 
-    def __init__(self, bodies: Bodies, wavelength_m: float) -> None:
-        self._together_m = _TOGETHER * wavelength_m
-        shapes, surfaces = bodies.snapshot.shapes, surfaces_of(bodies.snapshot)
-        known = [surfaces.of(shape.materials) for shape in shapes]
+    def __init__(self, model: SceneModel, wavelength_m: float) -> None:
+        self._together_m, known = _TOGETHER * wavelength_m, model.surfaces
         #: Whether rays pass through no surface, where both directions could be different rows.
         self._opaque = all(
             one.is_opaque if one.is_radar else one.reciprocal_lobe > 0
             for one in {one for every in known for one in every}
         )
         widths = np.array([min((o.reciprocal_lobe for o in every), default=0.0) for every in known])
-        several = np.array([len(set(shape.materials)) > 1 for shape in shapes], dtype=bool)
+        several = np.array([len(set(every)) > 1 for every in known], dtype=bool)
         widths[several] = 0.0
         for number in np.flatnonzero((widths > 0) & np.isfinite(widths)).tolist():
-            with bodies.snapshot.mesh(shapes[number]) as mesh:
-                if is_smooth_shaded(mesh):  # normals of light and of faces differ
-                    widths[number] = 0.0
+            if is_smooth_shaded(model.meshes[number]):
+                widths[number] = 0.0  # normals of light and of faces differ
         #: Widths of lobes by the body's number, from 1; 0: unknown.
-        self._widths = np.append(0.0, widths[bodies.shape])
+        self._widths = np.append(0.0, widths[model.shape])
 
     def in_better_direction(self, rows: PathRows, tracer: ViewTracer) -> PathRows:
         """Return the rows of a tile replicate with both directions of each pair from the better
@@ -591,12 +578,11 @@ class SeenMirrors:
     """
 
     def __init__(
-        self, hits: HitPoints, bodies: Bodies, polarisation: str, wavelength_m: float
+        self, hits: HitPoints, model: SceneModel, polarisation: str, wavelength_m: float
     ) -> None:
         self._hits, self._wavelength_m = hits, wavelength_m
         self._polarisation = polarisation
-        surfaces = surfaces_of(bodies.snapshot)
-        known = [surfaces.of(shape.materials) for shape in bodies.snapshot.shapes]
+        known = model.surfaces
         found = [_mirror(every) for every in known]
         self._mirrors = list(dict.fromkeys(one for one in found if one is not None))
         numbers = np.array([-1 if one is None else self._mirrors.index(one) for one in found], int)
@@ -605,10 +591,10 @@ class SeenMirrors:
         )
         #: By the body's number, from 1: number of the mirror, -1 for others; RMS height, 0 for
         #: other surfaces [m]; and whether a lobe has the rest of the power.
-        self._numbers = np.append(-1, numbers[bodies.shape])
-        self._heights_m = np.append(0.0, heights_m[bodies.shape])
+        self._numbers = np.append(-1, numbers[model.shape])
+        self._heights_m = np.append(0.0, heights_m[model.shape])
         scatters = np.array([any(one.scattered_lobe() for one in e) for e in known], dtype=bool)
-        self._scatters = np.append(False, scatters[bodies.shape])
+        self._scatters = np.append(False, scatters[model.shape])
 
     def correct(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
         """Multiply powers of labelled, refined rows whose rays start at `origins_m`, (n, 3).

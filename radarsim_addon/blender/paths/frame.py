@@ -40,12 +40,13 @@ from ...signal.paths import (
     write_table,
 )
 from ...signal.scene import SMOOTH_BELOW
+from ...signal.tracing import MirrorPaths
 from ...typed_json import file_sha256, write_record
 from ..materials import read_surface
 from ..motion import BurstMotion
 from ..plan import FINEST_PITCH, PathOptions
 from ..state import slot_materials
-from ..views import TracedReplicate, ViewWindow
+from ..views import TracedReplicate, ViewWindow, pixel_numbers
 from .clutter_weights import ClutterWeights
 from .error_budget import (
     MOST_TILED,
@@ -60,7 +61,6 @@ from .error_budget import (
 from .glints import SmoothFaces, find_glints
 from .hit_points import HitPoints
 from .measured_tiles import MeasuredTiles, NewTile, QualitySums, TileCheckpoints
-from .mirror_paths import MirrorPaths
 from .tiles import Tile, ViewBoxes, add_inset_tiles, lay_in_steps, projected_bounds
 from .view_tracer import PathTask, ViewTracer
 
@@ -489,14 +489,14 @@ class MirrorViews:
         `own` are the rows without images, and `traced` is their source. Changes of power go to
         `quality`.
         """
-        rows, renders = [self.mirrors.number(own, traced, 0)], 0
+        rows, renders = [self.mirrors.number(own, pixel_numbers(traced))], 0
         for image, place_m in enumerate(self.mirrors.lamps_m, start=1):
             found, origin_m, traced = yield from self.tracer.replicate_tasks(
                 number, tile, replicate, image, self.mirrors.reflections(image)
             )
             renders += traced.renders
             (found,) = self.finisher.finish([(found, origin_m)], place_m)
-            found = self.mirrors.number(found, traced, image)
+            found = self.mirrors.number(found, pixel_numbers(traced))
             found, through_w = self.mirrors.choose(image, found)
             quality.through_mirrored_w += through_w
             quality.total_w += through_w

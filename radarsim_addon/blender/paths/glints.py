@@ -32,11 +32,9 @@ from ...findings import Finding, finding, finding_about
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.rcs import specular_face
 from ...physics.rough import least_rms_height_m
-from ...physics.specular_points import GRAZING, bisectors
 from ...signal.scene import Surface
-from ..materials import surfaces_of
+from ...signal.tracing import GRAZING, BodyMesh, Obstacles, bisectors
 from ..views import ViewWindow
-from .obstacles import BodyMesh, Obstacles
 from .tiles import Area
 
 #: Reach of a lobe, in RMS slopes from the specular one: exp(-18).
@@ -98,12 +96,8 @@ def find_glints(
     `transmitters_m` (n, 3) are the transmitter and its images in mirrors, `hidden` the numbers of
     objects that no ray meets. Returns at most `MOST_GLINTS`.
     """
-    bodies = obstacles.bodies
-    surfaces = surfaces_of(bodies.snapshot)
-    slopes = [
-        np.array([one.glint_slope for one in surfaces.of(shape.materials)])
-        for shape in bodies.snapshot.shapes
-    ]
+    bodies = obstacles.model
+    slopes = [np.array([one.glint_slope for one in every]) for every in bodies.surfaces]
     shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)
     chosen = np.flatnonzero(shiny[bodies.shape] & ~np.isin(bodies.number, sorted(hidden)))
     if not chosen.size:
@@ -200,7 +194,7 @@ class BrightParts:
         window: ViewWindow,
         slopes: Sequence[Real],
     ) -> None:
-        self._obstacles, self._bodies = obstacles, obstacles.bodies
+        self._obstacles, self._bodies = obstacles, obstacles.model
         self._kind, self._window, self._slopes = receiver.kind, window, slopes
         pose = np.array(receiver.matrix_world, dtype=np.float64)
         self._turn, self._place_m = pose[:3, :3], pose[:3, 3]
@@ -229,8 +223,8 @@ class BrightParts:
 
     def affordable(self, chosen: Indices, most: int = _MOST_LARGE) -> tuple[Indices, Indices]:
         """Return the bodies that are searched, those that look largest, and the others."""
-        shapes = self._bodies.snapshot.shapes
-        faces = np.array([max(self._bodies.snapshot.face_count(one), 1) for one in shapes])
+        meshes = self._bodies.meshes
+        faces = np.array([max(meshes.face_count(number), 1) for number in range(len(meshes))])
         away_m = norms(self._middle_m[chosen] - self._place_m)
         order = chosen[np.argsort(away_m / np.maximum(self._radius_m[chosen], 1e-300))]
         shape = self._bodies.shape[order]
@@ -407,12 +401,16 @@ class BrightParts:
         """Return the bright spots of triangles; large ones are halved until little else is left."""
         found = []
         for halving in range(_HALVINGS + 1):
-            places, ahead = self.project(parts.corners_m)
             slopes, facing = self.slopes_of(parts, transmitter_m)
+            parts, slopes = parts.take(facing), slopes[facing]
             least = least_slopes(slopes)
-            kept = facing & ahead.any(axis=1) & (least <= _REACH * parts.slope)
+            bright = least <= _REACH * parts.slope
+            parts = parts.take(bright)
+            places, ahead = self.project(parts.corners_m)
+            kept = ahead.any(axis=1)
             parts, places, ahead = parts.take(kept), places[kept], ahead[kept].all(axis=1)
-            spots, longest = self._seen(parts, places, slopes[kept], least[kept], transmitter_m)
+            slopes, least = slopes[bright][kept], least[bright][kept]
+            spots, longest = self._seen(parts, places, slopes, least, transmitter_m)
             met = ~ahead | self.meets(spots.low, spots.high)
             met &= spots.deviation > 0  # triangles without a width, and edge on
             across = (spots.high - spots.low) * np.stack([spots.stretch, np.ones(met.size)], axis=1)
@@ -464,13 +462,13 @@ class BrightParts:
         square = np.einsum("nai,nbi->nab", turned, turned)
         room = 1e-9 * np.trace(square, axis1=1, axis2=2) + 1e-12 * parts.slope**2
         inverse = np.linalg.inv(square + room[:, None, None] * np.eye(2))
-        spread = np.einsum("nai,nab,nbj->nij", sides, inverse, sides)
+        spread = sides.transpose(0, 2, 1) @ (inverse @ sides)
         spread *= (parts.slope**2)[:, None, None]
         relative = least / parts.slope
         half = np.sqrt(np.maximum(_REACH**2 - relative**2, 0.0))[:, None]
         half = half * np.sqrt(np.diagonal(spread, axis1=1, axis2=2))
         # where the slope vanishes on the plane of the part
-        weights = -np.einsum("nab,nbi,ni->na", inverse, turned, slopes[:, 0])
+        weights = -(inverse @ (turned @ slopes[:, 0, :, None]))[:, :, 0]
         middle = true[:, 0] + np.einsum("na,nai->ni", weights, sides)
         lowest, highest = true.min(axis=1), true.max(axis=1)
         low = np.clip(middle - half, lowest, highest)
@@ -599,15 +597,14 @@ class SmoothFaces:
         self._faces: dict[int, tuple[float, _Face, float, bool]] = {}
         if receiver.kind == "orthographic":  # its powers tell no cross section
             return
-        bodies, shapes = obstacles.bodies, obstacles.bodies.snapshot.shapes
-        surfaces = surfaces_of(bodies.snapshot)
+        bodies = obstacles.model
 
         @cache
         def slope(one: Surface) -> float:
             smooth = _height_m(one, wavelength_m)[0] < _ROUGH * wavelength_m
             return one.glint_slope if smooth and one.reflectance > 0 else 0.0
 
-        slopes = [np.array(list(map(slope, surfaces.of(one.materials)))) for one in shapes]
+        slopes = [np.array(list(map(slope, every))) for every in bodies.surfaces]
         shiny = np.array([bool(np.any(own > 0)) for own in slopes], dtype=bool)[bodies.shape]
         chosen = np.flatnonzero(shiny & (np.bincount(bodies.number)[bodies.number] == 1))
         if not chosen.size:
@@ -616,8 +613,7 @@ class SmoothFaces:
         chosen, _ = search.affordable(search.in_view(chosen), _MOST_OBJECTS)
         for shape in np.unique(bodies.shape[chosen]).tolist():
             own = chosen[bodies.shape[chosen] == shape]
-            known = surfaces.of(shapes[shape].materials)
-            by_slope = dict(zip(slopes[shape].tolist(), known, strict=True))
+            by_slope = dict(zip(slopes[shape].tolist(), bodies.surfaces[shape], strict=True))
             for parts in search.candidates(shape, own, self._antennas_m[0]):
                 for face in _faces(search, parts, self._antennas_m, wavelength_m):
                     number, surface = int(bodies.number[face.body]), by_slope[face.slope]

@@ -25,8 +25,7 @@ from ...signal.paths import (
     Spaces,
     TriangleMesh,
 )
-from ..motion import Bodies
-from ..state import Shape, read_triangles
+from ...signal.scene import Mesh, SceneModel
 from .obstacles import DelayedWays
 
 # -------------------------------------------------------------------------------------------------
@@ -41,19 +40,19 @@ _SMALL_MESH = 1 << 14
 _MOST_MISSED = 0.05
 
 
-#: Mesh that holds each shape, and the shape's part of it; None without a surface.
-Meshes = WeakKeyDictionary[Shape, tuple[TriangleMesh, int] | None]
+#: For each mesh one that holds it, maybe with others, and which part of that it is.
+Holders = WeakKeyDictionary[Mesh, tuple[TriangleMesh, int]]
 
 
 class BodyMeshes:
     """Meshes of a scene at one moment, in float64.
 
-    Rows have the numbers of `bodies`; Blender must evaluate nothing else while meshes are read.
-    `meshes` are those that Blender has not evaluated since they were read; more are added.
+    Rows have the numbers of the bodies, from 1. `holders` are those of meshes that were used
+    before; more are added.
     """
 
-    def __init__(self, bodies: Bodies, metres_per_unit: float, meshes: Meshes) -> None:
-        self._bodies, self._units, self._meshes = bodies, metres_per_unit, meshes
+    def __init__(self, model: SceneModel, holders: Holders) -> None:
+        self._model, self._holders = model, holders
 
     def hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
@@ -66,12 +65,12 @@ class BodyMeshes:
         if not bodies[known].size:
             return found, normals
         poses, body = _distinct(bodies[known] - 1)
-        own = self._bodies.pose[poses]
+        own = self._model.pose[poses]
         flat = np.abs(np.linalg.det(own)) < np.finfo(np.float64).tiny
         inverses = np.linalg.inv(np.where(flat[:, None, None], np.eye(4), own))
         turn, place_m = inverses[:, :3, :3], own[:, :3, 3]
         stretch = np.linalg.norm(turn, ord=2, axis=(1, 2))
-        for mesh, part in self._meshes_of(self._bodies.shape[poses], flat):
+        for mesh, part in self._meshes_of(self._model.shape[poses], flat):
             kind = part.take(body)
             here = _numbers(kind >= 0)
             parts = kind[here]
@@ -107,8 +106,9 @@ class BodyMeshes:
         The `flat` bodies have no volume, and are not hit.
         """
         numbers, place = np.unique(shape, return_inverse=True)
-        self._read(numbers.tolist())
-        of_shape = [self._meshes[self._bodies.snapshot.shapes[n]] for n in numbers.tolist()]
+        read = [self._model.meshes[number] for number in numbers.tolist()]
+        self._hold([one for one in read if one is not None and one not in self._holders])
+        of_shape = [None if one is None else self._holders[one] for one in read]
         meshes = dict.fromkeys(one[0] for one in of_shape if one is not None)
         found = []
         for mesh in meshes:
@@ -116,32 +116,21 @@ class BodyMeshes:
             found.append((mesh, np.where(flat, -1, np.array(parts)[place])))
         return found
 
-    def _read(self, numbers: list[int]) -> None:
-        """Read meshes of shapes that are not known yet; the small ones become parts of one."""
-        snapshot = self._bodies.snapshot
-        small: list[tuple[Shape, Real, NDArray[np.int32]]] = []
-        for shape in (snapshot.shapes[number] for number in numbers):
-            if shape in self._meshes:
-                continue
-            self._meshes[shape] = None
-            with snapshot.mesh(shape) as mesh:
-                if mesh is None:
-                    continue
-                vertices, triangles = read_triangles(mesh)
-            vertices_m = vertices.astype(np.float64) * self._units
-            if len(triangles) > _SMALL_MESH:
-                self._meshes[shape] = TriangleMesh(vertices_m, triangles), 0
-            else:
-                small.append((shape, vertices_m, triangles))
+    def _hold(self, meshes: list[Mesh]) -> None:
+        """Prepare meshes for rays; the small ones become parts of one."""
+        units = self._model.metres_per_unit
+        small = [mesh for mesh in meshes if len(mesh.triangles) <= _SMALL_MESH]
+        for mesh in meshes:
+            if len(mesh.triangles) > _SMALL_MESH:
+                self._holders[mesh] = TriangleMesh(mesh.vertices * units, mesh.triangles), 0
         if small:
-            shapes, vertices_of, triangles_of = zip(*small, strict=True)
-            before = np.cumsum([0, *map(len, vertices_of)])
+            before = np.cumsum([0, *(len(mesh.vertices) for mesh in small)])
             joined = TriangleMesh(
-                np.concatenate(vertices_of),
-                np.concatenate([own + n for own, n in zip(triangles_of, before, strict=False)]),
-                np.repeat(np.arange(len(small)), [len(own) for own in triangles_of]),
+                np.concatenate([mesh.vertices for mesh in small]) * units,
+                np.concatenate([m.triangles + n for m, n in zip(small, before, strict=False)]),
+                np.repeat(np.arange(len(small)), [len(mesh.triangles) for mesh in small]),
             )
-            self._meshes.update({shape: (joined, n) for n, shape in enumerate(shapes)})
+            self._holders.update({mesh: (joined, n) for n, mesh in enumerate(small)})
 
 
 def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
@@ -239,14 +228,13 @@ class HitPoints:
 
     def __init__(
         self,
-        bodies: Bodies,
-        metres_per_unit: float,
+        model: SceneModel,
         wavelength_m: float,
         opaque: bool,
-        meshes: Meshes,
+        holders: Holders,
         ways: DelayedWays | None = None,
     ) -> None:
-        self._surfaces = BodyMeshes(bodies, metres_per_unit, meshes)
+        self._surfaces = BodyMeshes(model, holders)
         self._tolerance_m = TOLERANCE_WAVELENGTHS * wavelength_m
         self._opaque, self._ways = opaque, ways
 

@@ -31,11 +31,11 @@ from ...atomic_files import cannot_write, refuse_links, replaced
 from ...contract import ReceiverRecord
 from ...errors import RadarSimError
 from ...findings import Finding, finding
+from ...signal.decoding import in_view
 from ...signal.paths import PATH_DTYPE, PathFlag, PathRows, has_images, iter_rows
 from ...typed_json import file_sha256, read_record, write_record
 from ..views import PowerBeyond, TracedReplicate
 from .error_budget import CellGrid, ErrorBudget, ReplicatePowers
-from .mirrors import in_view
 from .tiles import Tile
 
 

@@ -27,6 +27,8 @@ from ...errors import RadarSimError
 from ...findings import Finding, finding
 from ...signal.motion import read_motion
 from ...signal.paths import has_digests, open_table
+from ...signal.scene import Mesh
+from ...signal.tracing import BodyMesh, MirrorPaths, Obstacles
 from ...typed_json import file_sha256, read_record, write_record
 from ..materials import (
     EXACT_FACETS,
@@ -36,6 +38,7 @@ from ..materials import (
     foreign_objects,
     found_inside,
     has_no_faces,
+    mirror_choice,
     read_surface,
 )
 from ..motion import BurstMotion, SamplingPlan, key_frames
@@ -44,14 +47,13 @@ from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, shared_folder
 from ..scene import ground_truth as ground_truth
 from ..scene import is_hidden_at_times, may_move_at_whole_frames, no_echo_findings
-from ..state import Shape, evaluated_depsgraph, watch_evaluations
+from ..state import Snapshot, evaluated_snapshot, take_snapshot, watch_evaluations
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .frame import FrameWork
-from .hit_points import HitPoints, Meshes
+from .hit_points import HitPoints, Holders
 from .measured_tiles import TileCheckpoints
-from .mirror_paths import MirrorPaths
-from .obstacles import BodyMesh, ways_to_transmitter
+from .obstacles import ways_to_transmitter
 from .view_tracer import PathRun, PathTask, ViewTracer
 
 
@@ -80,12 +82,12 @@ class PathJob(MeasurementJob):
         super().__init__(scene, view_layer, measurement, folder, **keywords)
         self.options = options
         self._restores: list[Callable[[], list[str]]] = []
-        self._meshes: Meshes = WeakKeyDictionary()
-        self._body_meshes: WeakKeyDictionary[Shape, BodyMesh | None] = WeakKeyDictionary()
-        depsgraph = evaluated_depsgraph(view_layer)
-        foreign = holds_foreign_materials(depsgraph)
+        self._holders: Holders = WeakKeyDictionary()
+        self._body_meshes: WeakKeyDictionary[Mesh, BodyMesh] = WeakKeyDictionary()
+        snapshot = evaluated_snapshot(view_layer)
+        foreign = holds_foreign_materials(snapshot)
         choice = options.range_encoding
-        by_facets = options.max_reflections > 1 and holds_rough_facets(depsgraph)
+        by_facets = options.max_reflections > 1 and holds_rough_facets(snapshot)
         self.code_world = choice == "world" or (choice == "auto" and (foreign or by_facets))
         self._rounds_by_channel = by_facets and not self.code_world
         # Light of other materials would count as marks.
@@ -319,13 +321,13 @@ class PathJob(MeasurementJob):
             motion=self.options.motion,
             render=render,
         )
-        depsgraph = motion.begin()
-        receiver, transmitter = self._antenna_records(depsgraph, units)
-        receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(depsgraph))
+        snapshot = motion.begin()
+        receiver, transmitter = self._antenna_records(snapshot, units)
+        receiver = dataclasses.replace(receiver, matrix_world=self.path_scene.place(snapshot))
         ways = None
         if self._run.interiors.delay:
-            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-            motion.findings += found_inside(depsgraph, antennas)
+            antennas = ground_truth.antenna_positions(snapshot, self.rig)
+            motion.findings += found_inside(snapshot, antennas)
             reach_m = self.plan.extent.from_receiver_m
             ways = ways_to_transmitter(
                 motion.bodies.snapshot, receiver, transmitter, reach_m, units
@@ -333,22 +335,24 @@ class PathJob(MeasurementJob):
         tracer = ViewTracer(self._run, frame, sampling.rendered[1], receiver, transmitter, ways)
         hits = HitPoints(
             motion.bodies,
-            units,
             self._measurement.waveform.wavelength_m,
             self.path_scene.all_opaque,
-            self._meshes,
+            self._holders,
             ways,
         )
+        marks = {n: mirror_choice(item) for n, item in motion.bodies.originals.items()}
         mirrors = MirrorPaths(
-            motion.bodies,
-            hits,
-            units,
+            Obstacles(motion.bodies, self._body_meshes),
+            hits.normals,
             receiver,
             tracer.transmitter_m,
             self.plan.extent.from_receiver_m,
-            self._measurement,
-            self.options,
-            self._body_meshes,
+            self._measurement.polarisation,
+            self._measurement.waveform.wavelength_m,
+            self.options.max_reflections,
+            self.options.mirror_images,
+            [number for number, mark in marks.items() if mark == "first"],
+            [number for number, mark in marks.items() if mark == "never"],
         )
         tracer.lamps_m = mirrors.lamps_m
         self.path_scene.lamps.place(mirrors.lamps_m / units)
@@ -366,7 +370,9 @@ class PathJob(MeasurementJob):
             mirrors,
             folder,
             self,
-            lambda seen: no_echo_findings(self._view_layer.depsgraph, self.rig, seen),
+            lambda seen: no_echo_findings(
+                take_snapshot(self._view_layer.depsgraph), self.rig, seen
+            ),
         )
         try:
             stop_reason = yield from work.measure()
@@ -393,7 +399,9 @@ class PathJob(MeasurementJob):
 
     def _repeat(self, frame: int, render: int, at: Instant) -> Generator[PathTask, None, None]:
         """Write a render of a frame in which nothing has changed."""
-        receiver, transmitter = self._antenna_records(self._view_layer.depsgraph, 1.0)
+        receiver, transmitter = self._antenna_records(
+            take_snapshot(self._view_layer.depsgraph), 1.0
+        )
         tracer = ViewTracer(self._run, frame, at, receiver, transmitter, None)
         yield PathTask(tracer, 0, 0, None, "motion and path table")
         if self.keeps_frame():
@@ -512,11 +520,11 @@ def _reads_settings(tree: bpy.types.NodeTree) -> bool:
 _NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
 
 
-def holds_foreign_materials(depsgraph: bpy.types.Depsgraph) -> bool:
+def holds_foreign_materials(snapshot: Snapshot) -> bool:
     """Whether something that can echo has another material than the Radar Material."""
-    if next(foreign_objects(depsgraph, is_radar_material), None) is not None:
+    if next(foreign_objects(snapshot, is_radar_material), None) is not None:
         return True
-    evaluated = {one.item for one in assigned_materials(depsgraph) if _same_faces_always(one.item)}
+    evaluated = {one.item for one in assigned_materials(snapshot) if _same_faces_always(one.item)}
     shown = [
         one
         for one in bpy.data.objects
@@ -551,10 +559,10 @@ def _depends_on_time(tree: bpy.types.NodeTree) -> bool:
     )
 
 
-def holds_rough_facets(depsgraph: bpy.types.Depsgraph) -> bool:
+def holds_rough_facets(snapshot: Snapshot) -> bool:
     """Whether something that can echo has facets that round by channel if materials encode.
 
     Materials that geometry nodes set are those of evaluated objects alone.
     """
-    assigned = {m for one in assigned_materials(depsgraph) for m in one.materials}
+    assigned = {m for one in assigned_materials(snapshot) for m in one.materials}
     return EXACT_FACETS and any(read_surface(material).has_rough_facets for material in assigned)

@@ -22,6 +22,7 @@ from ...arrays import Real
 from ...physics.radar_equation import effective_area_m2
 from ...signal.decoding import TileReplicate, pixel_rays
 from ...signal.paths import PATH_FLAGS, PathRows, replicate_offset_px
+from ...signal.tracing import ONE_PLACE
 from ..materials import Interiors
 from ..plan import Instant, Measurement, PathOptions, Plan
 from ..views import (
@@ -41,7 +42,6 @@ from ..views import (
     rows_of_replicate,
     trace_replicate,
 )
-from .mirrors import ONE_PLACE
 from .obstacles import DelayedWays
 from .tiles import Tile
 

@@ -34,7 +34,7 @@ from ..materials import found_inside
 from ..plan import Plan, Task, instant_at
 from ..run import MeasurementJob, shared_folder
 from ..scene import check_particles_are_baked, ground_truth, moved_by_scripts
-from ..state import Snapshot, read_triangles, take_snapshot
+from ..state import Snapshot
 from ..views import Region, ViewWindow, set_border
 
 
@@ -52,11 +52,11 @@ class RingJob(MeasurementJob):
         held = self._held_by_scripts()
         return [*found, finding("rendered-at-whole-frames", *held)] if held else found
 
-    def _refuse_unmeasurable(self, depsgraph: bpy.types.Depsgraph) -> None:
-        super()._refuse_unmeasurable(depsgraph)
+    def _refuse_unmeasurable(self, snapshot: Snapshot) -> None:
+        super()._refuse_unmeasurable(snapshot)
         if self._measurement.snapshots > 1:
             check_particles_are_baked(
-                take_snapshot(depsgraph),
+                snapshot,
                 "Without the motion of particles, take one snapshot (--snapshots 1).",
             )
 
@@ -80,9 +80,9 @@ class RingJob(MeasurementJob):
         if not self._settings.interiors.delay:  # nothing has an interior
             return
         for frame in self._measurement.frames:
-            depsgraph = self._time.show(self.plan.instants(frame)[0])
-            antennas = ground_truth.antenna_positions(depsgraph, self.rig)
-            for one in found_inside(depsgraph, antennas):
+            snapshot = self._time.show(self.plan.instants(frame)[0])
+            antennas = ground_truth.antenna_positions(snapshot, self.rig)
+            for one in found_inside(snapshot, antennas):
                 yield one.in_frame(frame)
 
     def _plan_renders(self) -> None:
@@ -114,9 +114,9 @@ class RingJob(MeasurementJob):
             self._scene_written = task.frame
             self._records = None  # of another moment
         if self._records is None or not self._time.shows(task.instant):
-            depsgraph = self._time.show(task.instant)
-            self._records = self._antenna_records(depsgraph, self.plan.metres_per_unit)
-            self._regions = regions_by_ring(depsgraph, self.plan, *self._records)
+            snapshot = self._time.show(task.instant)
+            self._records = self._antenna_records(snapshot, self.plan.metres_per_unit)
+            self._regions = regions_by_ring(snapshot, self.plan, *self._records)
         self._settings.set_ring(task.ring_min_m, task.ring_max_m)
         render = self._scene.render
         render.use_border = self._regions is not None
@@ -189,19 +189,19 @@ class RingJob(MeasurementJob):
 
 
 def regions_by_ring(
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     plan: Plan,
     receiver: contract.ReceiverRecord,
     transmitter: contract.TransmitterRecord,
 ) -> list[Region] | None:
-    """Return the pixels that each ring can fill at the depsgraph's time; None: perhaps all.
+    """Return the pixels that each ring can fill at its moment; None: perhaps all.
 
     They are known if paths have one reflection and Cycles renders the faces that Blender evaluates.
     """
     asked = plan.measurement
     if asked.max_reflections > 1 or receiver.kind != "perspective":
         return None
-    found = ground_truth.rendered_surfaces(depsgraph)
+    found = ground_truth.rendered_surfaces(snapshot)
     snapshot, units = found.snapshot, plan.metres_per_unit
     shapes = [snapshot.shapes[i] for i in np.unique(snapshot.layout.shape[found.rows])]
     # Cycles renders curves and point clouds, which have no faces, as hair and spheres.
@@ -231,11 +231,8 @@ def regions_by_ring(
 
 def _triangles(snapshot: Snapshot, shape: int) -> Real | None:
     """Triangles of a shape, own axes, (m, 3, 3) [Blender units]; None if it has no mesh."""
-    with snapshot.mesh(snapshot.shapes[shape]) as mesh:
-        if mesh is None:
-            return None
-        vertices, triangles = read_triangles(mesh)
-        return vertices.astype(np.float64)[triangles]
+    mesh = snapshot.mesh(snapshot.shapes[shape])
+    return None if mesh is None else mesh.vertices[mesh.triangles]
 
 
 def _as_evaluated(shape: Any) -> bool:

@@ -70,7 +70,8 @@ from ..scene import (
 from ..scene import ground_truth as ground_truth
 from ..state import (
     SettingsRestorer,
-    evaluated_depsgraph,
+    Snapshot,
+    evaluated_snapshot,
     follow_evaluations,
     ignore_evaluations,
     read_all_again,
@@ -288,9 +289,9 @@ class MeasurementJob:
             moments = [instant_at(at, fps) for at in self._surveyed(frame)]
             looks = []
             for instant in moments:
-                depsgraph = self._time.show(instant)
-                self._refuse_unmeasurable(depsgraph)
-                boxes, antennas = look = self._look(depsgraph)
+                snapshot = self._time.show(instant)
+                self._refuse_unmeasurable(snapshot)
+                boxes, antennas = look = self._look(snapshot)
                 looks.append(look)
                 # If Blender has evaluated nothing since, all is as before.
                 now = boxes.snapshot, *(place.tobytes() for place in antennas)
@@ -304,15 +305,15 @@ class MeasurementJob:
         self._time.forget()
         return extent
 
-    def _look(self, depsgraph: bpy.types.Depsgraph) -> tuple[Any, Any]:
+    def _look(self, snapshot: Snapshot) -> tuple[Any, Any]:
         """Return boxes of what echoes, and places of the antennas."""
-        boxes = ground_truth.echoing_boxes(depsgraph, self.code_world)
-        return boxes, ground_truth.antenna_positions(depsgraph, self.rig)
+        boxes = ground_truth.echoing_boxes(snapshot, self.code_world)
+        return boxes, ground_truth.antenna_positions(snapshot, self.rig)
 
-    def _refuse_unmeasurable(self, depsgraph: bpy.types.Depsgraph) -> None:
+    def _refuse_unmeasurable(self, snapshot: Snapshot) -> None:
         """See that all can be recorded, before anything is written."""
-        self._antenna_records(depsgraph, self._metres_per_unit())
-        ground_truth.check_surfaces(depsgraph)
+        self._antenna_records(snapshot, self._metres_per_unit())
+        ground_truth.check_surfaces(snapshot)
 
     def _config_findings(self) -> list[Finding]:
         interval_s = None
@@ -376,13 +377,13 @@ class MeasurementJob:
         raise NotImplementedError
 
     def _antenna_records(
-        self, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
+        self, snapshot: Snapshot, metres_per_unit: float
     ) -> tuple[contract.ReceiverRecord, contract.TransmitterRecord]:
-        """Both antennas at the depsgraph's time."""
+        """Both antennas at its moment."""
         size_px = self._measurement.width_px, self._measurement.height_px
         return (
-            receiver_record(self.rig, depsgraph, metres_per_unit, *size_px),
-            transmitter_record(self.rig, depsgraph, metres_per_unit),
+            receiver_record(self.rig, snapshot, metres_per_unit, *size_px),
+            transmitter_record(self.rig, snapshot, metres_per_unit),
         )
 
     def _write_scene(self, frame: int) -> None:
@@ -394,12 +395,12 @@ class MeasurementJob:
         instants, units = self.plan.instants(frame), self.plan.metres_per_unit
         later, interval_s = None, 0.0
         if len(instants) > 1:
-            depsgraph = self._time.show(instants[1])
-            receiver, _ = ground_truth.antenna_positions(depsgraph, self.rig)
-            later = ground_truth.rendered_surfaces(depsgraph), receiver
+            snapshot = self._time.show(instants[1])
+            receiver, _ = ground_truth.antenna_positions(snapshot, self.rig)
+            later = ground_truth.rendered_surfaces(snapshot), receiver
             interval_s = instants[1].time_s - instants[0].time_s
-        depsgraph = self._time.show(instants[0])
-        objects = ground_truth.object_records(depsgraph, self.rig, units, later, interval_s)
+        snapshot = self._time.show(instants[0])
+        objects = ground_truth.object_records(snapshot, self.rig, units, later, interval_s)
         time_s = instants[0].time_s
         write_record(path, contract.GroundTruthRecord(frame, time_s, objects, self.fingerprint))
 
@@ -468,7 +469,7 @@ class SceneTime:
         self._hiding_moves = True
 
     def show(self, instant: Instant) -> Any:
-        """Bring the scene to a moment; return the depsgraph at it."""
+        """Bring the scene to a moment; return the snapshot at it."""
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:
             show_as_rendered(self._restorer, self._scene)
@@ -483,7 +484,7 @@ class SceneTime:
                 self._scene.frame_set(frame)
         self._scene.frame_set(instant.frame, subframe=instant.subframe)
         self._shown = instant
-        return evaluated_depsgraph(self._view_layer)
+        return evaluated_snapshot(self._view_layer)
 
     def shows(self, instant: Instant) -> bool:
         """Whether the scene is at a moment; the user may have scrubbed the timeline since."""

@@ -63,7 +63,7 @@ from ..scene import (
     sharpen_walls,
     show_what_ever_renders,
 )
-from ..state import SettingsRestorer, evaluated_depsgraph
+from ..state import SettingsRestorer, evaluated_snapshot
 
 
 class MeasurementSettings:
@@ -115,7 +115,7 @@ class MeasurementSettings:
             self._recorder.set(self._scene, "camera", self._renders)
             # Materials are settled once: also of what is hidden in the viewport or until later.
             show_what_ever_renders(self._recorder, self._view_layer)
-            used = assigned_materials(evaluated_depsgraph(self._view_layer))
+            used = assigned_materials(evaluated_snapshot(self._view_layer))
             assigned = {m for one in used for m in one.materials if m is not None}
             unfit = self._set_device()
             self._set_render()
@@ -125,12 +125,12 @@ class MeasurementSettings:
             self._set_antennas()
             self._set_code()
             self.findings = [*unfit, *self._camera_markers(), *self._set_materials(assigned)]
-            depsgraph = evaluated_depsgraph(self._view_layer)
+            snapshot = evaluated_snapshot(self._view_layer)
             self.findings += isolate(
-                self._recorder, self._scene, self._rig.emitter, depsgraph, self._any_material
+                self._recorder, self._scene, self._rig.emitter, snapshot, self._any_material
             )
-            depsgraph = evaluated_depsgraph(self._view_layer)
-            self.findings += [*displaced_surfaces(depsgraph), *limited_visibility(depsgraph)]
+            snapshot = evaluated_snapshot(self._view_layer)
+            self.findings += [*displaced_surfaces(snapshot), *limited_visibility(snapshot)]
         except BaseException:
             self.restore()
             raise
@@ -325,25 +325,25 @@ class MeasurementSettings:
             self._recorder, assigned, carrier_hz, measurement.polarisation
         )
         failures += settle_interiors(self._recorder, assigned)
-        depsgraph = evaluated_depsgraph(self._view_layer)
+        snapshot = evaluated_snapshot(self._view_layer)
         if measurement.polarisation == "average":
-            self.averaging = averaging_objects(depsgraph)
-        no_layers = set_layer_normals(self._recorder, depsgraph)
-        sharpen_walls(self._recorder, depsgraph)
-        depsgraph = evaluated_depsgraph(self._view_layer)
-        self.averages_in_a_row = average_in_a_row(depsgraph, self.averaging)
+            self.averaging = averaging_objects(snapshot)
+        no_layers = set_layer_normals(self._recorder, snapshot)
+        sharpen_walls(self._recorder, snapshot)
+        snapshot = evaluated_snapshot(self._view_layer)
+        self.averages_in_a_row = average_in_a_row(snapshot, self.averaging)
         units, extent = self._plan.metres_per_unit, self._plan.extent
         wavelength = measurement.waveform.wavelength_m / units
         antennas = [
-            item.evaluated_get(depsgraph).matrix_world.translation
+            snapshot.evaluated(item).matrix_world.translation
             for item in (self._rig.camera, self._rig.emitter)
         ]
         reach = max(extent.from_emitter_m, extent.from_receiver_m) / units
         extinction_length = self._plan.extinction_length_m / units
-        losses_db = interior_losses_db(wavelength, depsgraph)
+        losses_db = interior_losses_db(wavelength, snapshot)
         self.interiors = settle_interiors_far_away(
             self._recorder,
-            depsgraph,
+            snapshot,
             antennas,
             reach,
             wavelength,
@@ -353,15 +353,15 @@ class MeasurementSettings:
         )
         return [
             *failures,
-            *check_meshes(depsgraph),
-            *check_normals(depsgraph),
-            *overlapping_shells(depsgraph),
-            *doubled_panes(depsgraph, units),
-            *straight_interiors(depsgraph, units),
+            *check_meshes(snapshot),
+            *check_normals(snapshot),
+            *overlapping_shells(snapshot),
+            *doubled_panes(snapshot, units),
+            *straight_interiors(snapshot, units),
             *no_layers,
             *self.interiors.findings,
             *beyond_float32(losses_db),
-            *total_reflections(depsgraph, antennas, wavelength, extinction_length),
+            *total_reflections(snapshot, antennas, wavelength, extinction_length),
         ]
 
     def _set_code(self) -> None:

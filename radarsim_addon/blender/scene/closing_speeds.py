@@ -21,7 +21,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Quaternion, Vector
 
 from ...arrays import Indices, Real
-from ..state import Key, Shape, Snapshot, read_numbers, take_snapshot
+from ..state import Key, Shape, Snapshot
 from .ground_truth import Boxes
 from .visibility import action_curves
 
@@ -78,9 +78,8 @@ class Poses:
         return () if self.snapshot is None else self.snapshot.layout.key(int(self.rows[index]))
 
 
-def evaluated_poses(depsgraph: bpy.types.Depsgraph, metres_per_unit: float) -> Poses:
-    """Return the poses and boxes of all surfaces at the time of a depsgraph."""
-    snapshot = take_snapshot(depsgraph)
+def evaluated_poses(snapshot: Snapshot, metres_per_unit: float) -> Poses:
+    """Return the poses and boxes of all surfaces at the time of a snapshot."""
     shapes = snapshot.shapes
     has_surface = [shape.kind not in {"CAMERA", "LIGHT", "EMPTY"} for shape in shapes]
     rows = np.flatnonzero(snapshot.of_shapes(has_surface))
@@ -191,13 +190,15 @@ def keyed_speeds(
     snapshot, layout = found.snapshot, found.snapshot.layout
 
     def poses_of(item: bpy.types.Object, now: Real) -> Real | None:
+        worlds = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
+        if worlds is None:
+            return None
         # In float32 both are rounded alike by Blender; what F-curves add is the difference.
-        move = keyed_move(item, frame)
-        return None if move is None else np.stack([now, move @ now])
+        return np.stack([now, worlds[1] @ np.linalg.pinv(worlds[0]) @ now])
 
     places = []
     for item in antennas:
-        now = np.array(item.evaluated_get(snapshot.depsgraph).matrix_world, dtype=np.float64)
+        now = np.array(snapshot.evaluated(item).matrix_world, dtype=np.float64)
         poses = poses_of(item, now) if _is_keyed(item) else None
         places.append([now[:3, 3]] * 2 if poses is None else poses[:, :3, 3])
     both = np.array(places).transpose(1, 0, 2)
@@ -221,69 +222,64 @@ def keyed_step(item: bpy.types.Object, frame: float) -> Real | None:
 
     None where no F-curve moves it, or not these alone.
     """
-    poses = _keyed_poses(item, frame)
+    poses = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
     if poses is None:
         return None
     return np.asarray((poses[1] - poses[0])[:3, 3] / VELOCITY_FRAMES, dtype=np.float64)
 
 
-def keyed_move(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return what F-curves move an object by in `VELOCITY_FRAMES`: a matrix in world space, (4, 4).
-
-    The identity where nothing moves the object and its parents, None where something else than
-    F-curves may. Nothing is evaluated.
-    """
-    poses = _keyed_poses(item, frame)
-    if poses is None:
-        return None
-    return np.asarray(poses[1] @ np.linalg.pinv(poses[0]) if _is_keyed(item) else np.eye(4))
-
-
-def _keyed_poses(item: bpy.types.Object, frame: float) -> tuple[Real, Real] | None:
-    """Poses in a frame and `VELOCITY_FRAMES` later, (4, 4) each; None as `keyed_world`."""
-    before, after = (keyed_world(item, at) for at in (frame, frame + VELOCITY_FRAMES))
-    return None if before is None or after is None else (before, after)
-
-
-def keyed_world(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return the world matrix of an object at a frame by its F-curves, (4, 4).
+def keyed_worlds(item: bpy.types.Object, frames: Sequence[float]) -> Real | None:
+    """Return the world matrices of an object at frames by its F-curves, (frames, 4, 4).
 
     None where constraints, drivers, simulations or strips may move it or its parents.
     """
     animation, body = item.animation_data, item.rigid_body
-    if item.constraints or body is not None or item.rotation_mode == "AXIS_ANGLE":
+    if any(not one.mute for one in item.constraints) or body is not None:
+        return None
+    if item.rotation_mode == "AXIS_ANGLE":
         return None
     if item.parent is not None and item.parent_type != "OBJECT":
         return None
     channels = ("location", "rotation_euler", "rotation_quaternion", "scale")
-    values = {name: list(getattr(item, name)) for name in channels}
+    curves: list[bpy.types.FCurve] = []
     if animation is not None:
         if animation.drivers or animation.nla_tracks:
             return None
         action = animation.action
         slot = getattr(animation, "action_slot", None)
-        for curve in action_curves(action, slot) if action is not None else ():
-            if curve.data_path in values and not curve.mute:
+        moving = () if action is None else action_curves(action, slot)
+        curves = [one for one in moving if not one.mute]
+    if any(one.data_path.startswith("delta_") for one in curves):
+        return None
+    values = {name: list(getattr(item, name)) for name in channels}
+    own = []
+    for frame in frames if curves else frames[:1]:
+        for curve in curves:
+            if curve.data_path in values:
                 values[curve.data_path][curve.array_index] = curve.evaluate(frame)
-            elif curve.data_path.startswith("delta_"):
-                return None
-    turn = (
-        Quaternion(values["rotation_quaternion"]).normalized()
-        if item.rotation_mode == "QUATERNION"
-        else Euler(values["rotation_euler"], item.rotation_mode)
-    )
-    own = Matrix.LocRotScale(Vector(values["location"]), turn, Vector(values["scale"]))
-    matrix = np.array(item.matrix_parent_inverse @ own, dtype=np.float64)
+        place = Vector(values["location"]) + item.delta_location
+        if item.rotation_mode == "QUATERNION":
+            turn = Quaternion(values["rotation_quaternion"]).normalized()
+            turn = item.delta_rotation_quaternion @ turn
+        else:
+            turn = Euler(values["rotation_euler"], item.rotation_mode).to_quaternion()
+            turn = item.delta_rotation_euler.to_quaternion() @ turn
+        size = Vector(a * b for a, b in zip(values["scale"], item.delta_scale, strict=True))
+        own.append(Matrix.LocRotScale(place, turn, size))
+    matrices = np.array(own, dtype=np.float64).repeat(1 if curves else len(frames), axis=0)
     if item.parent is None:
-        return np.array(own, dtype=np.float64)
-    above = keyed_world(item.parent, frame)
-    return None if above is None else above @ matrix
+        return matrices
+    above = keyed_worlds(item.parent, frames)
+    inverse = np.array(item.matrix_parent_inverse, dtype=np.float64)
+    return None if above is None else np.asarray(above @ inverse @ matrices)
 
 
 def nothing_moves(item: bpy.types.Object) -> bool:
     """Return whether an object and its parents have nothing that could move them: quick."""
     while item is not None:
-        if item.animation_data is not None or item.rigid_body is not None or item.constraints:
+        if item.animation_data is not None or item.rigid_body is not None:
+            return False
+        if any(not one.mute for one in item.constraints):
             return False
         if item.parent is not None and item.parent_type != "OBJECT":
             return False
@@ -360,17 +356,18 @@ def outermost_points(snapshot: Snapshot, shape: Shape) -> Real:
     """
     if shape not in _outermost:
         points = shape.box
-        with snapshot.mesh(shape) as mesh:
-            if mesh is not None and len(mesh.vertices):
-                vertices = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
-                index = np.arange(_DIRECTIONS) + 0.5  # Fibonacci's sphere, and along the axes
-                z, angle = 1 - 2 * index / _DIRECTIONS, index * np.pi * (3 - np.sqrt(5))
-                around = np.sqrt(1 - z**2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
-                directions = np.concatenate([np.column_stack([around, z]), np.eye(3), -np.eye(3)])
-                size = np.ptp(vertices, axis=0)
-                size[size == 0] = 1.0  # a flat mesh: that axis tells its vertices not apart
-                points = vertices[np.unique((vertices / size @ directions.T).argmax(axis=0))]
-                # What is ahead of the radar closes in faster than edges do.
-                points = np.concatenate([points, shape.box[np.array(_FACES)].mean(axis=1)])
+        mesh = snapshot.mesh(shape)
+        if mesh is not None and len(mesh.vertices):
+            index = np.arange(_DIRECTIONS) + 0.5  # Fibonacci's sphere, and along the axes
+            z, angle = 1 - 2 * index / _DIRECTIONS, index * np.pi * (3 - np.sqrt(5))
+            around = np.sqrt(1 - z**2)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
+            directions = np.concatenate([np.column_stack([around, z]), np.eye(3), -np.eye(3)])
+            size = np.ptp(mesh.vertices, axis=0)
+            size[size == 0] = 1.0  # a flat mesh: that axis tells its vertices not apart
+            farthest = np.unique((mesh.vertices / size @ directions.T).argmax(axis=0))
+            # What is ahead of the radar closes in faster than edges do.
+            points = np.concatenate(
+                [mesh.vertices[farthest], shape.box[np.array(_FACES)].mean(axis=1)]
+            )
         _outermost[shape] = points
     return _outermost[shape]

@@ -68,7 +68,8 @@ def check_meshes_finite(snapshot: Snapshot, rows: Indices) -> None:
     for number, row in zip(shapes.tolist(), rows[first].tolist(), strict=True):
         shape = snapshot.shapes[number]
         if shape not in _finite:
-            points = snapshot.vertices(shape) if shape.kind == "MESH" else shape.box
+            mesh = snapshot.mesh(shape) if shape.kind == "MESH" else None
+            points = shape.box if mesh is None else mesh.vertices
             waiting.append((shape, row, points))
             size += len(waiting[-1][2])
         if size > _TOGETHER:

@@ -25,7 +25,7 @@ from ...signal.scene import triangle_distances
 from ..materials import clutter_name, fluctuation_of, roughness_of
 from ..nodes import is_radar_material
 from ..plan import Extent
-from ..state import Snapshot, take_snapshot
+from ..state import Snapshot
 from .finite_checks import check_meshes_finite
 from .rig import Rig
 from .visibility import ABSORBER_NAME, echoes, rendered_rows
@@ -82,19 +82,18 @@ class Boxes:
 
 
 def scene_extent(
-    depsgraph: bpy.types.Depsgraph, rig: Rig, metres_per_unit: float, any_material: bool = False
+    snapshot: Snapshot, rig: Rig, metres_per_unit: float, any_material: bool = False
 ) -> Extent:
-    """Return the distances of the surfaces that can echo, or of all, at the depsgraph's time.
+    """Return the distances of the surfaces that can echo, or of all, at its moment.
 
     They are those of bounding boxes, so never too small. Only the baseline if nothing can echo.
     """
-    boxes = echoing_boxes(depsgraph, any_material)
-    return extent_of_boxes(boxes, antenna_positions(depsgraph, rig), metres_per_unit)
+    boxes = echoing_boxes(snapshot, any_material)
+    return extent_of_boxes(boxes, antenna_positions(snapshot, rig), metres_per_unit)
 
 
-def echoing_boxes(depsgraph: bpy.types.Depsgraph, any_material: bool) -> Boxes:
-    """Return the boxes of the surfaces that can echo, or of all, at the depsgraph's time."""
-    snapshot = take_snapshot(depsgraph)
+def echoing_boxes(snapshot: Snapshot, any_material: bool) -> Boxes:
+    """Return the boxes of the surfaces that can echo, or of all, at its moment."""
     rows = rendered_rows(snapshot)
     if not any_material:
         is_radar = cache(is_radar_material)
@@ -139,33 +138,33 @@ def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: 
     )
 
 
-def antenna_positions(depsgraph: bpy.types.Depsgraph, rig: Rig) -> tuple[Real, Real]:
+def antenna_positions(snapshot: Snapshot, rig: Rig) -> tuple[Real, Real]:
     """Return the places of receiver and transmitter, (3,) each [Blender units]."""
-    return _origin(rig.camera, depsgraph), _origin(rig.emitter, depsgraph)
+    return _origin(rig.camera, snapshot), _origin(rig.emitter, snapshot)
 
 
-def _origin(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Real:
-    return np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)[:3, 3]
+def _origin(item: bpy.types.Object, snapshot: Snapshot) -> Real:
+    return np.array(snapshot.evaluated(item).matrix_world, dtype=np.float64)[:3, 3]
 
 
-def rendered_surfaces(depsgraph: bpy.types.Depsgraph) -> Boxes:
-    return echoing_boxes(depsgraph, any_material=True)
+def rendered_surfaces(snapshot: Snapshot) -> Boxes:
+    return echoing_boxes(snapshot, any_material=True)
 
 
 def object_records(
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     rig: Rig,
     metres_per_unit: float,
     later: tuple[Boxes, Real] | None = None,
     interval_s: float = 0.0,
 ) -> list[contract.ObjectRecord]:
-    """Return the ground truth of all rendered objects at the depsgraph's time, sorted by name.
+    """Return the ground truth of all rendered objects at its moment, sorted by name.
 
     All instances of one object by one instancer have one record, that of the nearest instance, with
     the name ``instancer/object``. `later` has the surfaces `interval_s` later [s], and the place of
     the receiver, for range rates.
     """
-    found, receiver = rendered_surfaces(depsgraph), _origin(rig.camera, depsgraph)
+    found, receiver = rendered_surfaces(snapshot), _origin(rig.camera, snapshot)
     snapshot = found.snapshot
     collections = _collections_of_objects()
     after: dict[int, int] = {}
@@ -267,18 +266,17 @@ def _collections_of_objects() -> dict[str, list[str]]:
     return {name: sorted(held) for name, held in holding.items()}
 
 
-def displaced_surfaces(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def displaced_surfaces(snapshot: Snapshot) -> list[Finding]:
     """Name the rendered objects whose surface Cycles displaces: their meshes do not show it."""
-    found = rendered_surfaces(depsgraph)
+    found = rendered_surfaces(snapshot)
     shapes = found.snapshot.shapes
     displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])
     names = {found.snapshot.label(row) for row in found.rows[displaced[found.rows]].tolist()}
     return [finding("displaced-by-shader", *sorted(names))] if names else []
 
 
-def check_surfaces(depsgraph: bpy.types.Depsgraph) -> None:
-    """Check that all rendered surfaces are finite at the depsgraph's time; `SceneError` if not."""
-    snapshot = take_snapshot(depsgraph)
+def check_surfaces(snapshot: Snapshot) -> None:
+    """Check that all rendered surfaces are finite at its moment; `SceneError` if not."""
     check_meshes_finite(snapshot, rendered_rows(snapshot))
 
 
@@ -291,7 +289,9 @@ def triangles_about(snapshot: Snapshot, rows: Iterable[int], point: Real) -> Ite
     waiting: list[tuple[int, Any, Any]] = []
     size = 0
     for row in rows:
-        found = snapshot.triangles(snapshot.shapes[snapshot.layout.shape[row]])
+        mesh = snapshot.mesh(snapshot.shapes[snapshot.layout.shape[row]])
+        none = np.empty((0, 3))
+        found = (none, none.astype(int)) if mesh is None else (mesh.vertices, mesh.triangles)
         waiting.append((row, *found))
         size += len(found[1])
         if size > _TOGETHER:

@@ -19,15 +19,15 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Indices, Mask, Real, crosses
+from ...arrays import Indices, Int32, Mask, Real, crosses, dots
 from ...findings import Finding, finding
+from ...signal.scene import Mesh
 from ..materials import assigned_materials, convex_objects, sharpen_edges, surfaces_of
 from ..nodes import attributes
-from ..state import SettingsRestorer, evaluated_mesh, read_numbers, take_snapshot
+from ..state import SettingsRestorer, Snapshot
 from .ground_truth import triangles_about
 from .visibility import rendered_rows
 
@@ -69,9 +69,8 @@ class _Item:
     defect: str = ""
 
 
-def check_meshes(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def check_meshes(snapshot: Snapshot) -> list[Finding]:
     """Find meshes of a scene that Cycles cannot trace as objects with an interior."""
-    snapshot = take_snapshot(depsgraph)
     layout, shapes = snapshot.layout, snapshot.shapes
     surfaces = surfaces_of(snapshot)
     rows = rendered_rows(snapshot)
@@ -92,7 +91,7 @@ def check_meshes(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     alone = np.ones(len(rows), dtype=bool)
     alone[pairs] = False
     # What is convex and touches nothing is known to be sound.
-    convex = convex_objects(depsgraph)
+    convex = convex_objects(snapshot)
     sound = snapshot.of_shapes([shape.own and shape.original in convex for shape in shapes])[rows]
     shared_low, shared_high = _shared_boxes(low - margin, high + margin, pairs)
     defects: dict[int, str] = {}
@@ -110,8 +109,8 @@ def check_meshes(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
         if np.linalg.det(snapshot.matrix(row)[:3, :3]) == 0:  # flattened
             continue
         if inside and number not in defects:
-            with snapshot.mesh(shapes[number]) as mesh:
-                defects[number] = _mesh_defect(mesh)
+            mesh = snapshot.mesh(shapes[number])
+            defects[number] = "" if mesh is None else _mesh_defect(mesh)
         triangles = np.empty((0, 3, 3))
         if not alone[index]:
             (triangles,) = triangles_about(snapshot, [row], np.zeros(3))
@@ -189,21 +188,18 @@ def _shared_boxes(low: Real, high: Real, pairs: Indices) -> tuple[Real, Real]:
     return lowest, highest
 
 
-def _mesh_defect(mesh: bpy.types.Mesh) -> str:
+def _mesh_defect(mesh: Mesh) -> str:
     """Return why a mesh does not enclose a volume: "open", "flipped", "inside out"; "": it does."""
-    points = read_numbers(mesh.vertices, "co", 3).astype(np.float64)
-    start = read_numbers(mesh.polygons, "loop_start", dtype=np.int32).ravel()
-    corner = read_numbers(mesh.loops, "vertex_index", dtype=np.int32).ravel()
-    normal = read_numbers(mesh.polygons, "normal", 3).astype(np.float64)
+    start, corner, normal = mesh.first_corners, mesh.corner_vertices, mesh.normals
     following = corner.copy()
     following[:-1] = corner[1:]
     following[np.append(start[1:], len(corner)) - 1] = corner[start]
     flat = float((np.abs(normal @ normal[0]) < 1 - 1e-6).sum()) == 0
     defect = _edge_defect(corner, following, flat)
-    return defect if defect or flat else _inside_out(points[corner], start)
+    return defect if defect or flat else _inside_out(mesh.vertices[corner], start)
 
 
-def _edge_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: bool) -> str:
+def _edge_defect(corner: Int32, following: Int32, flat: bool) -> str:
     """Return "open" or "flipped" if the edges of a mesh do not enclose a volume, else "".
 
     Edges run from `corner` to `following` in the direction of each face. A mesh in one plane,
@@ -222,7 +218,7 @@ def _edge_defect(corner: NDArray[np.int32], following: NDArray[np.int32], flat: 
     return "" if np.array_equal(directed, opposite) else "open"
 
 
-def _inside_out(at_corner: Real, start: Indices) -> str:
+def _inside_out(at_corner: Real, start: Int32) -> str:
     """Return "inside out" if the normals of a closed mesh point inwards: its volume is negative."""
     centre = at_corner.mean(axis=0)
     end = np.append(start[1:], len(at_corner))
@@ -329,13 +325,13 @@ def _nested_too_deep(found: list[_Item]) -> list[Finding]:
     return []
 
 
-def sharpen_walls(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) -> None:
+def sharpen_walls(recorder: SettingsRestorer, snapshot: Snapshot) -> None:
     """Let the normals of walls that are shaded smooth end at their edges, until restored.
 
-    The walls are set for the run in the depsgraph.
+    The walls are set for the run in the snapshot.
     """
     known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
-    assigned, surfaces = assigned_materials(depsgraph), surfaces_of(take_snapshot(depsgraph))
+    assigned, surfaces = assigned_materials(snapshot), surfaces_of(snapshot)
     walls = [
         one.item
         for one in assigned
@@ -347,21 +343,17 @@ def sharpen_walls(recorder: SettingsRestorer, depsgraph: bpy.types.Depsgraph) ->
     for item in walls:
         if item.library is not None and item.data in others:  # whose normals stay
             continue
-        with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-            bent = 0.0 if mesh is None else _bent(mesh)
-        if bent > 0:
+        if _bent(snapshot.mesh_of(item)) > 0:
             sharpen_edges(recorder, item, _EDGE_DEG)
 
 
-def check_normals(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def check_normals(snapshot: Snapshot) -> list[Finding]:
     """Find the rendered meshes whose normals are far from those of their faces."""
-    snapshot = take_snapshot(depsgraph)
     found: dict[str, float] = {}
     for shape in snapshot.shapes:
         if shape.kind != "MESH" or shape.original.hide_render:
             continue
-        with snapshot.mesh(shape) as mesh:
-            fraction = 0.0 if mesh is None else _bent(mesh)
+        fraction = _bent(snapshot.mesh(shape))
         if fraction > _LEAST_FRACTION:
             found[shape.original.name_full] = fraction
     if not found:
@@ -370,13 +362,12 @@ def check_normals(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
     return [finding("smooth-across-edges", *found, fraction=fraction, angle_deg=_OFF_DEG)]
 
 
-def _bent(mesh: bpy.types.Mesh) -> float:
+def _bent(mesh: Mesh | None) -> float:
     """Return the fraction of a mesh's surface with normals that are far from its faces'."""
-    if not len(mesh.polygons) or mesh.normals_domain == "FACE":
+    if mesh is None or mesh.corner_normals is None:
         return 0.0
-    sides = read_numbers(mesh.polygons, "loop_total", dtype=np.int32).ravel()
-    across = np.repeat(read_numbers(mesh.polygons, "normal", 3), sides, axis=0)
-    area = np.repeat(read_numbers(mesh.polygons, "area").ravel() / sides, sides)
-    cosine = np.einsum("nx,nx->n", read_numbers(mesh.corner_normals, "vector", 3), across)
+    across = np.repeat(mesh.normals, mesh.sides, axis=0)
+    area = np.repeat(mesh.areas / mesh.sides, mesh.sides)
+    cosine = dots(mesh.corner_normals, across)
     off = (cosine < math.cos(math.radians(_OFF_DEG))) & (area > 0)
     return float(area[off].sum() / max(area.sum(), 1e-300))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ... import contract
 from ...errors import SceneError
+from ..state import Snapshot
 from .rig import Rig, check_scale
 
 #: Smallest near clip distance of Blender [Blender units]. It shortens the first segment of a path.
@@ -28,13 +29,13 @@ Edges = tuple[float, float, float, float]
 
 
 def receiver_record(
-    rig: Rig, depsgraph: bpy.types.Depsgraph, metres_per_unit: float, width_px: int, height_px: int
+    rig: Rig, snapshot: Snapshot, metres_per_unit: float, width_px: int, height_px: int
 ) -> contract.ReceiverRecord:
-    """Return the record of the receiver at the depsgraph's time, for a render of this size.
+    """Return the record of the receiver at its moment, for a render of this size.
 
     `SceneError` if the camera is scaled, its pose is not finite, or its frame is empty.
     """
-    camera = rig.camera.evaluated_get(depsgraph)
+    camera = snapshot.evaluated(rig.camera)
     check_scale(rig.camera, camera.matrix_world)
     kind = camera_kind(camera.data)
     left, right, bottom, top = frame_edges(camera.data, width_px, height_px, metres_per_unit)
@@ -60,13 +61,13 @@ def receiver_record(
 
 
 def transmitter_record(
-    rig: Rig, depsgraph: bpy.types.Depsgraph, metres_per_unit: float
+    rig: Rig, snapshot: Snapshot, metres_per_unit: float
 ) -> contract.TransmitterRecord:
-    """Return the record of the transmitter at the depsgraph's time.
+    """Return the record of the transmitter at its moment.
 
     `SceneError` if the light is scaled, or its pose or power is not finite.
     """
-    emitter = rig.emitter.evaluated_get(depsgraph)
+    emitter = snapshot.evaluated(rig.emitter)
     check_scale(rig.emitter, emitter.matrix_world)
     exposure = float(getattr(emitter.data, "exposure", 0.0))
     eirp_w = float(emitter.data.energy) * 2.0**exposure

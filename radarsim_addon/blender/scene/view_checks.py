@@ -14,7 +14,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
-from typing import Any
 
 import bpy
 import numpy as np
@@ -23,8 +22,9 @@ from numpy.typing import NDArray
 from ...arrays import Mask, Real
 from ...errors import SceneError
 from ...findings import Finding, finding
+from ...signal.scene import Mesh
 from ..materials import SURFACE_TYPES, assigned_materials
-from ..state import EvaluatedObject, evaluated_mesh, evaluated_objects, read_numbers, read_triangles
+from ..state import Snapshot
 from .ground_truth import Boxes, antenna_positions
 from .rig import Rig
 
@@ -154,17 +154,15 @@ def _places(centre: Real, sides: Real, lengths: Real, edges: tuple[float, ...]) 
     return np.stack([range_m, span_m])
 
 
-def no_echo_findings(
-    depsgraph: bpy.types.Depsgraph, rig: Rig, seen: Sequence[str]
-) -> list[Finding]:
+def no_echo_findings(snapshot: Snapshot, rig: Rig, seen: Sequence[str]) -> list[Finding]:
     """Find why a receiver whose rays met the objects `seen` received no echo: one error or more.
 
     Only for such frames, because it looks at every triangle of what may surround an antenna.
     """
-    surrounding = _surrounding(depsgraph, rig)
+    surrounding = _surrounding(snapshot, rig)
     if surrounding:
         return [finding("antenna-inside-mesh", *surrounding)]
-    assigned = {one.item.name_full: one.materials for one in assigned_materials(depsgraph)}
+    assigned = {one.item.name_full: one.materials for one in assigned_materials(snapshot)}
     if not seen:
         return [finding("nothing-in-view", *sorted(assigned)) if assigned else finding("no-echo")]
     reflects = cache(_reflects)  # the links of a socket take a walk over all links of its tree
@@ -174,29 +172,25 @@ def no_echo_findings(
     return found + ([finding("surfaces-return-nothing", *others)] if others else [])
 
 
-def _surrounding(depsgraph: bpy.types.Depsgraph, rig: Rig) -> list[str]:
+def _surrounding(snapshot: Snapshot, rig: Rig) -> list[str]:
     """Return the closed meshes that contain one of the antennas, but not the other."""
-    antennas = np.stack(antenna_positions(depsgraph, rig))
+    antennas = np.stack(antenna_positions(snapshot, rig))
     found = []
-    for one in evaluated_objects(depsgraph):
-        shown = one.visible and not one.original.hide_render
-        if shown and one.original.type in SURFACE_TYPES and one.original != rig.emitter:
-            inside = [_contains(one, point) for point in antennas]
-            if inside[0] != inside[1]:
-                found.append(one.label)
+    low, high = snapshot.corners.min(axis=1), snapshot.corners.max(axis=1)
+    within = ((antennas[:, None] >= low) & (antennas[:, None] <= high)).all(axis=2)
+    for row in np.flatnonzero(within.any(axis=0) & snapshot.layout.visible).tolist():
+        shape = snapshot.shapes[snapshot.layout.shape[row]]
+        item, mesh = shape.original, snapshot.mesh(shape)
+        if item.hide_render or item.type not in SURFACE_TYPES or item == rig.emitter or not mesh:
+            continue
+        world = mesh.vertices @ snapshot.matrix(row)[:3, :3].T + snapshot.matrix(row)[:3, 3]
+        one, other = (
+            bool(near) and surrounds(world, mesh.triangles, point)
+            for near, point in zip(within[:, row], antennas, strict=True)
+        )
+        if one != other:
+            found.append(snapshot.label(row))
     return found
-
-
-def _contains(one: EvaluatedObject, point: Real) -> bool:
-    corners = one.box @ one.matrix[:3, :3].T + one.matrix[:3, 3]
-    if (point < corners.min(axis=0)).any() or (point > corners.max(axis=0)).any():
-        return False
-    with evaluated_mesh(one.evaluated) as mesh:
-        if mesh is None:
-            return False
-        vertices, triangles = read_triangles(mesh)
-    world = vertices.astype(np.float64) @ one.matrix[:3, :3].T + one.matrix[:3, 3]
-    return surrounds(world, triangles, point)
 
 
 def surrounds(vertices: Real, triangles: NDArray[np.int32], point: Real) -> bool:
@@ -242,31 +236,31 @@ def _reflects(material: bpy.types.Material) -> bool:
     return False
 
 
-def ground_below(
-    depsgraph: bpy.types.Depsgraph, point: Real, name: str | None = None
-) -> GroundBelow:
+def ground_below(snapshot: Snapshot, point: Real, name: str | None = None) -> GroundBelow:
     """Find the ground: of the objects straight below a point (3,) the one with the largest area.
 
     Of the object, or of the one with this name, it is the highest face below the point in the world
     [Blender units]. `SceneError` if nothing is below the point, or the face is not level.
     """
     found: list[tuple[float, float, GroundBelow, float]] = []
-    for item in evaluated_objects(depsgraph):
-        hidden = not item.visible or item.original.hide_render
-        named = name in (None, item.original.name)
-        if hidden or not named or item.evaluated.type not in SURFACE_TYPES:
+    low, high = snapshot.corners.min(axis=1)[:, :2], snapshot.corners.max(axis=1)[:, :2]
+    above = ((low <= point[:2]) & (point[:2] <= high)).all(axis=1)
+    for row in np.flatnonzero(above & snapshot.layout.visible).tolist():
+        shape = snapshot.shapes[snapshot.layout.shape[row]]
+        item = shape.original
+        if item.hide_render or name not in (None, item.name) or shape.kind not in SURFACE_TYPES:
             continue
-        corners = item.box @ item.matrix[:3, :3].T + item.matrix[:3, 3]
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        if np.all(low[:2] <= point[:2]) and np.all(point[:2] <= high[:2]):
-            face = _face_below(item, point)
-            if face is not None:
-                height, slot, tilt_rad = face
-                area = float(np.prod(high[:2] - low[:2]))
-                ground = GroundBelow(
-                    item.original.name, _material(item.evaluated, slot), height, corners
-                )
-                found.append((area, height, ground, tilt_rad))
+        face = _face_below(snapshot.mesh(shape), snapshot.matrix(row), point)
+        if face is not None:
+            height, slot, tilt_rad = face
+            area = float(np.prod(high[row] - low[row]))
+            material = (
+                shape.materials[min(slot, len(shape.materials) - 1)] if shape.materials else None
+            )
+            ground = GroundBelow(
+                item.name, material, height, snapshot.corners_of(np.array([row]))[0]
+            )
+            found.append((area, height, ground, tilt_rad))
     if not found:
         what = "No surface" if name is None else f"No face of {name!r}"
         raise SceneError(
@@ -283,14 +277,11 @@ def ground_below(
     return ground
 
 
-def _face_below(item: EvaluatedObject, point: Real) -> tuple[float, int, float] | None:
+def _face_below(mesh: Mesh | None, matrix: Real, point: Real) -> tuple[float, int, float] | None:
     """Height, material slot and tilt [rad] of the highest face below a point; None without one."""
-    with evaluated_mesh(item.evaluated) as mesh:
-        if mesh is None:
-            return None
-        vertices, triangles = read_triangles(mesh)
-        slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
-    corners = (vertices @ item.matrix[:3, :3].T + item.matrix[:3, 3])[triangles]
+    if mesh is None:
+        return None
+    corners = (mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles]
     sides = corners[:, 1:] - corners[:, :1]
     normals = np.cross(sides[:, 0], sides[:, 1])
     flat = corners[:, :, :2] - point[:2]
@@ -304,12 +295,8 @@ def _face_below(item: EvaluatedObject, point: Real) -> tuple[float, int, float] 
         return None
     top = below[np.argmax(away[below])]
     cosine = abs(normals[top, 2]) / np.linalg.norm(normals[top])
-    return float(point[2] + away[top]), int(slots[top]), math.acos(min(1.0, float(cosine)))
-
-
-def _material(evaluated: bpy.types.Object, slot: int) -> Any:
-    slots = evaluated.material_slots
-    if not slots:
-        return None
-    material = slots[min(slot, len(slots) - 1)].material
-    return None if material is None else material.original
+    return (
+        float(point[2] + away[top]),
+        int(mesh.slots[mesh.polygons[top]]),
+        math.acos(min(1.0, float(cosine))),
+    )

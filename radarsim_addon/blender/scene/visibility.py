@@ -21,7 +21,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...arrays import Indices
+from ...arrays import Indices, Mask
 from ...findings import Finding, finding
 from ..materials import (
     SURFACE_TYPES,
@@ -32,7 +32,7 @@ from ..materials import (
 )
 from ..materials.physical_materials import READY, suggest_material
 from ..nodes import is_radar_material
-from ..state import SettingsRestorer, Snapshot, read_numbers, take_snapshot
+from ..state import SettingsRestorer, Snapshot, read_mesh
 
 #: Object types that Cycles renders and that have no radar model.
 _UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
@@ -56,7 +56,7 @@ def isolate(
     recorder: SettingsRestorer,
     scene: bpy.types.Scene,
     emitter: bpy.types.Object,
-    depsgraph: bpy.types.Depsgraph,
+    snapshot: Snapshot,
     any_material: bool = False,
 ) -> list[Finding]:
     """Hide other lights than the transmitter, and what cannot echo; name objects without an echo.
@@ -70,14 +70,14 @@ def isolate(
         if item.type in {"LIGHT", "LIGHT_PROBE"} and item != emitter:
             _hide(recorder, item)
     _mute_animation(recorder, emitter, "hide_render")
-    assigned = assigned_materials(depsgraph)
+    assigned = assigned_materials(snapshot)
     if any_material:
         known = cache(lambda material: is_radar_material(material) or _is_fog(material))
-        optical = dict.fromkeys(item.name for item in foreign_objects(depsgraph, known))
+        optical = dict.fromkeys(item.name for item in foreign_objects(snapshot, known))
         found = [finding("optical-material", *optical)] if optical else []
         return found + _isolate_any_material(recorder, scene, assigned)
     is_radar = cache(is_radar_material)
-    foreign = set(foreign_objects(depsgraph, is_radar))
+    foreign = set(foreign_objects(snapshot, is_radar))
     silent = [
         one.item.name
         for one in assigned
@@ -347,25 +347,43 @@ def show_as_rendered(recorder: SettingsRestorer, scene: bpy.types.Scene) -> None
     recorder.set(render, "simplify_subdivision", render.simplify_subdivision_render)
     recorder.set(render, "simplify_child_particles", render.simplify_child_particles_render)
     for item in bpy.data.objects:
-        recorder.set(item, "show_instancer_for_viewport", item.show_instancer_for_render)
-        for modifier in item.modifiers:
-            recorder.set(modifier, "show_viewport", modifier.show_render)
-            for own, of_renders in _RENDER_SETTINGS.items():
-                if hasattr(modifier, own) and hasattr(modifier, of_renders):
-                    recorder.set(modifier, own, getattr(modifier, of_renders))
+        for owner, name, value in _as_rendered(item):
+            recorder.set(owner, name, value)
     for tree in bpy.data.node_groups:
         for node in [one for one in tree.nodes if one.bl_idname == "GeometryNodeIsViewport"]:
             _replace_by_false(recorder, tree, node)
-    for particles in bpy.data.particles:
-        recorder.set(particles, "display_percentage", 100)
-        recorder.set(particles, "child_percent", particles.rendered_child_count)
-        recorder.set(particles, "display_method", "RENDER")
-    for curve in bpy.data.curves:
+
+
+def _as_rendered(item: bpy.types.Object) -> Iterator[tuple[Any, str, Any]]:
+    """Yield owners and names of an object's settings for the viewport, with those for renders."""
+    yield item, "show_instancer_for_viewport", item.show_instancer_for_render
+    for modifier in item.modifiers:
+        yield modifier, "show_viewport", modifier.show_render
+        for own, of_renders in _RENDER_SETTINGS.items() if modifier.show_render else ():
+            if hasattr(modifier, own) and hasattr(modifier, of_renders):
+                yield modifier, own, getattr(modifier, of_renders)
+    for system in item.particle_systems:
+        particles = system.settings
+        yield particles, "display_percentage", 100
+        if particles.child_type != "NONE":
+            yield particles, "child_percent", particles.rendered_child_count
+        yield particles, "display_method", "RENDER"
+    data = item.data
+    if isinstance(data, bpy.types.Curve):  # texts and surfaces, too
         for name in ("resolution_u", "resolution_v"):
             # 0: that of the viewport
-            recorder.set(curve, name, getattr(curve, f"render_{name}") or getattr(curve, name))
-    for ball in bpy.data.metaballs:
-        recorder.set(ball, "resolution", ball.render_resolution)
+            yield data, name, getattr(data, f"render_{name}") or getattr(data, name)
+    elif isinstance(data, bpy.types.MetaBall):
+        yield data, "resolution", data.render_resolution
+
+
+def differs_in_viewport(item: bpy.types.Object, render: bpy.types.RenderSettings) -> bool:
+    """Return whether the viewport shows an object with other settings than renders do."""
+    simplified = render.use_simplify and (
+        render.simplify_subdivision != render.simplify_subdivision_render
+    )
+    divided = simplified and any(one.type in ("SUBSURF", "MULTIRES") for one in item.modifiers)
+    return divided or any(getattr(owner, x) != value for owner, x, value in _as_rendered(item))
 
 
 def _replace_by_false(
@@ -416,15 +434,23 @@ def _view_layers(view_layer: bpy.types.ViewLayer) -> list[Any]:
     return list(found.values())
 
 
-def rendered_rows(snapshot: Snapshot) -> Indices:
-    """Return the rows of a snapshot that hold rendered surfaces."""
-    # Those that are rendered themselves; not those that are only instanced.
-    rendered = {
+def rendered_objects(view_layer: bpy.types.ViewLayer) -> set[Any]:
+    """Return the objects that are rendered themselves; not those that are only instanced."""
+    return {
         item
-        for layer in _rendered_collections(snapshot.depsgraph.view_layer)
+        for layer in _rendered_collections(view_layer)
         for item in layer.collection.objects
         if not item.hide_render
     }
+
+
+def rendered_rows(snapshot: Snapshot, rendered: set[Any] | None = None) -> Indices:
+    """Return the rows of a snapshot that hold rendered surfaces.
+
+    `rendered` are the objects that are rendered themselves, if they are known.
+    """
+    if rendered is None:
+        rendered = rendered_objects(snapshot.depsgraph.view_layer)
     shapes, layout = snapshot.shapes, snapshot.layout
     surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
     itself = snapshot.of_shapes(
@@ -435,30 +461,63 @@ def rendered_rows(snapshot: Snapshot) -> Indices:
     return np.flatnonzero(snapshot.of_shapes(surface) & layout.visible & there)
 
 
+def hidden_objects(snapshot: Snapshot, rendered: set[Any]) -> list[Any]:
+    """Return what is rendered, of these objects, and the viewport hides."""
+    layout = snapshot.layout
+    there = {*layout.objects, *layout.row_of, *layout.instancers}
+    hidden = (item for item in rendered - there if not _shown_by_parent(item))
+    wanted = [one for one in hidden if one.type in SURFACE_TYPES or one.instance_type != "NONE"]
+    return sorted(wanted, key=lambda item: item.name_full)
+
+
+def hidden_members(snapshot: Snapshot) -> set[Any]:
+    """Return what the viewport hides of instanced collections, and renders show."""
+    makers = (one for one in snapshot.layout.instancers if one.instance_type == "COLLECTION")
+    return {
+        item
+        for collection in {one.instance_collection for one in makers}
+        for item in collection.all_objects
+        if item.hide_viewport and not item.hide_render and item.type in SURFACE_TYPES
+    }
+
+
+def ray_flags(items: Sequence[Any], view_layer: bpy.types.ViewLayer) -> Mask:
+    """Return of each object whether rays from the receiver meet it, whether those from the
+    transmitter do, and whether it may return something: no holdout; (3, n).
+
+    An instance follows its object, and what makes it.
+    """
+    found = [
+        (
+            item.visible_camera
+            and not (item.is_shadow_catcher or item.indirect_only_get(view_layer=view_layer)),
+            item.visible_shadow,
+            not item.holdout_get(view_layer=view_layer),
+        )
+        for item in items
+    ]
+    return np.array(found, dtype=bool).reshape(-1, 3).T
+
+
 def _shown_by_parent(item: bpy.types.Object) -> bool:
     """Whether the parent's vertices or faces have instances of it: it renders only as these."""
     return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
 
 
-def limited_visibility(depsgraph: bpy.types.Depsgraph) -> list[Finding]:
+def limited_visibility(snapshot: Snapshot) -> list[Finding]:
     """Name the rendered objects without a direct echo, and those that waves pass through."""
-    snapshot, layer = take_snapshot(depsgraph), depsgraph.view_layer
+    layer = snapshot.depsgraph.view_layer
     rows, layout = rendered_rows(snapshot), snapshot.layout
     items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
     # Instances also follow the settings of what makes them.
     items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
-    unseen, passed = set(), set()
-    for item in items:
-        if (
-            not item.visible_camera
-            or item.is_holdout
-            or item.is_shadow_catcher
-            or item.holdout_get(view_layer=layer)
-            or item.indirect_only_get(view_layer=layer)
-        ):
-            unseen.add(item.name_full)
-        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy):
-            passed.add(item.name_full)
+    seen, _, echoing = ray_flags(items, layer)
+    unseen = {items[n].name_full for n in np.flatnonzero(~(seen & echoing)).tolist()}
+    passed = {
+        item.name_full
+        for item in items
+        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy)
+    }
     found = [finding("hidden-from-receiver", *sorted(unseen))] if unseen else []
     return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
 
@@ -477,13 +536,13 @@ def hiding_is_animated() -> bool:
     return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
-def suggest_materials(depsgraph: bpy.types.Depsgraph) -> dict[Any, str | None]:
+def suggest_materials(snapshot: Snapshot) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
     By material the key of `READY` for its name, else for that of an object with it, else None.
     """
     owners: dict[Any, list[str]] = {}
-    for item, materials in assigned_materials(depsgraph):
+    for item, materials in assigned_materials(snapshot):
         for material in materials:
             if material is not None and not is_radar_material(material):
                 owners.setdefault(material, []).append(item.name)
@@ -494,7 +553,7 @@ def suggest_materials(depsgraph: bpy.types.Depsgraph) -> dict[Any, str | None]:
 
 
 def replace_material(
-    material: bpy.types.Material, ready: str, carrier_hz: float, depsgraph: bpy.types.Depsgraph
+    material: bpy.types.Material, ready: str, carrier_hz: float, snapshot: Snapshot
 ) -> Any:
     """Put a radar material, a key of `READY`, in place of an optical one, which the file keeps.
 
@@ -503,8 +562,8 @@ def replace_material(
     """
     asset = READY[ready]
     closed = all(
-        set(one.materials) == {material} and _is_closed(one.item.evaluated_get(depsgraph))
-        for one in assigned_materials(depsgraph)
+        set(one.materials) == {material} and _is_closed(snapshot.evaluated(one.item))
+        for one in assigned_materials(snapshot)
         if material in one.materials
     )
     options: dict[str, Any] = {} if closed else {"penetrable": False}
@@ -521,5 +580,4 @@ def _is_closed(item: bpy.types.Object) -> bool:
     """Whether every edge of an evaluated mesh joins two faces."""
     if item.type != "MESH" or not len(item.data.polygons):
         return False
-    edges = read_numbers(item.data.loops, "edge_index", dtype=np.int32).ravel()
-    return bool(np.all(np.bincount(edges, minlength=len(item.data.edges)) == 2))
+    return read_mesh(item.data).is_closed

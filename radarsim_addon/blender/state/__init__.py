@@ -2,9 +2,20 @@
 """State of the user's file: what Blender evaluates, and changes that are taken back.
 
 `snapshot` reads all evaluated objects and instances into arrays, and brings them up to date by what
-Blender reports as changed. `settings_restorer` records changes of settings and takes them back.
+Blender reports as changed; `meshes` reads meshes. `settings_restorer` records changes of settings
+and takes them back.
 """
 
+from .meshes import (
+    SurfacePoints,
+    evaluated_mesh,
+    marked_points,
+    points_within,
+    read_mesh,
+    read_numbers,
+    surface_points,
+    vertex_positions,
+)
 from .settings_restorer import SettingsRestorer
 from .snapshot import (
     EvaluatedObject,
@@ -12,14 +23,11 @@ from .snapshot import (
     Layout,
     Shape,
     Snapshot,
-    evaluated_depsgraph,
-    evaluated_mesh,
     evaluated_objects,
+    evaluated_snapshot,
     follow_evaluations,
     ignore_evaluations,
     read_all_again,
-    read_numbers,
-    read_triangles,
     slot_materials,
     take_snapshot,
     watch_evaluations,
@@ -32,15 +40,20 @@ __all__ = [
     "SettingsRestorer",
     "Shape",
     "Snapshot",
-    "evaluated_depsgraph",
+    "SurfacePoints",
     "evaluated_mesh",
     "evaluated_objects",
+    "evaluated_snapshot",
     "follow_evaluations",
     "ignore_evaluations",
+    "marked_points",
+    "points_within",
     "read_all_again",
+    "read_mesh",
     "read_numbers",
-    "read_triangles",
     "slot_materials",
+    "surface_points",
     "take_snapshot",
+    "vertex_positions",
     "watch_evaluations",
 ]

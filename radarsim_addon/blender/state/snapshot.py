@@ -22,13 +22,12 @@ from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real
+from ...signal.scene import Mesh
+from .meshes import MESHED, evaluated_mesh, read_mesh, read_numbers
 
 #: Identifies an instance among those of its object: the instancer's name, then Blender's numbers.
 #: Empty for the object itself.
 Key = tuple[Any, ...]
-
-#: Types of objects of which Blender makes meshes; it refuses hair curves and point clouds.
-_MESHED = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 
 
 class EvaluatedObject(NamedTuple):
@@ -64,12 +63,6 @@ class EvaluatedObject(NamedTuple):
         return np.array([tuple(corner) for corner in self.evaluated.bound_box], dtype=np.float64)
 
 
-def evaluated_depsgraph(view_layer: bpy.types.ViewLayer) -> Any:
-    """Return the depsgraph of a view layer, up to date."""
-    view_layer.update()
-    return view_layer.depsgraph
-
-
 def evaluated_objects(depsgraph: bpy.types.Depsgraph) -> Iterator[EvaluatedObject]:
     """Yield all objects and instances in Blender's order, each one valid until the next one."""
     for item in depsgraph.object_instances:
@@ -82,53 +75,6 @@ def evaluated_objects(depsgraph: bpy.types.Depsgraph) -> Iterator[EvaluatedObjec
             item.matrix_world,
             item.show_self,
         )
-
-
-class evaluated_mesh:
-    """Provide the mesh of an evaluated object during a context; None without a surface."""
-
-    __slots__ = ("_evaluated", "_made")
-
-    def __init__(self, evaluated: bpy.types.Object) -> None:
-        self._evaluated = evaluated
-        self._made: Any = None
-
-    def __enter__(self) -> Any:
-        evaluated = self._evaluated
-        kind = evaluated.type
-        if kind not in _MESHED:
-            return None
-        if kind == "MESH" and evaluated.mode == "OBJECT" and not evaluated.modifiers:
-            return evaluated.data  # what Blender would copy
-        self._made = evaluated.to_mesh()
-        return self._made
-
-    def __exit__(self, *_: object) -> None:
-        if self._made is not None:
-            self._evaluated.to_mesh_clear()
-
-
-def read_numbers(
-    items: Any,
-    name: str,
-    width: int = 1,
-    dtype: type[np.generic] = np.float32,
-    count: int | None = None,
-) -> NDArray[Any]:
-    """Return a property of all elements, such as the vertices of a mesh, (elements, width).
-
-    `dtype` is the type in which Blender stores it; `count` spares the count where it takes long.
-    """
-    values = np.empty((len(items) if count is None else count) * width, dtype=dtype)
-    items.foreach_get(name, values)
-    return values.reshape(-1, width)
-
-
-def read_triangles(mesh: bpy.types.Mesh) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Return vertices (n, 3), object axes, and vertex indices (m, 3) of a mesh's triangles."""
-    mesh.calc_loop_triangles()
-    triangles = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
-    return read_numbers(mesh.vertices, "co", 3), triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +116,6 @@ def box_spheres(corners: Real) -> Real:
     return np.column_stack([centre, radius])
 
 
-#: Vertices (n, 3), object axes, Blender units, and vertex indices (m, 3).
-Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
-#: Vertices and triangles of a mesh that a snapshot keeps, at most.
-_KEPT = 512
 #: Numbers by which Blender tells the instances of an instancer apart.
 _NUMBERS = 8
 #: Snapshots keep what has moved apart from the rest up to one in so many rows.
@@ -212,8 +154,8 @@ class Shape:
     first: int
     #: What `Snapshot.face_count` has read.
     faces: int | None = None
-    #: What `Snapshot.triangles` has read, of a small mesh.
-    triangles: Triangles | None = None
+    #: What `Snapshot.mesh` has read.
+    mesh: Mesh | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -334,38 +276,50 @@ class Snapshot:
         instancer = name if index < 0 else self.layout.instancers[index].name_full
         return name if instancer == name else f"{instancer}/{name}"
 
-    def mesh(self, shape: Shape) -> contextlib.AbstractContextManager[Any]:
-        """Provide the evaluated mesh of a shape during a context; None without a surface."""
-        if shape.own:
-            return evaluated_mesh(shape.original.evaluated_get(self.depsgraph))
-        return self._mesh_of_instances(shape)
+    @cached_property
+    def own_shapes(self) -> dict[bpy.types.Object, Shape]:
+        """The shapes of original objects themselves."""
+        return {shape.original: shape for shape in self.shapes if shape.own}
+
+    def evaluated(self, original: bpy.types.Object) -> bpy.types.Object:
+        """Return an object as it was evaluated."""
+        return original.evaluated_get(self.depsgraph)
+
+    def matrix_of(self, original: bpy.types.Object) -> Real:
+        """Return the world matrix of an object, (4, 4)."""
+        row = self.layout.row_of.get(original)
+        if row is not None:
+            return self.matrix(row)
+        # only instances of it are there
+        return np.array(original.evaluated_get(self.depsgraph).matrix_world, dtype=np.float64)
+
+    def mesh_of(self, original: bpy.types.Object) -> Mesh | None:
+        """Return the evaluated mesh of an object, as `mesh`."""
+        shape = self.own_shapes.get(original)
+        return None if shape is None else self.mesh(shape)
+
+    def mesh(self, shape: Shape) -> Mesh | None:
+        """Return the evaluated mesh of a shape, which is read once; None without a surface."""
+        if shape.kind not in MESHED:
+            return None
+        if shape.mesh is None:
+            with self._evaluated(shape) as mesh:
+                if mesh is not None:
+                    shape.mesh = read_mesh(mesh)
+                    shape.faces = len(shape.mesh.sides)
+        return shape.mesh
 
     def face_count(self, shape: Shape) -> int:
         """Return the number of polygons of a shape; 0 without a surface."""
         if shape.faces is None:
-            with self.mesh(shape) as mesh:
+            with self._evaluated(shape) as mesh:
                 shape.faces = 0 if mesh is None else len(mesh.polygons)
         return shape.faces
 
-    def triangles(self, shape: Shape) -> Triangles:
-        """Return the vertices and triangles of a shape; none without a surface."""
-        if shape.triangles is not None:
-            return shape.triangles
-        with self.mesh(shape) as mesh:
-            if mesh is None:
-                return np.empty((0, 3), np.float32), np.empty((0, 3), np.int32)
-            found = read_triangles(mesh)
-        if sum(map(len, found)) <= _KEPT:
-            shape.triangles = found
-        return found
-
-    def vertices(self, shape: Shape) -> NDArray[np.float32]:
-        """Return the vertices of a shape, (n, 3), object axes; none without a surface."""
-        if shape.triangles is None:
-            with self.mesh(shape) as mesh:
-                if mesh is not None and len(mesh.vertices) > _KEPT:
-                    return read_numbers(mesh.vertices, "co", 3)
-        return self.triangles(shape)[0]
+    def _evaluated(self, shape: Shape) -> contextlib.AbstractContextManager[bpy.types.Mesh | None]:
+        if shape.own:
+            return evaluated_mesh(shape.original.evaluated_get(self.depsgraph))
+        return self._mesh_of_instances(shape)
 
     @contextlib.contextmanager
     def _mesh_of_instances(self, shape: Shape) -> Iterator[Any]:
@@ -658,3 +612,9 @@ def take_snapshot(depsgraph: bpy.types.Depsgraph) -> Snapshot:
     It is the same snapshot until Blender evaluates something else.
     """
     return _latest.take(depsgraph)
+
+
+def evaluated_snapshot(view_layer: bpy.types.ViewLayer) -> Snapshot:
+    """Bring a view layer up to date; return all of its objects and instances."""
+    view_layer.update()
+    return take_snapshot(view_layer.depsgraph)

@@ -92,8 +92,7 @@ class LivePreview:
             self.pause()
             return _SETTINGS_S
         self._receive(context)
-        depsgraph = context.evaluated_depsgraph_get()
-        snapshot = take_snapshot(depsgraph)
+        snapshot = take_snapshot(context.evaluated_depsgraph_get())
         if self._reading is not None and snapshot is not self._snapshot:
             self._reading = None  # what was read is of a scene that is no more
         due = time.monotonic() - self._read_s > _SETTINGS_S
@@ -181,14 +180,14 @@ class LivePreview:
                     map_db=map_db,
                 )
             )
-        if fields["gaps_from_m"] is not None:
+        if math.isfinite(fields["gaps_from_m"]):
             lines.append(
                 tr("gaps between rays from {range_m:.3g} m", range_m=fields["gaps_from_m"])
             )
         if self._sent is not None:
-            burst = self._sent.message.fields["burst"]["pulses"]
-            if fields["pulses"] < burst:
-                lines.append(tr("map of {some} of {all} pulses", some=fields["pulses"], all=burst))
+            some, every = fields["pulses"], self._sent.pulses
+            if some < every:
+                lines.append(tr("map of {some} of {all} pulses", some=some, all=every))
         return [*lines, *self.notes]
 
     def pause(self) -> None:

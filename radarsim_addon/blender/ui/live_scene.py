@@ -1,137 +1,73 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The evaluated scene as the live preview needs it, read in parts that take a few milliseconds."""
+"""The evaluated scene as the live preview needs it, read in parts that take a few milliseconds.
+
+What the viewport hides and renders show is not evaluated. `_unevaluated` has it nevertheless, where
+its mesh and its F-curves are all that counts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
 
-from ...arrays import Real
-from ...errors import SceneError
+from ...arrays import Indices, Mask, Real, distances
 from ...messages import Message
-from ...signal.draft import (
-    DraftPolygons,
-    DraftScene,
-    DraftSurface,
-    mesh_message,
-    scene_message,
-)
-from ...signal.scene import SMOOTH_BELOW, Surface
-from ..materials import surface_at
+from ...signal.draft import DraftScene, mesh_message, scene_message
+from ...signal.scene import Mesh, Surface
+from ..materials import slot_materials, surface_at
 from ..plan import check_unit_scale, shortest_decimal
 from ..rig_settings import own_link_budget, read_measurement, settings
 from ..scene import (
     VELOCITY_FRAMES,
+    Rig,
     active_radar,
-    echoing_boxes,
-    keyed_move,
+    antenna_positions,
+    differs_in_viewport,
+    hidden_members,
+    hidden_objects,
+    keyed_worlds,
     nothing_moves,
+    ray_flags,
     receiver_record,
+    rendered_objects,
+    rendered_rows,
     scene_extent,
     transmitter_record,
 )
-from ..state import Shape, Snapshot, read_numbers, read_triangles, take_snapshot
+from ..state import Shape, Snapshot, read_mesh, take_snapshot
 from .fields import tr
 from .scene_reading import any_material_echoes, rig_of
-
-# -------------------------------------------------------------------------------------------------
-# Materials as the live preview draws them: closed forms with the inputs of their node groups.
-# -------------------------------------------------------------------------------------------------
-
-
-#: Albedo of a surface without a material in Cycles, and of one whose colour is not known.
-_DEFAULT_ALBEDO, _GUESSED_ALBEDO = 0.8, 0.5
-
-
-class LiveMaterial(NamedTuple):
-    """A material in the preview.
-
-    guessed: whether its numbers are. mirrors: whether it mirrors. lobe: whether it has a scattered
-    lobe, which is left out.
-    """
-
-    surface: DraftSurface
-    guessed: bool = False
-    mirrors: bool = False
-    lobe: bool = False
-
-
-def live_material(
-    material: bpy.types.Material,
-    carrier_hz: float,
-    beyond_band: str,
-    polarisation: str,
-    any_material: bool,
-) -> LiveMaterial:
-    """Return a material at a carrier [Hz]; a ConfigError where its medium cannot be evaluated.
-
-    any_material: materials of Cycles echo, too.
-    """
-    read = surface_at(material, carrier_hz, beyond_band)
-    if read.kind == "light":
-        return _foreign(read) if any_material else LiveMaterial(DraftSurface("silent"))
-    if read.kind == "sheet":
-        return LiveMaterial(DraftSurface("silent"), mirrors=True)
-    lobe = read.scattered_lobe() is not None
-    wanted = ["n", "kappa", "roughness", *(["specularity"] if read.kind == "simple" else [])]
-    values = {name: getattr(read, name) for name in wanted}
-    known: dict[str, Any] = {
-        name: read.unlinked[name] if x is None else x for name, x in values.items()
-    }
-    clutter, guessed = read.clutter, None in values.values()
-    if read.kind == "simple":
-        mirrors = read.mirror is not None
-        if mirrors:
-            known["roughness"] = 0.0
-        return LiveMaterial(DraftSurface("simple", **known), guessed, mirrors, lobe)
-    smooth = known["roughness"] <= SMOOTH_BELOW
-    if smooth:
-        known["roughness"] = 0.0
-    surface = DraftSurface(
-        "physical",
-        **known,
-        clutter="" if clutter is None else clutter.name,
-        clutter_path="" if clutter is None else clutter.path or "",
-        clutter_parameters={} if clutter is None else clutter.parameters,
-        polarisation=polarisation,
-    )
-    return LiveMaterial(surface, guessed, smooth and clutter is None, lobe)
-
-
-def _foreign(read: Surface) -> LiveMaterial:
-    """A material of Cycles: a Lambert surface of the colour at its output, as far as known."""
-    if read.is_default:
-        return LiveMaterial(DraftSurface("lambert", albedo=_DEFAULT_ALBEDO))
-    shader = read.output
-    if shader is None or shader.kind not in ("Principled", "Diffuse") or shader.albedo is None:
-        return LiveMaterial(DraftSurface("lambert", albedo=_GUESSED_ALBEDO), guessed=True)
-    exact = shader.kind == "Diffuse"
-    return LiveMaterial(DraftSurface("lambert", albedo=shader.albedo), guessed=not exact)
-
 
 #: Range limits may exceed the scene's extent by this factor, as those of a run.
 _RANGE_MARGIN = 1.25
 #: Types of objects whose surface Blender does not give as a mesh.
 _MESHLESS = {"CURVES", "POINTCLOUD"}
+_NONE = np.empty(0, dtype=np.int32)
+_EMPTY = Mesh(np.empty((0, 3)), _NONE, _NONE, _NONE, _NONE)
 #: Objects whose F-curves are read in one part.
-_OWNERS = 256
+_OWNERS = 64
+#: What Blender fills unused numbers of instances with.
+_UNUSED = 2**31 - 1
 
 
 @dataclass(frozen=True)
 class LiveScene:
     """A scene ready to be sent.
 
-    message: to the process that drafts. notes: what the draft leaves out of this scene.
+    message: to the process that drafts. notes: what the draft leaves out of this scene. pulses: of
+    its burst.
     """
 
     message: Message
     notes: tuple[str, ...]
+    pulses: int
 
     def same(self, other: LiveScene | None) -> bool:
         """Whether another one would give the same draft."""
@@ -141,176 +77,288 @@ class LiveScene:
         return all(np.array_equal(a, arrays[name]) for name, a in self.message.arrays.items())
 
 
+@dataclass(frozen=True)
+class _Objects:
+    """What is drafted: rows of a snapshot, then objects that the viewport hides."""
+
+    snapshot: Snapshot
+    rows: Indices
+    #: With poses now and `VELOCITY_FRAMES` later, (2, 4, 4) each [Blender units].
+    hidden: dict[Any, Real]
+    #: How many others have no surface that can be read, and are hidden by the viewport.
+    meshless: int
+    lost: int
+
+    @cached_property
+    def shapes(self) -> list[Shape]:
+        """Shape of each row."""
+        shapes = self.snapshot.shapes
+        return [shapes[index] for index in self.snapshot.layout.shape[self.rows].tolist()]
+
+    @property
+    def materials(self) -> list[tuple[Any, ...]]:
+        """Materials by slot, one at least."""
+        hidden = (slot_materials(item) for item in self.hidden)
+        return [one or (None,) for one in chain((s.materials for s in self.shapes), hidden)]
+
+    @property
+    def matrices(self) -> Real:
+        """(n, 4, 4) [Blender units]."""
+        parts = [worlds[:1] for worlds in self.hidden.values()]
+        return np.concatenate([self.snapshot.matrices_of(self.rows), *parts])
+
+    @property
+    def flags(self) -> Mask:
+        """As `ray_flags`."""
+        layout, layer = self.snapshot.layout, self.snapshot.depsgraph.view_layer
+        own = ray_flags([one.original for one in self.snapshot.shapes], layer)
+        # the last one stands for no instancer
+        maker = np.append(ray_flags(layout.instancers, layer), np.ones((3, 1), bool), axis=1)
+        shown = own[:, layout.shape[self.rows]] & maker[:, layout.instancer[self.rows]]
+        return np.append(shown, ray_flags([*self.hidden], layer), axis=1)
+
+    def hidden_corners(self, echoing: set[Any]) -> Real:
+        """Return the corners of hidden objects with a material of these, (k, 3) [Blender units]."""
+        corners = [
+            np.array(item.bound_box) @ pose[:3, :3].T + pose[:3, 3]
+            for item, (pose, _) in self.hidden.items()
+            if not echoing.isdisjoint(slot_materials(item) or (None,))
+        ]
+        return np.concatenate([np.zeros((0, 3)), *corners])
+
+    def count_other(self, render: bpy.types.RenderSettings) -> int:
+        """Return how many objects the viewport shows with other settings than renders."""
+        items = {*self.snapshot.layout.instancers, *(one.original for one in self.shapes)}
+        return sum(differs_in_viewport(item, render) for item in items)
+
+
 class LiveReader:
     """Reads scenes; meshes that were read are not read again before they change."""
 
     def __init__(self) -> None:
         self._keys: WeakKeyDictionary[Shape, int] = WeakKeyDictionary()
+        #: Those of objects that the viewport hides, by `_mesh_stamp`.
+        self._hidden_keys: dict[tuple[int, ...], int] = {}
         self._next = 0
 
     def read(self, context: bpy.types.Context) -> Iterator[Message | LiveScene | None]:
         """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
 
-        None after a part of a mesh. Stop where the scene changes before the end.
+        None after parts that take long. Stop where the scene changes before the end.
         """
-        scene, depsgraph = context.scene, context.evaluated_depsgraph_get()
-        rows = echoing_boxes(depsgraph, any_material=True).rows
-        snapshot = take_snapshot(depsgraph)
-        unseen = [not s.original.visible_camera or s.original.is_holdout for s in snapshot.shapes]
-        rows = rows[~snapshot.of_shapes(unseen)[rows]]
+        scene, snapshot = context.scene, take_snapshot(context.evaluated_depsgraph_get())
+        rendered = rendered_objects(snapshot.depsgraph.view_layer)
+        rows = rendered_rows(snapshot, rendered)
         meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
-        rows, left_out = rows[~meshless], int(meshless.sum())
-        for index in np.unique(snapshot.layout.shape[rows]).tolist():
-            shape = snapshot.shapes[index]
+        poses = {
+            item: _unevaluated(item, scene.frame_current_final)
+            for item in hidden_objects(snapshot, rendered)
+        }
+        known = {item: worlds for item, worlds in poses.items() if worlds is not None}
+        lost = len(poses) - len(known) + len(hidden_members(snapshot))
+        objects = _Objects(snapshot, rows[~meshless], known, int(meshless.sum()), lost)
+        for shape in dict.fromkeys(objects.shapes):
             if shape not in self._keys:
-                for part in _polygons(snapshot, shape):
-                    yield None if part is None else mesh_message(self._next, part)
+                mesh = snapshot.mesh(shape) or _EMPTY
+                yield None
+                yield mesh_message(self._next, mesh)
                 self._keys[shape], self._next = self._next, self._next + 1
-        yield from self._scene(scene, depsgraph, snapshot, rows.tolist(), left_out)
-
-    def _scene(
-        self,
-        scene: bpy.types.Scene,
-        depsgraph: bpy.types.Depsgraph,
-        snapshot: Snapshot,
-        rows: list[int],
-        left_out: int,
-    ) -> Iterator[LiveScene | None]:
-        radar, rig = active_radar(scene), rig_of(scene, active_radar(scene))
-        if rig.camera.data.type != "PERSP":
-            raise SceneError(
-                f"Camera {rig.camera.name!r} is of type {rig.camera.data.type}, but the live "
-                "preview draws perspective views only. Set Camera > Lens > Type to Perspective, or "
-                "switch Live Preview off."
-            )
-        measurement, render = read_measurement(scene), scene.render
-        metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
-        shapes, layout = snapshot.shapes, snapshot.layout
-        owners = [_owner(snapshot, row) for row in rows]
+        for item in known:
+            if _mesh_stamp(item) not in self._hidden_keys:
+                yield mesh_message(self._next, read_mesh(item.data))
+                self._hidden_keys[_mesh_stamp(item)], self._next = self._next, self._next + 1
         yield None
-        frame = scene.frame_current_final
-        moves, unknown = yield from _moves([*owners, rig.camera, rig.emitter], frame, metres)
-        used = [shapes[layout.shape[row]] for row in rows]
+        radar = active_radar(scene)
+        rig = rig_of(scene, radar)
+        motion = _Motion(objects, rig, scene.frame_current_final)
+        yield from motion.read()
         # the other process forgets what a scene does not use
-        self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in used})
-        slots = [shape.materials or (None,) for shape in used]
-        materials = dict.fromkeys(chain.from_iterable(slots))
-        number = {material: index for index, material in enumerate(materials)}
-        any_material = any_material_echoes(radar)
-        how = measurement.waveform.carrier_hz, settings(radar).beyond_band, measurement.polarisation
-        found = [live_material(material, *how, any_material) for material in materials]
-        yield None
-        matrices = snapshot.matrices[rows].reshape(-1, 4, 4).copy()
-        matrices[:, :3] *= metres
-        start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
-        if not stop_m:
-            extent = scene_extent(depsgraph, rig, metres, any_material=any_material)
-            stop_m = _RANGE_MARGIN * max(extent.from_emitter_m, extent.from_receiver_m)
-        fps = render.fps / shortest_decimal(render.fps_base)
-        size = measurement.width_px, measurement.height_px
-        drafted = DraftScene(
-            radar=measurement.radar,
-            link_budget=own_link_budget(radar),
-            weather=measurement.weather,
-            receiver=receiver_record(rig, depsgraph, metres, *size),
-            transmitter=transmitter_record(rig, depsgraph, metres),
-            range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
-            surfaces=[one.surface for one in found],
-            meshes=[self._keys[shape] for shape in used],
-            matrices=matrices,
-            slots=[[number[material] for material in one] for one in slots],
-            moves=moves,
-            interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
-        )
-        places = (rig.camera.matrix_world.translation, rig.emitter.matrix_world.translation)
-        apart = not np.allclose(*places)
-        yield LiveScene(scene_message(drafted), _notes(found, unknown, left_out, apart))
+        self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in objects.shapes})
+        stamps = [_mesh_stamp(item) for item in known]
+        self._hidden_keys = {stamp: self._hidden_keys[stamp] for stamp in stamps}
+        keys = [self._keys[shape] for shape in objects.shapes]
+        keys += [self._hidden_keys[stamp] for stamp in stamps]
+        yield from _scene(scene, radar, rig, objects, motion, keys)
 
 
-def _owner(snapshot: Snapshot, row: int) -> Any:
-    """The object whose F-curves move a row: of an instance, its instancer."""
-    index = int(snapshot.layout.instancer[row])
-    if index >= 0:
-        return snapshot.layout.instancers[index]
-    return snapshot.shapes[snapshot.layout.shape[row]].original
-
-
-def _moves(
-    owners: list[Any], frame: float, metres: float
-) -> Generator[None, None, tuple[Real, int]]:
-    """What moves objects, as `keyed_move`, in metres, and how many of them move by other means."""
-    moves = np.tile(np.eye(4), (len(owners), 1, 1))
-    unknown = set()
-    for index, owner in enumerate(owners):
-        if index % _OWNERS == 0:
-            yield None
-        if nothing_moves(owner):
-            continue
-        move = keyed_move(owner, frame)
-        if move is None:
-            unknown.add(owner)
-        else:
-            moves[index] = move
+def _scene(
+    scene: bpy.types.Scene,
+    radar: Any,
+    rig: Rig,
+    objects: _Objects,
+    motion: _Motion,
+    keys: list[int],
+) -> Iterator[LiveScene | None]:
+    """Yield the scene of objects, whose meshes have these keys, after its parts."""
+    measurement, render = read_measurement(scene), scene.render
+    snapshot = objects.snapshot
+    metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+    how = measurement.waveform.carrier_hz, settings(radar).beyond_band
+    materials = objects.materials
+    surfaces = {one: surface_at(one, *how) for one in dict.fromkeys(chain.from_iterable(materials))}
+    any_material = any_material_echoes(radar)
+    echoing = {key: one for key, one in surfaces.items() if any_material or one.is_radar}
+    number = {material: index for index, material in enumerate(echoing)}
+    yield None
+    seen, lit, may_echo = objects.flags
+    yield None
+    matrices, moves = objects.matrices, motion.moves()
+    other = objects.count_other(render)
+    yield None
+    start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
+    if not stop_m:
+        extent = scene_extent(snapshot, rig, metres, any_material=any_material)
+        hidden = objects.hidden_corners(set(echoing))
+        far = [distances(hidden, one).max(initial=0.0) for one in antenna_positions(snapshot, rig)]
+        farthest_m = max(extent.from_emitter_m, extent.from_receiver_m, metres * max(far))
+        stop_m = _RANGE_MARGIN * farthest_m
+    matrices[:, :3] *= metres
     moves[:, :3, 3] *= metres
-    return moves, len(unknown)
+    fps = render.fps / shortest_decimal(render.fps_base)
+    size = measurement.width_px, measurement.height_px
+    drafted = DraftScene(
+        radar=measurement.radar,
+        link_budget=own_link_budget(radar),
+        weather=measurement.weather,
+        polarisation=measurement.polarisation,
+        receiver=receiver_record(rig, snapshot, metres, *size),
+        transmitter=transmitter_record(rig, snapshot, metres),
+        range_limits_m=(start_m, max(stop_m, start_m + 1.0)),
+        surfaces=[*echoing.values()],
+        meshes=keys,
+        matrices=matrices,
+        slots=[
+            [number.get(material, -1) if echoes else -1 for material in one]
+            for one, echoes in zip(materials, may_echo.tolist(), strict=True)
+        ],
+        met=np.stack([seen, lit]),
+        moves=moves,
+        interval_s=VELOCITY_FRAMES / fps * render.frame_map_new / render.frame_map_old,
+    )
+    notes = _notes(drafted.surfaces, objects, other, len(motion.unknown))
+    yield LiveScene(scene_message(drafted), notes, measurement.radar.burst.pulses)
 
 
-def _polygons(snapshot: Snapshot, shape: Shape) -> Iterator[DraftPolygons | None]:
-    """Yield the evaluated mesh of a shape, before that None after each part that takes long.
+class _Motion:
+    """What moves objects and antennas in `VELOCITY_FRAMES`, by F-curves: nothing is evaluated."""
 
-    Blender may free a mesh between two parts of an older snapshot, but not of the last one.
+    def __init__(self, objects: _Objects, rig: Rig, frame: float) -> None:
+        self._snapshot, self._rows, self._frame = objects.snapshot, objects.rows, frame
+        self._others = [*objects.hidden, rig.camera, rig.emitter]
+        layout = self._snapshot.layout
+        by = layout.instancer[self._rows]
+        pairs = layout.shape[self._rows] * (len(layout.instancers) + 1) + by
+        #: Which row belongs to which pair of an object and its instancer, -1 for none.
+        _, first, self._pair_of = np.unique(pairs, return_index=True, return_inverse=True)
+        self._pairs = [
+            (self._snapshot.shapes[layout.shape[row]].original, int(layout.instancer[row]))
+            for row in self._rows[first].tolist()
+        ]
+        #: Of what is keyed: world space, (4, 4) [Blender units].
+        self._moves: dict[Any, Real] = {}
+        #: What moves by other means.
+        self.unknown: set[Any] = set()
+
+    def read(self) -> Iterator[None]:
+        """Read the F-curves, and yield after parts."""
+        poses: dict[Any, Real] = {}
+        makers = self._snapshot.layout.instancers
+        items = [item for item, _ in self._pairs] + [makers[n] for _, n in self._pairs if n >= 0]
+        for index, item in enumerate(dict.fromkeys([*items, *self._others])):
+            if index % _OWNERS == 0:
+                yield None
+            if nothing_moves(item):
+                continue
+            worlds = keyed_worlds(item, (self._frame, self._frame + VELOCITY_FRAMES))
+            if worlds is None:
+                self.unknown.add(item)
+            elif not np.array_equal(*worlds):
+                poses[item] = worlds
+        if poses:
+            now, later = np.stack([*poses.values()], axis=1)
+            self._moves = dict(zip(poses, later @ np.linalg.pinv(now), strict=True))
+        yield None
+
+    def moves(self) -> Real:
+        """Return the moves of all objects, then of receiver and transmitter, (n + 2, 4, 4)."""
+        still, instancers = np.eye(4), self._snapshot.layout.instancers
+        of_pairs = [self._moves.get(item, still) for item, _ in self._pairs]
+        found = np.array(of_pairs).reshape(-1, 4, 4)[self._pair_of]
+        order = np.argsort(self._pair_of, kind="stable")
+        ends = np.cumsum(np.bincount(self._pair_of, minlength=len(self._pairs)))
+        for number, (item, maker) in enumerate(self._pairs):
+            if maker >= 0:
+                mine = order[ends[number - 1] if number else 0 : ends[number]]
+                found[mine] = self._of_instances(item, instancers[maker], self._rows[mine])
+        return np.concatenate([found, [self._moves.get(item, still) for item in self._others]])
+
+    def _of_instances(self, item: Any, maker: Any, rows: Indices) -> Real:
+        """Return the moves of instances of an object by an instancer, (4, 4) or (n, 4, 4)."""
+        outer: Real = self._moves.get(maker, np.eye(4))
+        if any(system.settings.type == "EMITTER" for system in maker.particle_systems):
+            self.unknown.add(maker)
+        inner = self._moves.get(item)
+        if maker.instance_type != "COLLECTION":
+            as_maker = item == maker or (item.parent == maker and item.animation_data is None)
+            if inner is not None and not as_maker:
+                self.unknown.add(item)
+            return outer
+        if self._snapshot.layout.numbers[rows, 1].min() < _UNUSED:  # of an instancer within it
+            makers = _makers_in(maker.instance_collection)
+            self.unknown.update(one for one in makers if not nothing_moves(one))
+        if inner is None:
+            return outer
+        # The instancer has the world of the original in axes of its own.
+        axes = self._snapshot.matrices_of(rows) @ np.linalg.pinv(self._snapshot.matrix_of(item))
+        return np.asarray(outer @ axes @ inner @ np.linalg.pinv(axes))
+
+
+def _makers_in(collection: bpy.types.Collection) -> Iterator[Any]:
+    """Yield the objects of a collection that instance others, and those of the latter."""
+    for item in collection.all_objects:
+        if item.instance_type == "COLLECTION" and item.instance_collection is not None:
+            yield item
+            yield from _makers_in(item.instance_collection)
+
+
+def _unevaluated(item: bpy.types.Object, frame: float) -> Real | None:
+    """Return the poses of an object that is not evaluated, now and `VELOCITY_FRAMES` later,
+    (2, 4, 4) [Blender units]; None if more than its mesh and F-curves make it what it is.
     """
-    none, flat = np.zeros(0, dtype=np.int32), np.zeros((0, 3), dtype=np.float32)
-    found = False
-    with snapshot.mesh(shape) as mesh:
-        if mesh is not None and len(mesh.polygons):
-            found = True
-            points = read_numbers(mesh.vertices, "co", 3)
-            starts = read_numbers(mesh.polygons, "loop_start", dtype=np.int32)[:, 0]
-            smooth = mesh.normals_domain != "FACE"
-            many_sides = np.diff(starts, append=len(mesh.loops)).max() > 4
-    if not found:
-        yield DraftPolygons(flat, none, none, none, flat)
-        return
-    yield None
-    with snapshot.mesh(shape) as mesh:
-        if many_sides:
-            triangles = read_triangles(mesh)[1]
-            corners, starts = triangles.ravel(), 3 * np.arange(len(triangles), dtype=np.int32)
-        else:  # attributes are copied whole, properties one by one
-            data = mesh.attributes[".corner_vert"].data
-            corners = read_numbers(data, "value", dtype=np.int32)[:, 0]
-    yield None
-    with snapshot.mesh(shape) as mesh:
-        slots = none
-        if many_sides:
-            slots = read_numbers(mesh.loop_triangles, "material_index", dtype=np.int32)[:, 0]
-        elif "material_index" in mesh.attributes:
-            data = mesh.attributes["material_index"].data
-            slots = read_numbers(data, "value", dtype=np.int32)[:, 0]
-    yield None
-    with snapshot.mesh(shape) as mesh:
-        normals = flat
-        if smooth and many_sides:
-            normals = read_numbers(mesh.loop_triangles, "split_normals", 9).reshape(-1, 3)
-        elif smooth:
-            normals = read_numbers(mesh.corner_normals, "vector", 3)
-    yield DraftPolygons(points, corners, starts, slots, normals)
+    if item.type != "MESH" or item.instance_type != "NONE" or item.data.shape_keys is not None:
+        return None
+    if any(modifier.show_render for modifier in item.modifiers) or not len(item.data.polygons):
+        return None
+    return keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
+
+
+def _mesh_stamp(item: bpy.types.Object) -> tuple[int, ...]:
+    """What distinguishes the mesh of an object that is not evaluated from others."""
+    mesh = item.data
+    return mesh.as_pointer(), len(mesh.vertices), len(mesh.polygons)
 
 
 def _notes(
-    materials: list[LiveMaterial], unknown: int, left_out: int, apart: bool
+    surfaces: Sequence[Surface], objects: _Objects, other: int, unknown: int
 ) -> tuple[str, ...]:
-    """What a draft of these materials leaves out."""
-    guessed = sum(one.guessed for one in materials)
-    mirrors = sum(one.mirrors for one in materials)
-    lobes = sum(one.lobe for one in materials)
+    """What a draft of these surfaces and objects leaves out.
+
+    `other` objects have other settings in the viewport, `unknown` ones an unknown velocity.
+    """
+    radar = [one for one in surfaces if one.is_radar]
+    mirrors = sum(
+        one.is_mirror_like and not (one.kind == "physical" and one.clutter) for one in radar
+    )
+    lobes = sum(one.scattered_lobe() is not None for one in radar)
+    guessed = sum(one.is_guessed for one in surfaces)
+    meshless, lost = objects.meshless, objects.lost
     texts = (
         (mirrors, tr("materials whose mirror-like part is left out: {count}", count=mirrors)),
         (lobes, tr("materials whose scattered lobe is left out: {count}", count=lobes)),
         (guessed, tr("materials taken as diffuse: {count}", count=guessed)),
         (unknown, tr("objects whose velocity is left out: {count}", count=unknown)),
-        (left_out, tr("hair and point clouds, which are left out: {count}", count=left_out)),
-        (apart, tr("shadows of the transmitter are left out")),
+        (meshless, tr("hair and point clouds, which are left out: {count}", count=meshless)),
+        (lost, tr("objects that the viewport hides, which are left out: {count}", count=lost)),
+        (other, tr("objects drawn as in the viewport, not as in renders: {count}", count=other)),
     )
     return tuple(text for count, text in texts if count)

@@ -31,6 +31,7 @@ from ..rig_settings import (
     settings,
 )
 from ..scene import active_radar, echoes, replace_material, suggest_materials
+from ..state import take_snapshot
 from .fields import (
     ICONS,
     ActiveRadarPanel,
@@ -114,7 +115,7 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        found = suggest_materials(context.evaluated_depsgraph_get())
+        found = suggest_materials(take_snapshot(context.evaluated_depsgraph_get()))
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
         rows.clear()
         for material, ready in found.items():
@@ -146,8 +147,8 @@ class RADARSIM_OT_apply_materials(bpy.types.Operator):
             for row in () if self.discard else rows:
                 material = bpy.data.materials.get(row.material)
                 if material is not None and row.ready != "KEEP":
-                    depsgraph = context.evaluated_depsgraph_get()
-                    replace_material(material, row.ready, carrier_hz(context.scene), depsgraph)
+                    snapshot = take_snapshot(context.evaluated_depsgraph_get())
+                    replace_material(material, row.ready, carrier_hz(context.scene), snapshot)
             rows.clear()
             return {"FINISHED"}
         return {"CANCELLED"}

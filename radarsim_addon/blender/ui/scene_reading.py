@@ -86,15 +86,15 @@ def scene_record(context: bpy.types.Context) -> SceneRecord | None:
     A scene that changed is read a moment later, and the panels are drawn again. A `RadarSimError`
     where the radar lacks a part.
     """
-    depsgraph = context.evaluated_depsgraph_get()
+    snapshot = take_snapshot(context.evaluated_depsgraph_get())
     key = _key(context.scene)
-    known = _records.setdefault(take_snapshot(depsgraph), {})
+    known = _records.setdefault(snapshot, {})
     if key not in known:
         if not bpy.app.background:
             if not bpy.app.timers.is_registered(_read_later):
                 bpy.app.timers.register(_read_later, first_interval=_CALM_S)
             return _latest.get(context.scene.name)
-        known[key] = _read(context.scene, depsgraph, key)
+        known[key] = _read(context.scene, snapshot, key)
     return known[key]
 
 
@@ -102,11 +102,11 @@ def _read_later() -> float | None:
     context = bpy.context
     try:
         key = _key(context.scene)
-        depsgraph = context.evaluated_depsgraph_get()
-        record = _read(context.scene, depsgraph, key)
+        snapshot = take_snapshot(context.evaluated_depsgraph_get())
+        record = _read(context.scene, snapshot, key)
     except (RadarSimError, AttributeError, ReferenceError):
         return None  # the panels say what is missing
-    _records.setdefault(take_snapshot(depsgraph), {})[key] = record
+    _records.setdefault(snapshot, {})[key] = record
     _latest[context.scene.name] = record
     redraw_panels(context)
     return None
@@ -150,15 +150,15 @@ def any_material_echoes(radar: Any) -> bool:
     return bool(view.sampling_mode == "paths" and view.range_encoding != "materials")
 
 
-def _read(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, key: Any) -> SceneRecord:
+def _read(scene: bpy.types.Scene, snapshot: Snapshot, key: Any) -> SceneRecord:
     """Walk through the scene."""
     (radar, *_), scale, any_material, fps, span_s, frame, _ = key
     rig = rig_of(scene, radar)
-    extent = scene_extent(depsgraph, rig, scale, any_material=any_material)
-    boxes = echoing_boxes(depsgraph, any_material=any_material)
+    extent = scene_extent(snapshot, rig, scale, any_material=any_material)
+    boxes = echoing_boxes(snapshot, any_material=any_material)
     speeds = keyed_speeds(boxes, (rig.camera, rig.emitter), frame, fps, span_s)
-    surfaces = boxes if any_material else echoing_boxes(depsgraph, any_material=True)
-    visibility = limited_visibility(depsgraph)
+    surfaces = boxes if any_material else echoing_boxes(snapshot, any_material=True)
+    visibility = limited_visibility(snapshot)
     names, assigned, unseen = _assigned(surfaces, visibility)
     measured = {name for name in names if any_material or name in assigned} - unseen
     return SceneRecord(

@@ -27,7 +27,7 @@ from ..nodes import attributes
 from ..nodes.build import TreeBuilder
 from ..nodes.groups import KIND_PROPERTY
 from ..nodes.radar_material import RING_EMITTER_KIND
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, take_snapshot
 from .requests import PathClass, RenderRequest, View, ViewWindow
 from .view_setup import ViewCamera
 
@@ -207,7 +207,7 @@ def second_light(first: View, second: View) -> View | None:
 
 def is_worth_it(view_layer: bpy.types.ViewLayer, rays: int) -> bool:
     """Return whether Cycles takes longer to go through the instances than to trace so many rays."""
-    return len(view_layer.depsgraph.object_instances) >= max(rays, MANY_INSTANCES)
+    return take_snapshot(view_layer.depsgraph).layout.shape.size >= max(rays, MANY_INSTANCES)
 
 
 def may_tell_views(transmitter: Any) -> bool:

@@ -31,7 +31,7 @@ from ...processes import temporary_folder
 from ...signal.runs import exr_backend
 from ..nodes import attributes
 from ..scene import NEAR_CLIP_UNITS, aim, camera_kind, rigid_pose
-from ..state import SettingsRestorer
+from ..state import SettingsRestorer, Snapshot
 from .joint_render import (
     MOST_TOGETHER,
     JointRender,
@@ -177,12 +177,12 @@ class PathScene:
     def remove_files(self) -> None:
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def place(self, depsgraph: bpy.types.Depsgraph) -> list[list[float]]:
-        """Put our camera where the receiver is at the depsgraph's time; return its pose in metres.
+    def place(self, snapshot: Snapshot) -> list[list[float]]:
+        """Put our camera where the receiver is at its moment; return its pose in metres.
 
         Its rays belong to this pose: the receiver's own has other roundings, which count at poles.
         """
-        self._view.matrix_world = self._camera.evaluated_get(depsgraph).matrix_world.normalized()
+        self._view.matrix_world = snapshot.evaluated(self._camera).matrix_world.normalized()
         if self._joint is not None:
             self._joint.plan([])
         return self._pose()

@@ -2,12 +2,11 @@
 """From pixels to paths: the files of a frame become `Paths` with lengths [m] and range rates [m/s].
 
 `paths_of_frame` opens a frame once (`FrameInput`) and yields its paths: rows of a path table, or
-decoded rings. `ring_pixels` turns the colours of a ring into range and radiance, and two snapshots
-into range rates. `path_class_pixels` makes rows of the path table from gated renders. `cameras` has
-the rays and solid angles of pixels.
+decoded rings. `ring_pixels` has the rays and solid angles of pixels; it turns the colours of a ring
+into range and radiance, and two snapshots into range rates. `path_class_pixels` makes rows of the
+path table from gated renders.
 """
 
-from .cameras import PixelRays, pixel_rays
 from .path_class_pixels import PathClassPixels, TileReplicate, assemble_rows, log_encoding_ratio
 from .paths_of_frame import (
     FrameInput,
@@ -22,8 +21,11 @@ from .ring_pixels import (
     MAX_RANGE_RATE_MPS,
     Decoded,
     PixelGrid,
+    PixelRays,
     decode,
+    in_view,
     pixel_grid,
+    pixel_rays,
     range_rate,
     single_vertex_m,
 )
@@ -41,6 +43,7 @@ __all__ = [
     "assemble_rows",
     "decode",
     "frame_paths",
+    "in_view",
     "iter_path_chunks",
     "log_encoding_ratio",
     "open_frame",

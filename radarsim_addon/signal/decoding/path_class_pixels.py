@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real, are_finite, distances, dots, largest
 from ..paths import Flags, PathFlag, PathRows
-from .cameras import PixelRays
+from .ring_pixels import PixelRays
 
 #: Rounding of one float32 operation, relative (one standard deviation).
 _EPS32 = float(np.finfo(np.float32).eps) / 2
@@ -88,7 +88,9 @@ class _Vertices:
 
 
 def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
-    """ln(encoded / plain) of each pixel; -inf where float32 does not carry the encoded one."""
+    """Return ln(encoded / plain) of each pixel. It is -inf where float32 cannot hold the encoded
+    one.
+    """
     ratio = np.zeros_like(plain)
     usable = (encoded >= _TINY) & (plain > 0)
     np.divide(encoded, plain, out=ratio, where=usable)
@@ -99,7 +101,8 @@ def log_encoding_ratio(encoded: Real, plain: Real) -> Real:
 def first_vertex_order_2(
     receiver_m: Real, direction: Real, last_scatterer_m: Real, transmitter_m: Real, length_m: Real
 ) -> tuple[Real, Real]:
-    """First vertex of paths with two reflections, (n, 3) [m], and its conditioning, (n,).
+    """Return the first vertex of paths with two reflections, (n, 3) [m], and its conditioning,
+    (n,).
 
     |P1 - P2| + |P1 - C| = L - |P2 - T| with P1 = C + r d gives r = (s^2 - |P2 - C|^2) / (2 (s - d .
     (P2 - C))), s = L - |P2 - T|. The conditioning is the denominator over 2 s: the result is poor
@@ -117,8 +120,8 @@ def first_vertex_order_2(
 def assemble_rows(
     pixels: PathClassPixels, index: Indices, shared: TileReplicate, into: PathRows | None = None
 ) -> PathRows:
-    """Rows (n,) of one path class; `index` are the numbers of its pixels in the tile, counted row
-    by row, (n,). `into`: rows of zeros to fill in; None: new ones.
+    """Return the rows (n,) of one path class. `index` has the numbers of its pixels in the tile,
+    counted row by row, (n,). `into` is filled if given: rows of zeros.
     """
     rays = shared.rays
     direction = rays.direction.reshape(-1, 3).take(index, axis=0)
@@ -161,7 +164,9 @@ def assemble_rows(
 def _encoded_length(
     pixels: PathClassPixels, near_cosine: Real, shared: TileReplicate
 ) -> tuple[Real, Real]:
-    """Lengths by the range encoding, and their standard deviation from float32, (n,) each [m]."""
+    """Return lengths by the range encoding, and their standard deviation from float32, (n,) each
+    [m].
+    """
     scale_m = shared.range_encoding_length_m
     known = np.isfinite(pixels.log_ratio)
     length_m = np.where(known, -scale_m * pixels.log_ratio, 0.0)
@@ -183,7 +188,9 @@ def _one_reflection(
     sigma_m: Real,
     shared: TileReplicate,
 ) -> _Vertices:
-    """Order 1: the scatterer is the surface that the pixel sees, or lies where encoding says."""
+    """Place the scatterer of order 1 on the surface that the pixel sees, or where the range
+    encoding puts it.
+    """
     transmitter_m = shared.transmitter_m
     # Rounding of the world's coordinates, and of the ray, which ends near the pixel's own.
     there_m = distances(pixels.position_m, origin_m)
@@ -232,7 +239,9 @@ def _several_reflections(
     sigma_m: Real,
     shared: TileReplicate,
 ) -> _Vertices:
-    """Orders above 1: the last scatterer is rendered, the first one seen or computed."""
+    """Place the vertices of orders above 1: the last scatterer is rendered, the first one is seen
+    or computed.
+    """
     first_m = np.full(direction.shape, np.nan)
     if pixels.order == 2:
         origins_m = np.broadcast_to(origin_m, direction.shape)
@@ -249,7 +258,9 @@ def _several_reflections(
 
 
 def _range_of_length(origin: Real, direction: Real, transmitter_m: Real, length_m: Real) -> Real:
-    """Distance r along the ray where r + |P - T| is the length (an ellipsoid's intersection)."""
+    """Return the distance r along the ray at which r + |P - T| is the length (the intersection with
+    an ellipsoid).
+    """
     to_transmitter = transmitter_m - origin
     squared = dots(to_transmitter, to_transmitter)
     denominator = length_m - dots(direction, to_transmitter)

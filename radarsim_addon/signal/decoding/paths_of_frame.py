@@ -117,7 +117,7 @@ class FrameInput:
         return self.tables[0]
 
     def of_update(self, number: int) -> FrameInput:
-        """The input with one visibility update of the burst alone, counted from 0."""
+        """Return the input with one visibility update of the burst alone, counted from 0."""
         table = self.tables[number]
         return dataclasses.replace(
             self,

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From the colours of a ring's renders to range, radiance and range rate per pixel (Eq. 2-4, 12).
+"""Rays of pixels, and from the colours of a ring to range, radiance and range rate (Eq. 2-4, 12).
+
+**Rays** (`pixel_rays`), in float64. Camera space is Blender's: x to the right, y up, the boresight
+along -z. Row 0 of an image is the top row. Each pixel's ray leaves through the centre of the pixel.
 
 **Range** (`decode`). A render holds B = L, R = L exp(-l/k), G = L exp(-2 l/k) for a path of total
 length l; so l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one path.
@@ -16,8 +19,10 @@ spinning in place reads zero, and so does flat ground below a moving radar.
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,7 +37,152 @@ from ...contract import (
 )
 from ...errors import ConfigError, SchemaError
 from ..paths import Flags, PathFlag, PathGeometry
-from .cameras import pixel_centres, solid_angles_sr
+
+KINDS = ("perspective", "orthographic", "equirectangular")
+
+#: Images up to so many pixels, and how many of them, whose rays are kept: 5 MB. A stationary radar
+#: has the same rays in all frames.
+_KEPT_PX, _KEPT_IMAGES = 1 << 14, 8
+#: Pixels whose solid angles are computed at once: their numbers stay in the processor's cache.
+_TOGETHER = 1 << 13
+
+
+@dataclass(frozen=True)
+class PixelRays:
+    """Rays of an image of h x w pixels, in world space."""
+
+    origin_m: Real  #: start of the rays [m]; (3,) or, orthographic, (h, w, 3)
+    direction: Real  #: unit vectors, (h, w, 3)
+    #: Cosine between each ray and the normal of the near clip surface, a plane across the boresight
+    #: or, equirectangular, a sphere; (h, w).
+    near_cosine: Real
+    #: Solid angle of each pixel [sr]; (h, w). Orthographic: the area over 1 m^2; multiply by
+    #: (1 m / r)^2 to compare.
+    solid_angle_sr: Real
+
+
+def pixel_centres(receiver: ReceiverRecord, width_px: int, height_px: int) -> tuple[Real, Real]:
+    """Return the camera coordinates of the pixel centres: u (w,), and v (h,), which falls with the
+    row. They are tangents (perspective), metres (orthographic), or longitude and latitude in
+    radians.
+    """
+    u = receiver.left + (np.arange(width_px) + 0.5) * ((receiver.right - receiver.left) / width_px)
+    v = receiver.top - (np.arange(height_px) + 0.5) * ((receiver.top - receiver.bottom) / height_px)
+    return np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)
+
+
+def solid_angles_sr(receiver: ReceiverRecord, width_px: int, height_px: int) -> Real:
+    """Return the solid angle of every pixel (h, w). Orthographic: its area [m^2].
+
+    Perspective: the integral of (1 + u^2 + v^2)^-3/2 du dv by 3 x 3 point Gauss-Legendre, exact to
+    1e-9 for pixels up to two degrees wide; the closed form cancels for pixels of a microradian.
+    """
+    u, v = pixel_centres(receiver, width_px, height_px)
+    du = abs(receiver.right - receiver.left) / width_px
+    dv = abs(receiver.top - receiver.bottom) / height_px
+    if receiver.kind == "perspective":
+        nodes = math.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
+        weights = np.array([5.0, 8.0, 5.0]) / 18
+        across = [1 + (u + du * node) ** 2 for node in nodes]
+        solid = np.zeros((height_px, width_px))
+        rows = max(1, _TOGETHER // width_px)
+        for start in range(0, height_px, rows):
+            part = solid[start : start + rows]
+            square, root = np.empty_like(part), np.empty_like(part)
+            for node_v, weight_v in zip(nodes, weights, strict=True):
+                down = (v[start : start + rows, None] + dv * node_v) ** 2
+                for one, weight_u in zip(across, weights, strict=True):
+                    np.add(one, down, out=square)
+                    np.sqrt(square, out=root)
+                    root *= square
+                    np.divide(weight_u * weight_v, root, out=root)
+                    part += root
+        return solid * (du * dv)
+    if receiver.kind == "equirectangular":
+        strip = 2 * np.sin(dv / 2) * np.cos(v) * du
+        return np.asarray(np.broadcast_to(strip[:, None], (height_px, width_px)))
+    if receiver.kind == "orthographic":
+        return np.full((height_px, width_px), du * dv)
+    raise _unknown(receiver.kind)
+
+
+def pixel_rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
+    """Return the rays of all pixels. Arrays of small images are read only, since they are kept."""
+    if width_px * height_px > _KEPT_PX:
+        return _rays(receiver, width_px, height_px)
+    edges = receiver.left, receiver.right, receiver.bottom, receiver.top
+    numbers = np.array([*np.ravel(receiver.matrix_world), *edges], dtype=np.float64)
+    return _kept_rays(_Image(receiver.kind, numbers.tobytes(), width_px, height_px, receiver))
+
+
+@dataclass(frozen=True)
+class _Image:
+    """An image, distinguished from others by the bits of all that its rays are made of."""
+
+    kind: str
+    numbers: bytes
+    width_px: int
+    height_px: int
+    receiver: ReceiverRecord = field(compare=False)
+
+
+@functools.lru_cache(maxsize=_KEPT_IMAGES)
+def _kept_rays(image: _Image) -> PixelRays:
+    rays = _rays(image.receiver, image.width_px, image.height_px)
+    for values in (rays.origin_m, rays.direction, rays.near_cosine, rays.solid_angle_sr):
+        values.flags.writeable = False
+    return rays
+
+
+def _rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
+    u, v = pixel_centres(receiver, width_px, height_px)
+    uu, vv = np.broadcast_arrays(u[None, :], v[:, None])
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    rotation, position = pose[:3, :3], pose[:3, 3]
+    origin = position
+    if receiver.kind == "perspective":
+        local = np.stack([uu, vv, np.full_like(uu, -1.0)], axis=-1)
+        local = local / np.sqrt(1 + uu**2 + vv**2)[..., None]
+    elif receiver.kind == "equirectangular":
+        cos_lat = np.cos(v)[:, None]
+        local = np.empty((*uu.shape, 3))
+        local[..., 0], local[..., 2] = np.sin(u) * cos_lat, -np.cos(u) * cos_lat
+        local[..., 1] = np.sin(v)[:, None]
+    elif receiver.kind == "orthographic":
+        local = np.zeros((*uu.shape, 3))
+        local[..., 2] = -1.0
+        origin = position + np.stack([uu, vv, np.zeros_like(uu)], axis=-1) @ rotation.T
+    else:
+        raise _unknown(receiver.kind)
+    return PixelRays(
+        origin_m=origin,
+        direction=local @ rotation.T,
+        near_cosine=np.ones_like(uu) if receiver.kind == "equirectangular" else -local[..., 2],
+        solid_angle_sr=solid_angles_sr(receiver, width_px, height_px),
+    )
+
+
+def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
+    """Whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+    pose = np.asarray(receiver.matrix_world, dtype=np.float64)
+    x, y, z = ((points_m - pose[:3, 3]) @ pose[:3, :3]).T
+    if receiver.kind == "equirectangular":
+        u, v = np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
+        middle = (receiver.left + receiver.right) / 2
+        u = middle + (u - middle + math.pi) % (2 * math.pi) - math.pi
+    else:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u, v = np.where(z < 0, x / -z, np.nan), y / -z
+    across = (u >= receiver.left) & (u <= receiver.right)
+    return np.asarray(across & (v >= receiver.bottom) & (v <= receiver.top))
+
+
+def _unknown(kind: str) -> SchemaError:
+    return SchemaError(
+        f"Camera of kind {kind!r}; this version knows {', '.join(KINDS)}. "
+        "Use one of these in Blender, or update radarsim."
+    )
+
 
 #: Below this a float32 is denormal: its last digits are gone, and the range with them.
 _SMALLEST_NORMAL = float(np.finfo(np.float32).tiny)
@@ -263,8 +413,8 @@ def range_rate(
 
 
 def single_vertex_m(length_m: Real, direction: Real, receiver_m: Real, transmitter_m: Real) -> Real:
-    """Scatterers of paths with one reflection, (n, 3) [m], from total lengths L (n,) and unit
-    vectors d from the receiver, (n, 3); NaN where the length is below the baseline.
+    """Return the scatterers of paths with one reflection, (n, 3) [m], from total lengths L (n,) and
+    unit vectors d from the receiver, (n, 3). NaN: the length is below the baseline.
 
     On the ray C + s d at s + |C + s d - T| = L, so s = (L^2 - b^2) / (2 (L + d.(C - T))) with the
     baseline b = |C - T|.
@@ -285,8 +435,8 @@ def ring_geometry(
     transmitter: TransmitterRecord,
     single: bool,
 ) -> PathGeometry:
-    """Geometry of some pixels (row, col) of a ring, with poses at t. `single`: every path has one
-    reflection; else vertices and orders are unknown (NaN and 0).
+    """Return the geometry of some pixels (row, col) of a ring, with poses at t. `single`: every
+    path has one reflection. Otherwise vertices and orders are unknown (NaN and 0).
     """
     pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     local = np.stack([decoded.u[col], decoded.v[row], np.full(row.size, -1.0)], axis=-1)

@@ -271,7 +271,9 @@ def _calibration(
     pfa: float,
     rank: float | None,
 ) -> Calibration:
-    """Calibration of a ring, kept: all frames of a run share it, and drawing it takes longest."""
+    """Return the calibration of a ring. It is kept, since all frames of a run share it and it takes
+    longest.
+    """
     correlation = np.frombuffer(doppler, complex), np.frombuffer(along, complex)
     return Calibration(np.frombuffer(mask, bool).reshape(shape), correlation, pfa, rank)
 
@@ -451,7 +453,7 @@ def drawn_statistic(covariance: Complex, k: int, seed: int = 0) -> Real:
 
 
 def _root(covariance: Complex) -> Complex:
-    """Rows r with sum_i conj(r_i) r_i^T = C, by the Cholesky decomposition with pivots."""
+    """Return rows r with sum_i conj(r_i) r_i^T = C, by the Cholesky decomposition with pivots."""
     left = covariance.conj()
     rows: list[Complex] = []
     while left.diagonal().real.max() > _RANK:
@@ -470,7 +472,7 @@ def drawn_factor(pfa: float, statistic: Real) -> float:
 
 
 def _bisect(enough: Callable[[float], bool], high: float, rounds: int) -> float:
-    """Least factor from 0 to `high` that is enough, to 2^-rounds of the interval."""
+    """Return the smallest factor from 0 to `high` that is enough, to 2^-rounds of the interval."""
     low = 0.0
     for _ in range(rounds):
         middle = (low + high) / 2

@@ -351,7 +351,7 @@ class PathFinder:
         return 0 < body <= self._moves.size and bool(self._moves[body - 1])
 
     def _line(self, row: Mapping[str, Any]) -> Real:
-        """Corners of a path, from the receiver to the transmitter."""
+        """Return corners of a path, from the receiver to the transmitter."""
         receiver = np.asarray(self._input.receiver.matrix_world)[:3, 3]
         transmitter = np.asarray(self._input.transmitter.matrix_world)[:3, 3]
         first, last = row["first_scatterer_m"], row["last_scatterer_m"]

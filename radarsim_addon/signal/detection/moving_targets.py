@@ -182,7 +182,9 @@ class _Fit:
 
 
 class _Search:
-    """State of the search: the residual map, and what the subtracted responses may have left."""
+    """State of the search: the residual map, and an upper limit of the residue of subtracted
+    responses.
+    """
 
     def __init__(
         self,
@@ -474,11 +476,13 @@ class DopplerFolds:
 
     @property
     def radar_moves(self) -> bool:
-        """Whether stationary scatterers have a Doppler, because an antenna moves."""
+        """True if stationary scatterers have a Doppler because an antenna moves."""
         return bool(self._sums[2].any())
 
     def _known(self) -> tuple[Integers, Integers, Integers]:
-        """Return range cell, Doppler row and number of folds of what was added."""
+        """Return the range cell, the Doppler row and the number of folds of all paths that were
+        added.
+        """
         doppler, cell = np.divmod(self._codes, _RANGE_CELLS)
         return cell, doppler % self._rows, (doppler + self._rows // 2) // self._rows
 

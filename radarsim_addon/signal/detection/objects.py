@@ -77,7 +77,7 @@ class ObjectEcho:
 
     @property
     def uncertain(self) -> bool:
-        """Whether too few rays met the object to tell its power."""
+        """True if too few rays met the object to determine its power."""
         return self.power_error > MOST_UNCERTAIN
 
     @property

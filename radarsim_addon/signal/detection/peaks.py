@@ -27,6 +27,10 @@ from ..radar import slow_time_window
 
 #: Highest ratio to an empty surrounding, so that every level stays a finite number [dB].
 MAX_ABOVE_DB = 300.0
+#: Cells (Doppler, range) to each side of a peak that are its own.
+_GUARD_CELLS = (4, 8)
+#: Peaks of lower prominence are ripple on a flank [dB].
+_MIN_PROMINENCE_DB = 0.5
 #: A peak is told to so many cells: beyond that its top is flat in float64.
 _TOP = 1e-8
 
@@ -88,8 +92,6 @@ def find_peaks(
     min_speed_mps: float = 0.0,
     range_m: tuple[float, float] | None = None,
     min_above_db: float = 0.0,
-    guard: tuple[int, int] = (4, 8),
-    reach: tuple[int, int] = (16, 64),
 ) -> list[Peak]:
     """Find the strongest local maxima of a map.
 
@@ -104,10 +106,8 @@ def find_peaks(
     range_m
         Search these one-way ranges only (start, stop) [m]; None: all.
     min_above_db
-        Ignore peaks less than this above their surroundings [dB].
-    guard, reach
-        Cells (Doppler, range) to each side. Within `guard` of a peak no other is taken; the
-        surroundings are the cells between `guard` and `reach`, see :func:`peak_to_background_db`.
+        Ignore peaks less than this above their surroundings [dB], see
+        :func:`peak_to_background_db`. Within its guard cells of a peak no other is taken.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def find_peaks(
         Strongest first, interpolated trigonometrically: exact for one path away from the range
         limits. From two rows off 0 Hz on, the fit includes a stationary echo at the same range.
     """
-    power = rd_map.plane_power
+    power, guard = rd_map.plane_power, _GUARD_CELLS
     wanted = np.abs(rd_map.velocity_mps)[:, None] >= min_speed_mps
     wanted = wanted & np.ones(power.shape[1], dtype=bool)[None, :]
     if range_m is not None:
@@ -128,7 +128,7 @@ def find_peaks(
             break
         rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
         candidates[rows, max(0, col - guard[1]) : col + guard[1] + 1] = 0.0
-        above_db = peak_to_background_db(power, row, col, guard, reach)
+        above_db = peak_to_background_db(power, row, col)
         if above_db >= min_above_db:
             peaks.append(refine_peak(rd_map, row, col, above_db))
     return peaks
@@ -159,7 +159,7 @@ def peak_to_background_db(
     power: Real,
     row: int,
     col: int,
-    guard: tuple[int, int] = (4, 8),
+    guard: tuple[int, int] = _GUARD_CELLS,
     reach: tuple[int, int] = (16, 64),
 ) -> float:
     """Return the power of a cell over the median of its surroundings.
@@ -309,7 +309,6 @@ def leading_edges(
     separation_m: float | None = None,
     by: Literal["power", "prominence"] = "power",
     range_m: tuple[float, float] | None = None,
-    min_prominence_db: float = 0.5,
 ) -> list[LeadingEdge]:
     """Find half-power leading edges of the strongest separated peaks of a profile.
 
@@ -326,8 +325,6 @@ def leading_edges(
         any higher one: faint far objects before near clutter.
     range_m
         Search these one-way ranges only (start, stop) [m]; None: all.
-    min_prominence_db
-        Ignore peaks of lower prominence: ripple on a flank [dB].
 
     Returns
     -------
@@ -358,7 +355,7 @@ def leading_edges(
     edges: list[LeadingEdge] = []
     for index in order:
         place = int(places[index])
-        if prominence_db[index] < min_prominence_db:
+        if prominence_db[index] < _MIN_PROMINENCE_DB:
             continue
         far = all(abs(axis_m[place] - e.peak_range_m) >= separation_m for e in edges)
         below = np.flatnonzero(power[:place] < power[place] / 2)

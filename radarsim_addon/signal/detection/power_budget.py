@@ -68,7 +68,9 @@ class ClutterBudget:
         }
 
     def of_object(self, name: str) -> dict[str, Any] | None:
-        """Return the record of an object; None for clutter, and for what is not in the map."""
+        """Return the record of an object. None for clutter, and for objects that the map does not
+        show.
+        """
         return dataclasses.asdict(self.objects[name]) if name in self.objects else None
 
     def line(self) -> str:
@@ -134,7 +136,7 @@ class BudgetReport:
 
     @property
     def uncertain_text(self) -> str:
-        """What a picture says of objects whose power is uncertain; empty without any."""
+        """Note for a picture about objects with an uncertain power. Empty without any."""
         names = [printable(echo.name) for echo in self.objects if echo.uncertain]
         if not names:
             return ""
@@ -324,7 +326,7 @@ def _shown_range(
 
 
 def projection_findings(frame_input: FrameInput) -> list[Finding]:
-    """Find what to know of a frame's powers for the projection of its receiver."""
+    """Find limits of the powers of a frame that follow from the projection of its receiver."""
     if not frame_input.tables or frame_input.receiver.kind != "orthographic":
         return []
     return [finding("orthographic-power")]

@@ -156,7 +156,7 @@ def statistics_findings(
     range_limits_m: tuple[float, float] = (0.0, np.inf),
     unranged_fraction: float = 0.0,
 ) -> list[Finding]:
-    """Find what to know before you trust a frame's products.
+    """Find limits of a frame's products that follow from its paths.
 
     The render of sampling mode "paths" has reported mixed pixels itself. `unranged_fraction` is
     that of the received power in paths without a length.
@@ -209,7 +209,7 @@ def statistics_findings(
 def _outside(
     statistics: FrameStatistics, radar: Radar, range_limits_m: tuple[float, float]
 ) -> list[Finding]:
-    """Find echoes outside the ranges that are recorded; if these are all, the maps are empty."""
+    """Find echoes outside the recorded ranges. If all echoes are outside, the maps are empty."""
     paths, outside = statistics.counts.paths, statistics.outside_range_limits
     start_m, stop_m = range_limits_m
     if radar.waveform.kind == "fmcw":

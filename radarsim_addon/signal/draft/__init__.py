@@ -15,26 +15,14 @@ from .draft import (
     mesh_message,
     scene_message,
 )
-from .scene import (
-    Angles,
-    DraftMesh,
-    DraftPolygons,
-    DraftScene,
-    DraftSurface,
-    SceneTriangles,
-)
+from .scene import DraftScene
 
 __all__ = [
     "DRAFT",
     "FAULT",
     "LEVELS",
-    "Angles",
     "DraftLevel",
-    "DraftMesh",
-    "DraftPolygons",
     "DraftScene",
-    "DraftSurface",
-    "SceneTriangles",
     "make_draft",
     "mesh_message",
     "scene_message",

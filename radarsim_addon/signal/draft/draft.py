@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import NamedTuple, NoReturn, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Real
 from ...contract import LinkBudget, ReceiverRecord, TransmitterRecord
@@ -26,7 +26,8 @@ from ..maps import expected_power, map_noise_gain, range_noise_gain
 from ..paths import PathRows, unrendered_record
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict, waveform_to_dict
 from ..runs import RadarFrame
-from .scene import DraftMesh, DraftPolygons, DraftScene, DraftSurface, SceneTriangles, draft_rows
+from ..scene import Mesh, Surface
+from .scene import DraftScene, draft_rows
 
 #: Most cells of a draft's map: more take longer than an update may.
 MOST_CELLS = 1 << 19
@@ -79,13 +80,13 @@ class Draft:
         return 10 * math.log10(1 + error_w / power_w) if power_w > 0 else 0.0
 
 
-def make_draft(scene: DraftScene, triangles: SceneTriangles, level: DraftLevel) -> Draft:
-    """Return profile and map of a scene, by its triangles (`SceneTriangles.of`)."""
+def make_draft(scene: DraftScene, meshes: Mapping[int, Mesh], level: DraftLevel) -> Draft:
+    """Return profile and map of a scene of meshes by their keys."""
     edges = scene.receiver
     aspect = (edges.right - edges.left) / (edges.top - edges.bottom)
     rows = max(round(math.sqrt(level.rays / aspect)), 1)
     columns = max(round(level.rays / rows), 1)
-    table = draft_rows(scene, triangles, columns, rows, level.replicates)
+    table = draft_rows(scene, meshes, columns, rows, level.replicates)
     start_m, stop_m = scene.range_limits_m
     step_m = scene.radar.waveform.sample_spacing_m / _CELLS_PER_SAMPLE
     ranges = (min(stop_m, scene.radar.waveform.unambiguous_range_m) - start_m) / step_m
@@ -135,75 +136,55 @@ def _no_images(ring: int, snapshot: int) -> NoReturn:
     raise AssertionError("a draft has no ring images")
 
 
-def mesh_message(key: int, mesh: DraftPolygons) -> Message:
-    """Return the message with a mesh; scenes name it by its key."""
-    arrays = {item.name: getattr(mesh, item.name) for item in dataclasses.fields(mesh)}
-    return Message({"kind": MESH, "key": key}, arrays)
+def mesh_message(key: int, mesh: Mesh) -> Message:
+    """Return the message with a mesh, in float32; scenes name it by its key."""
+    values = {item.name: getattr(mesh, item.name) for item in dataclasses.fields(mesh)}
+    values["corner_edges"] = mesh.corner_edges[:0]
+    numbers = {name: x for name, x in values.items() if x is not None}
+    small = {n: x.astype(np.float32) if x.dtype == np.float64 else x for n, x in numbers.items()}
+    return Message({"kind": MESH, "key": key}, small)
+
+
+def mesh_of(message: Message) -> Mesh:
+    return Mesh(**message.arrays)
 
 
 def scene_message(scene: DraftScene) -> Message:
     """Return the message with a scene; its meshes have messages of their own, which go before."""
-    budget = scene.link_budget
-    fields = {
-        "kind": SCENE,
-        "waveform": waveform_to_dict(scene.radar.waveform),
-        "burst": dataclasses.asdict(scene.radar.burst),
-        "link_budget": None if budget is None else dataclasses.asdict(budget),
-        "weather": dataclasses.asdict(scene.weather),
-        "receiver": dataclasses.asdict(scene.receiver),
-        "transmitter": dataclasses.asdict(scene.transmitter),
-        "range_limits_m": list(scene.range_limits_m),
-        "surfaces": [dataclasses.asdict(one) for one in scene.surfaces],
-        "meshes": list(scene.meshes),
-        "slots": [list(one) for one in scene.slots],
-        "interval_s": scene.interval_s,
-    }
-    return Message(fields, {"matrices": scene.matrices, "moves": scene.moves})
+    # no more of surfaces than a draft needs
+    surfaces = [dataclasses.replace(one, shaders=(), exponent=None) for one in scene.surfaces]
+    arrays = {name: x for name, x in vars(scene).items() if isinstance(x, np.ndarray)}
+    plain = dataclasses.replace(scene, surfaces=surfaces, radar=None, **dict.fromkeys(arrays))  # type: ignore[arg-type]
+    fields = {name: x for name, x in dataclasses.asdict(plain).items() if name not in arrays}
+    radar = waveform_to_dict(scene.radar.waveform), dataclasses.asdict(scene.radar.burst)
+    return Message({**fields, "radar": radar, "kind": SCENE}, arrays)
 
 
-def mesh_of(message: Message) -> DraftMesh:
-    return DraftPolygons(**message.arrays).triangulated()
+#: Fields of a scene that are records.
+_RECORDS: dict[str, type] = {
+    "link_budget": LinkBudget,
+    "weather": Weather,
+    "receiver": ReceiverRecord,
+    "transmitter": TransmitterRecord,
+}
 
 
 def scene_of(message: Message) -> DraftScene:
-    fields = message.fields
-    waveform = waveform_from_dict(fields["waveform"])
-    budget = fields["link_budget"]
-    start_m, stop_m = fields["range_limits_m"]
-    return DraftScene(
-        radar=Radar(waveform, burst_from_dict(fields["burst"], waveform)),
-        link_budget=None if budget is None else from_json(LinkBudget, budget, "Link budget"),
-        weather=from_json(Weather, fields["weather"], "Weather"),
-        receiver=ReceiverRecord(**fields["receiver"]),
-        transmitter=TransmitterRecord(**fields["transmitter"]),
-        range_limits_m=(start_m, stop_m),
-        surfaces=[DraftSurface(**one) for one in fields["surfaces"]],
-        meshes=fields["meshes"],
-        matrices=message.arrays["matrices"],
-        slots=fields["slots"],
-        moves=message.arrays["moves"],
-        interval_s=fields["interval_s"],
-    )
+    fields = {item.name: message.fields.get(item.name) for item in dataclasses.fields(DraftScene)}
+    for name, kind in _RECORDS.items():
+        if fields[name] is not None:
+            fields[name] = from_json(kind, fields[name], name)
+    waveform = waveform_from_dict(message.fields["radar"][0])
+    fields["radar"] = Radar(waveform, burst_from_dict(message.fields["radar"][1], waveform))
+    fields["surfaces"] = [from_json(Surface, one, "Surface") for one in message.fields["surfaces"]]
+    fields["range_limits_m"] = tuple(message.fields["range_limits_m"])
+    return DraftScene(**{**fields, **message.arrays})
 
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:
     """Return the message with a draft, the number of its level and of triangles; map in float32."""
-    gaps = draft.gaps_from_m
-    fields = {
-        "kind": DRAFT,
-        "level": level,
-        "triangles": triangles,
-        "pulses": draft.pulses,
-        "rays": draft.rays,
-        "peak_error_db": draft.peak_error_db,
-        "noise_w": draft.noise_w,
-        "map_noise_w": draft.map_noise_w,
-        "gaps_from_m": None if math.isinf(gaps) else gaps,
-    }
-    arrays: dict[str, NDArray[Any]] = {
-        "range_m": draft.range_m,
-        "velocity_mps": np.ascontiguousarray(draft.velocity_mps),
-        "profile_w": draft.profile_w,
-        "map_w": draft.map_w.astype(np.float32),
-    }
-    return Message(fields, arrays)
+    values = {**vars(draft), "map_w": draft.map_w.astype(np.float32)}
+    arrays = {name: x for name, x in values.items() if isinstance(x, np.ndarray)}
+    fields = {name: x for name, x in values.items() if name not in arrays}
+    own = {"kind": DRAFT, "level": level, "triangles": triangles}
+    return Message({**fields, **own, "peak_error_db": draft.peak_error_db}, arrays)

@@ -16,6 +16,7 @@ from typing import IO
 
 from ...errors import RadarSimError
 from ...messages import Message, open_messages, read_message, write_message
+from ..scene import Mesh
 from .draft import (
     FAULT,
     LEVELS,
@@ -25,7 +26,7 @@ from .draft import (
     mesh_of,
     scene_of,
 )
-from .scene import DraftMesh, DraftScene, SceneTriangles
+from .scene import DraftScene
 
 #: Time without a newer scene after which a finer draft begins [s].
 _CALM_S = 0.2
@@ -38,7 +39,7 @@ class _Inbox:
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._messages: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
-        self.meshes: dict[int, DraftMesh] = {}
+        self.meshes: dict[int, Mesh] = {}
         threading.Thread(target=self._read, args=(stream,), daemon=True).start()
 
     def _read(self, stream: IO[bytes]) -> None:
@@ -54,7 +55,7 @@ class _Inbox:
         return not self._messages.empty()
 
     def newest_scene(self) -> Message | None:
-        """Wait for a scene and return the last one that has come; None at the end of input."""
+        """Wait for a scene; return the last one that has come, None at the end of input."""
         newest = None
         while newest is None or not self._messages.empty():
             message = self._messages.get()
@@ -73,19 +74,19 @@ def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
     """Draft scenes until the input ends."""
     inbox = _Inbox(reading)
     while (message := inbox.newest_scene()) is not None:
+        number = message.fields["number"]
         try:
-            _draft(scene_of(message), message.fields["number"], inbox, writing)
+            _draft(scene_of(message), number, inbox, writing)
         except RadarSimError as error:
-            fault = {"kind": FAULT, "number": message.fields["number"], "text": str(error)}
-            write_message(writing, fault, {})
+            write_message(writing, {"kind": FAULT, "number": number, "text": str(error)}, {})
 
 
 def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:
     """Write drafts of a scene, finer and finer, until there is a newer one."""
-    triangles = SceneTriangles.of(scene, inbox.meshes)
+    triangles = sum(len(inbox.meshes[key].triangles) for key in scene.meshes)
     for index, level in enumerate(LEVELS):
-        draft = make_draft(scene, triangles, level)
-        fields, arrays = draft_message(draft, index, len(triangles))
+        draft = make_draft(scene, inbox.meshes, level)
+        fields, arrays = draft_message(draft, index, triangles)
         write_message(writing, {**fields, "number": number}, arrays)
         # while the scene changes, the window answers to each draft with the next scene
         if inbox.has_news(_CALM_S):

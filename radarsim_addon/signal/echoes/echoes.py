@@ -94,8 +94,8 @@ class Echoes:
 
 
 def only_channel(values: Values) -> Values:
-    """Values (1, ...) of a single channel without the axis of channels, a view. `ConfigError` if
-    there are several channels.
+    """Return values (1, ...) of a single channel without the axis of channels, as a view.
+    `ConfigError`: there are several channels.
     """
     if values.shape[0] != 1:
         raise ConfigError(
@@ -106,7 +106,9 @@ def only_channel(values: Values) -> Values:
 
 
 def one_channel(radar: Radar, number: int) -> Radar:
-    """The radar with one of its channels alone, counted from 0 (`ConfigError` if there is none)."""
+    """Return the radar with one of its channels alone, counted from 0. `ConfigError`: there is no
+    such channel.
+    """
     if not 0 <= number < len(radar.channels):
         raise ConfigError(
             f"Channel {number} of a radar with {len(radar.channels)}; expected 0 to "
@@ -133,7 +135,7 @@ def pulse_times_s(radar: Radar) -> Real:
 
 
 def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
-    """The range limits as two floats [m]. `ConfigError` if not 0 <= start < stop <= 1e15 m."""
+    """Return the range limits as two floats [m]. `ConfigError`: not 0 <= start < stop <= 1e15 m."""
     start_m, stop_m = float(range_limits_m[0]), float(range_limits_m[1])
     if not 0 <= start_m < stop_m <= MAX_LENGTH_M:
         raise ConfigError(
@@ -144,8 +146,8 @@ def check_window(range_limits_m: tuple[float, float]) -> tuple[float, float]:
 
 
 def window_samples(radar: Radar, range_limits_m: tuple[float, float]) -> int:
-    """Samples that the receiver records of each pulse. Pulses record their range limits; other
-    waveforms a sample for each frequency.
+    """Return the number of samples that the receiver records of each pulse. Pulses record their
+    range limits; other waveforms record one sample per frequency.
     """
     waveform = radar.waveform
     if waveform.family == "line":
@@ -200,7 +202,7 @@ DEFAULT_OPTIONS = EchoOptions()
 
 
 def line_waveform(radar: Radar) -> LineWaveform:
-    """The radar's waveform, which must be of the family "line" (`ConfigError`)."""
+    """Return the waveform of the radar. `ConfigError`: it is not of the family "line"."""
     waveform = radar.waveform
     if not isinstance(waveform, LineWaveform):
         raise ConfigError(f"A waveform of kind {waveform.kind!r} does not sample frequencies.")
@@ -208,8 +210,8 @@ def line_waveform(radar: Radar) -> LineWaveform:
 
 
 def line_times_s(radar: Radar) -> Real:
-    """When each row of samples begins, from the frame's time, (rows,) [s]: one row per pulse, for
-    PMCW one per code.
+    """Return the start of each row of samples, from the frame's time, (rows,) [s]: one row per
+    pulse, for PMCW one per code.
     """
     waveform, times_s = radar.waveform, pulse_times_s(radar)
     if isinstance(waveform, PmcwWaveform):
@@ -219,7 +221,9 @@ def line_times_s(radar: Radar) -> Real:
 
 
 def render_times_s(frame_input: FrameInput) -> list[float]:
-    """When each render of a frame's burst shows the scene, after the frame's time t [s]."""
+    """Return the scene time that each render of a frame's burst shows, after the frame's time t
+    [s].
+    """
     motions = [table.motion for table in frame_input.tables]
     times = [0.0 if motion is None else motion.epoch_offset_s for motion in motions]
     if any(later <= earlier for earlier, later in itertools.pairwise(times)):
@@ -231,16 +235,16 @@ def render_times_s(frame_input: FrameInput) -> list[float]:
 
 
 def pulses_of_render(radar: Radar, shown_s: Sequence[float], number: int) -> Mask:
-    """Pulses to whose interpolated echoes this render contributes, in any channel, (pulses,).
+    """Return a mask of the pulses to which this render contributes, in any channel, (pulses,).
     `shown_s` are the scene times of all renders after the start of the burst, ascending.
     """
     return np.asarray((_weights(radar, shown_s, number) > 0).any(axis=0))
 
 
 def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Echoes:
-    """Echoes of a burst from those of its renders, which show the scene at the ascending times
-    `shown_s`. Each needs the pulses of `pulses_of_render` only; from a generator, one at a time is
-    in memory.
+    """Interpolate the echoes of a burst between its renders, which show the scene at the ascending
+    times `shown_s`. Each part needs the pulses of `pulses_of_render` only. A generator keeps one
+    part in memory at a time.
     """
     total: Echoes | None = None
     for number, part in enumerate(parts):
@@ -255,8 +259,8 @@ def interpolate_renders(parts: Iterable[Echoes], shown_s: Sequence[float]) -> Ec
 
 
 def _weights(radar: Radar, shown_s: Sequence[float], number: int) -> Real:
-    """Weight of a render at each pulse of each channel, (channels, pulses); all
-    renders' sum to 1.
+    """Return the weight of a render at each pulse of each channel, (channels, pulses). The weights
+    of all renders add up to 1.
     """
     offsets_s = np.array([channel.start_offset_s for channel in radar.channels])
     times_s = pulse_times_s(radar) + offsets_s[:, None]

@@ -77,7 +77,7 @@ class PhaseNoise:
             )
 
     def density(self, frequency_hz: Real) -> Real:
-        """Two-sided density of the phase, equal to L(|f|) [rad^2/Hz]."""
+        """Return the two-sided density of the phase, equal to L(|f|) [rad^2/Hz]."""
         f = np.abs(frequency_hz)
         inside = (f >= self.offset_hz[0]) & (f <= self.offset_hz[-1])
         safe = np.where(inside, f, self.offset_hz[0])
@@ -132,7 +132,7 @@ class PhaseTrack:
         self._spectrum = size * np.sqrt(power) * (gauss[0] + 1j * gauss[1])
 
     def at(self, later_s: float = 0.0) -> Real:
-        """phi(t + later) at the times, (count,) [rad]."""
+        """Return phi(t + later) at the times, (count,) [rad]."""
         spectrum = self._spectrum
         if later_s != 0:
             spectrum = spectrum * np.exp(2j * np.pi * self._frequency_hz * later_s)
@@ -140,9 +140,9 @@ class PhaseTrack:
 
 
 def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex:
-    """Samples (channels, rows, samples) of ideal pulse or PMCW echoes with an oscillator's phase
-    noise. The transmitted samples carry the phase, so range correlation is exact. Echoes that the
-    window cuts are treated as if they ended there.
+    """Add an oscillator's phase noise to ideal pulse or PMCW echoes; return samples (channels,
+    rows, samples). The transmitted samples carry the phase, so range correlation is exact. Echoes
+    that the window cuts are treated as if they ended there.
     """
     waveform = echoes.radar.waveform
     if isinstance(waveform, PmcwWaveform):
@@ -156,7 +156,9 @@ def add_phase_noise(echoes: Echoes, noise: PhaseNoise, seed: int = 0) -> Complex
 
 
 def _scene(samples: Complex, spectrum: Complex) -> Complex:
-    """Spectrum of the scene, which multiplied the pulse's; 0 where the pulse holds nothing."""
+    """Return the spectrum of the scene, by which that of the pulse was multiplied. It is 0 where
+    the pulse has no power.
+    """
     power = np.abs(spectrum) ** 2
     least = _EMPTY * float(power.max())
     weight = np.where(power > least, np.conj(spectrum) / np.maximum(power, least), 0.0)
@@ -215,7 +217,7 @@ def _through_codes(echoes: Echoes, waveform: PmcwWaveform, noise: PhaseNoise, se
 
 
 def takes_phase_noise_by_path(radar: Radar) -> bool:
-    """Whether phase noise belongs into the synthesis: FMCW and stepped frequency."""
+    """Return True for FMCW and stepped frequency: the synthesis adds their phase noise."""
     return radar.waveform.family == "line" and not isinstance(radar.waveform, PmcwWaveform)
 
 
@@ -242,7 +244,7 @@ class LineOscillator:
         self.step_s = _DELAY_SHARE / min(noise.offset_hz[-1], rate_hz / 2)
 
     def factor(self, order: int) -> Complex:
-        """exp(j [phi(t - tau) - phi(t)]) at tau = order step_s, (pulses, samples)."""
+        """Return exp(j [phi(t - tau) - phi(t)]) at tau = order step_s, (pulses, samples)."""
         then = self._track.at(-order * self.step_s)[self._places]
         return np.asarray(np.exp(1j * (then - self._now)), dtype=np.complex128)
 
@@ -289,7 +291,7 @@ class Receiver:
 
     @property
     def ideal(self) -> bool:
-        """Whether echoes pass unchanged."""
+        """True if echoes pass unchanged."""
         return self.noise_figure_db is None and self.adc_bits is None and self.phase_noise is None
 
     @property
@@ -327,7 +329,7 @@ class ReceivedSignal:
 
     @property
     def findings(self) -> list[Finding]:
-        """What to know before trusting the samples."""
+        """Limits of the samples: clipping, and phase noise within frequency steps."""
         found = []
         if self.clipped:
             size = self.echoes.samples.size
@@ -414,8 +416,8 @@ def apply_receiver(echoes: Echoes, receiver: Receiver | None = None) -> Received
 
 
 def _phase_within_steps_rad(noise: PhaseNoise, step_s: float) -> float:
-    """RMS of phi(t - tau) - phi(t) that the average over a step takes away, of an echo from so far
-    that both are independent: sqrt(2 int L (1 - sinc^2(f T)) df) over both sidebands.
+    """Return the RMS of phi(t - tau) - phi(t) that the average over a step removes, for an echo
+    from so far that both are independent: sqrt(2 int L (1 - sinc^2(f T)) df) over both sidebands.
     """
     f = np.geomspace(noise.offset_hz[0], noise.offset_hz[-1], 10001)
     left = noise.density(f) * (1 - np.sinc(f * step_s) ** 2)

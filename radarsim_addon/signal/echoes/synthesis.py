@@ -28,6 +28,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,7 @@ class ChannelPaths:
     wanted: Mask | None = None  #: pulses whose echoes are formed, (pulses,); None: all
 
     def rows_of(self, channel: Channel, rows: int) -> Mask:
-        """Mask of the rows of samples that are formed: of wanted pulses with the channel."""
+        """Return a mask of the rows that are formed: of wanted pulses that use the channel."""
         pulses = self.radar.burst.pulses
         used = channel.active_mask(pulses)
         if self.wanted is not None:
@@ -88,8 +89,24 @@ class ChannelPaths:
         return np.repeat(used, rows // pulses)
 
     def times_of(self, channel: Channel, times_s: Real) -> Real:
-        """Times of the rows that are formed, out of those of all rows [s]."""
+        """Select the times of the rows that are formed from those of all rows [s]."""
         return np.asarray(times_s[self.rows_of(channel, times_s.size)])
+
+    def accumulator(self, grid: FrequencyGrid, times_s: Real, **own: Any) -> SpectrumAccumulator:
+        """Return an empty sum at some times [s]; `own` are the arguments that depend on the
+        waveform.
+        """
+        options, burst = self.options, self.radar.burst
+        return SpectrumAccumulator(
+            grid,
+            times_s,
+            tolerance=options.tolerance,
+            method=options.slow_time_transform,
+            backend=options.nufft_backend,
+            interval_s=1 / burst.prf_hz if burst.pulses > 1 else 0.0,
+            chunk=options.chunk,
+            **own,
+        )
 
     def lengths_of(self, paths: Paths, channel: Channel) -> PathMotion:
         antennas = self.antennas or (None if self.link is None else self.link.antennas)
@@ -132,7 +149,7 @@ class ChannelSums:
             )
 
     def results(self, times_s: Real) -> list[Spectrum]:
-        """Spectra of all channels for rows at these times; those of rows not formed are 0."""
+        """Return the spectra of all channels at these times. Rows that are not formed are 0."""
         found = []
         for channel, total in self._sums:
             formed, used = total.result(), self._source.rows_of(channel, times_s.size)
@@ -225,25 +242,17 @@ class EchoSynthesizer:
         self._sums = ChannelSums(self._source, self._accumulator)
 
     def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
-        options = self._options
-        return SpectrumAccumulator(
-            self._grid,
-            self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s,
-            tolerance=options.tolerance,
-            method=options.slow_time_transform,
-            backend=options.nufft_backend,
-            listening=self._window,
-            pulse=self._pulse,
-            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
-            chunk=options.chunk,
+        times_s = self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s
+        return self._source.accumulator(
+            self._grid, times_s, listening=self._window, pulse=self._pulse
         )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
+        """Add the echoes of paths. `PathDataError`: a length or an amplitude is not finite."""
         self._sums.add(paths)
 
     def result(self) -> Echoes:
-        """Echoes of all paths added so far."""
+        """Return the echoes of all paths added so far."""
         spectra = self._sums.results(pulse_times_s(self.radar))
         size, pulses = self._grid.count, self.radar.burst.pulses
         # S has delays from the middle of the pulse; sample 0 is at first_s
@@ -328,23 +337,17 @@ class StretchSynthesizer:
         if waveform.grid_interval_s != 0:
             video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
             ramp = Ramp(waveform.grid_interval_s, video)
-        return SpectrumAccumulator(
+        times_s = self._source.times_of(channel, line_times_s(self.radar)) + middle_s
+        return self._source.accumulator(
             self._grid,
-            self._source.times_of(channel, line_times_s(self.radar))
-            + middle_s
-            + channel.start_offset_s,
-            tolerance=self._options.tolerance,
-            method=self._options.slow_time_transform,
-            backend=self._options.nufft_backend,
+            times_s + channel.start_offset_s,
             listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
             ramp=ramp,
             pulse=self._code,
-            interval_s=1 / self.radar.burst.prf_hz if self.radar.burst.pulses > 1 else 0.0,
-            chunk=self._options.chunk,
         )
 
     def add(self, paths: Paths) -> None:
-        """Add the echoes of these paths, of finite lengths and amplitudes (`PathDataError`)."""
+        """Add the echoes of paths. `PathDataError`: a length or an amplitude is not finite."""
         beyond = paths.range_m >= self._waveform.unambiguous_range_m
         if not self._noisy:
             self._sums.add(paths)
@@ -362,7 +365,7 @@ class StretchSynthesizer:
         oscillator: LineOscillator,
         noisy: NoisyPathAccumulator,
     ) -> None:
-        """Each path between the two nearest delays for which there is a factor."""
+        """Divide each path between the two nearest delays that have a factor."""
         rows = slice(0, len(paths))
         lengths = self._source.lengths_of(paths, channel)
         amplitudes = self._source.amplitudes_of(paths, channel)
@@ -378,7 +381,9 @@ class StretchSynthesizer:
             noisy.add(accumulator.result(), oscillator.factor(int(order)))
 
     def result(self) -> Echoes:
-        """Echoes of all paths added so far; complex for a real ADC too, see `receiver`."""
+        """Return the echoes of all paths added so far. They are complex with a real ADC, too; see
+        `receiver`.
+        """
         waveform = self._waveform
         # (channels, rows, N), for PMCW with the code's spectrum where paths move within it
         spectra = self._sums.results(line_times_s(self.radar))
@@ -417,7 +422,7 @@ class NoisyPathAccumulator:
         self.values += values
 
     def report(self, empty: SynthesisReport, paths: int) -> SynthesisReport:
-        """One report of all; a path counts in the steps of both delays that it lies between."""
+        """Return one report of all parts. A path counts in the steps of both delays next to it."""
         report = replace(empty, paths=paths, steps=[], notes=[])
         energy = float(np.vdot(self.values, self.values).real)
         expected, fast, notes = 0.0, 0, []
@@ -457,8 +462,8 @@ def synthesizer_for(
     antennas: AntennaMotion | None = None,
     wanted: Mask | None = None,
 ) -> EchoSynthesizer | StretchSynthesizer:
-    """The synthesizer for the waveform's family; parameters as of `EchoSynthesizer`. Phase noise is
-    for FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
+    """Return the synthesizer for the waveform's family. Parameters are those of `EchoSynthesizer`.
+    Phase noise is for FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
     """
     if radar.waveform.family == "pulse":
         return EchoSynthesizer(

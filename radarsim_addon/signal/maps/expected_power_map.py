@@ -261,7 +261,7 @@ class _TableSums:
             yield [plane[0] for plane in planes]
 
     def add_volume(self, rows: PathRows) -> None:
-        """Add points that are the same in all replicates, before those."""
+        """Add points that are the same in all replicates. Call this before `replicates`."""
         gain = self._gain(rows)
         points = Points(
             np.arange(rows.size), rows["length_m"], rows["range_rate_mps"], np.ones(rows.size)
@@ -375,8 +375,8 @@ class PowerCells:
         return np.asarray(self._start_m + self.step_m * np.arange(self.ranges), dtype=np.float64)
 
     def add(self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None) -> None:
-        """Add the points that rows of these powers are spread over to the cells of a grid, or of
-        several, (grids, ...), with the number of each row's.
+        """Add the power of rows to the cells of a grid, at the points `part` that the rows are
+        spread over. With several grids, (grids, ...), `grid_of` is the grid of each row.
         """
         seen, number = self.of(part.length_m, part.range_rate_mps)
         row, share = part.row.take(seen), part.share.take(seen)
@@ -388,7 +388,7 @@ class PowerCells:
     def add_between(
         self, grid: Real, part: Points, power: Real, grid_of: Integers | None = None
     ) -> None:
-        """As `add`, each point shared by the two cells of Doppler that it lies between."""
+        """Add as `add` does, but divide each point between the two cells of Doppler next to it."""
         place = part.range_rate_mps / self.step_mps
         below = np.floor(place)
         for cell, share in ((below, below + 1 - place), (below + 1, place - below)):
@@ -433,7 +433,7 @@ class ReplicateMean:
         self._squares += change
 
     def variance(self) -> Real:
-        """Variance of the mean; NaN for one replicate, which gives no error."""
+        """Return the variance of the mean. It is NaN for one replicate, which gives no error."""
         if self._count < 2:
             return np.full(self.mean.shape, np.nan)
         return np.asarray(self._squares / ((self._count - 1) * self._count))

@@ -264,10 +264,7 @@ def expected_power_profile(
     *,
     range_limits_m: tuple[float, float],
     range_taper: str = "hamming",
-    amplitude_model: AmplitudeModel = "radar-equation",
-    receiver_gain: float = 1.0,
     oversample: int = 4,
-    nufft_backend: Backend = "finufft",
 ) -> PowerProfile:
     """Return the profile of the matched filter, averaged over the speckle.
 
@@ -284,12 +281,8 @@ def expected_power_profile(
         One-way ranges (start, stop) [m].
     range_taper
         Window over the band, see :func:`.radar.window_at`.
-    amplitude_model, receiver_gain
-        See :func:`.scattering.path_amplitude`; P_i is the square of the amplitude.
     oversample
         Ranges per sample of the echo, at least 2.
-    nufft_backend
-        Engine of the non-uniform FFT.
 
     Returns
     -------
@@ -301,13 +294,7 @@ def expected_power_profile(
     Echoes beyond the unambiguous range c / 2 PRF fold, as in :func:`.echoes.synthesize`.
     """
     accumulator = ProfileAccumulator(
-        radar,
-        range_limits_m,
-        range_taper=range_taper,
-        amplitude_model=amplitude_model,
-        receiver_gain=receiver_gain,
-        oversample=oversample,
-        nufft_backend=nufft_backend,
+        radar, range_limits_m, range_taper=range_taper, oversample=oversample
     )
     for part in [paths] if isinstance(paths, Paths) else paths:
         accumulator.add(part)
@@ -315,7 +302,11 @@ def expected_power_profile(
 
 
 class ProfileAccumulator:
-    """Adds up the expected power of paths that come in parts; see `expected_power_profile`."""
+    """Adds up the expected power of paths that come in parts; see `expected_power_profile`.
+
+    P_i is the square of the amplitude, for `amplitude_model` and `receiver_gain` see
+    :func:`.scattering.path_amplitude`.
+    """
 
     def __init__(
         self,
@@ -360,7 +351,7 @@ class ProfileAccumulator:
         self._sums = np.zeros((2, self._size), dtype=np.complex128)
 
     def add(self, paths: Paths) -> None:
-        """Add the power of these paths, where they are at t."""
+        """Add the power of these paths at their lengths at t."""
         wavelength_m = self._radar.waveform.wavelength_m
         if self._weighting == "radar-equation":
             # Not the square of an amplitude: with interference a path's own power can be negative.
@@ -372,7 +363,7 @@ class ProfileAccumulator:
             self._flush()
 
     def _flush(self) -> None:
-        """Add up what waits: a transform of few paths is all overhead."""
+        """Add up the waiting paths together: a transform of few paths is all overhead."""
         if not self._waiting:
             return
         range_m, power = map(np.concatenate, zip(*self._waiting, strict=True))

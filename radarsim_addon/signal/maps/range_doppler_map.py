@@ -34,8 +34,6 @@ from .range_compression import RangeProfiles, line_noise_gain
 MAP_DYNAMICS_DB = 160.0
 #: Lowest level in pictures and tables [dB]: a power of 1e-30.
 FLOOR_DB = -300.0
-#: Weights of the cancellers by number of pulses, scaled so that white noise keeps its power.
-_WEIGHTS = {2: np.array([1.0, -1.0]) / 2**0.5, 3: np.array([1.0, -2.0, 1.0]) / 6**0.5}
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ _RESPONSE_CELLS = 64
 @documented
 @dataclass(frozen=True)
 class SpectrogramOptions:
-    """What a spectrogram shows, and how finely."""
+    """Windows, ranges and object of a spectrogram."""
 
     window_pulses: int = setting(
         "Spectrogram window",

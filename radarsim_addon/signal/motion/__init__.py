@@ -8,7 +8,15 @@ its vertices and antennas, to its length in the table, and gives range rates. `m
 the motion of a frame on disk.
 """
 
-from .body_motion import AntennaMotion, BodyMotion, BodyMotions, axes_of, places_m, which_move
+from .body_motion import (
+    AntennaMotion,
+    BodyMotion,
+    BodyMotions,
+    Segment,
+    axes_of,
+    places_m,
+    which_move,
+)
 from .fit import cubic_spline, fit_body, fit_vertices, smooth_poses
 from .kinematics import (
     JoinedMotion,
@@ -20,6 +28,7 @@ from .kinematics import (
     join_motion,
     leg_change,
     mean_over_burst,
+    row_blocks,
 )
 from .motion_file import (
     FrameMotion,
@@ -43,6 +52,7 @@ __all__ = [
     "PathImages",
     "PathMotion",
     "Rows",
+    "Segment",
     "StillBodies",
     "Tracks",
     "VertexSeries",
@@ -56,6 +66,7 @@ __all__ = [
     "mean_over_burst",
     "places_m",
     "read_motion",
+    "row_blocks",
     "smooth_poses",
     "which_move",
     "write_still_bodies",

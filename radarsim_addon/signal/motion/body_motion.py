@@ -46,6 +46,21 @@ def rotation_minus_one(vectors: Real) -> Real:
     return result
 
 
+def rotation_and_jacobian(vectors: Real) -> tuple[Real, Real]:
+    """Return exp(phi), and J with exp(phi + d) = exp(J d) exp(phi) to first order.
+
+    Both are (..., 3, 3).
+    """
+    angle = np.linalg.norm(vectors, axis=-1)
+    first, second = _sine_terms(angle)
+    square = np.maximum(angle**2, 1e-300)
+    third = np.where(angle > 1e-3, (1 - first) / square, 1 / 6 - angle**2 / 120)
+    k = _cross_matrix(vectors)
+    kk, one = k @ k, np.eye(3)
+    first, second, third = (term[..., None, None] for term in (first, second, third))
+    return first * k + second * kk + one, one + second * k + third * kk
+
+
 def rotation(vectors: Real) -> Real:
     """Return exp(phi), (..., 3, 3)."""
     return rotation_minus_one(vectors) + np.eye(3)
@@ -61,10 +76,9 @@ def rotation_vector(matrices: Real) -> Real:
     squares = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
     best = np.argmax(squares, axis=-1)
     q = np.empty((len(m), 4))
-    for case in range(4):
-        rows = np.flatnonzero(best == case)
-        if not rows.size:
-            continue
+    cases = set(best.tolist())
+    for case in cases:
+        rows = slice(None) if len(cases) == 1 else np.flatnonzero(best == case)
         a = m[rows]
         if case == 0:
             w = 1 + trace[rows]
@@ -85,17 +99,6 @@ def rotation_vector(matrices: Real) -> Real:
     angle = 2 * np.arctan2(sine, q[:, 0])
     factor = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 2.0)
     return (q[:, 1:] * factor[:, None]).reshape(*matrices.shape[:-2], 3)
-
-
-def left_jacobian(vectors: Real) -> Real:
-    """Return J with exp(phi + d) = exp(J d) exp(phi) to first order, (..., 3, 3)."""
-    angle = np.linalg.norm(vectors, axis=-1)
-    first, second = _sine_terms(angle)
-    square = np.maximum(angle**2, 1e-300)
-    third = np.where(angle > 1e-3, (1 - first) / square, 1 / 6 - angle**2 / 120)
-    k = _cross_matrix(vectors)
-    result: Real = np.eye(3) + second[..., None, None] * k + third[..., None, None] * (k @ k)
-    return result
 
 
 @dataclass(frozen=True)
@@ -122,7 +125,7 @@ class Segment:
         return np.asarray(2 * (times_s - self.start_s) / (self.stop_s - self.start_s) - 1)
 
     def vector(self, times_s: Real) -> Real:
-        """phi(t), (times, 3)."""
+        """Return phi(t), (times, 3)."""
         if not len(self.rotation):
             return np.zeros((times_s.size, 3))
         series = np.concatenate([np.zeros((1, 3)), self.rotation])
@@ -130,18 +133,18 @@ class Segment:
         return np.asarray(chebyshev.chebval(self._x(times_s), series).T - start)
 
     def orientation(self, times_s: Real) -> Real:
-        """G(t), (times, 3, 3)."""
+        """Return G(t), (times, 3, 3)."""
         if self.linear is not None:
             numbers = np.asarray(chebyshev.chebval(self._x(times_s), self.linear), np.float64)
             return numbers.T.reshape(-1, 3, 3)
         return np.asarray(rotation(self.vector(times_s)) @ self.initial_orientation)
 
     def centre(self, times_s: Real) -> Real:
-        """c(t), (times, 3)."""
+        """Return c(t), (times, 3)."""
         return np.asarray(chebyshev.chebval(self._x(times_s), self.translation).T)
 
     def origin(self, times_s: Real) -> Real:
-        """T(t), (times, 3)."""
+        """Return T(t), (times, 3)."""
         centre = self.centre(times_s)
         if self.rotation_centre.any():
             centre = centre + self.orientation(times_s) @ self.rotation_centre
@@ -161,7 +164,7 @@ class Segment:
             if len(self.rotation):
                 series = np.concatenate([np.zeros((1, 3)), self.rotation])
                 grows = np.asarray(chebyshev.chebval(x, chebyshev.chebder(series))) * per_s
-                spin = left_jacobian(self.vector(at))[0] @ grows
+                spin = rotation_and_jacobian(self.vector(at))[1][0] @ grows
             turning = _cross_matrix(spin) @ self.orientation(at)[0]
         return rate + turning @ self.rotation_centre, turning
 
@@ -195,7 +198,7 @@ class BodyMotion:
 
     @property
     def turning(self) -> bool:
-        """Whether the body turns or is stretched."""
+        """True if the body turns or is stretched."""
         return any(np.any(part.rotation) or part.linear is not None for part in self.segments)
 
     def _segment_at(self, times_s: Real | float) -> Indices:

@@ -10,6 +10,7 @@ better by the same criterion. A fitted segment has a noise, and from that an err
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -19,7 +20,13 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from ...arrays import Real, Single
-from .body_motion import BodyMotion, Segment, left_jacobian, rotation, rotation_vector
+from .body_motion import (
+    BodyMotion,
+    Segment,
+    rotation,
+    rotation_and_jacobian,
+    rotation_vector,
+)
 from .motion_file import VertexSeries
 
 #: Highest degree of a series.
@@ -204,7 +211,7 @@ class FittedSegment:
 
 
 def _is_noise(fitted: FittedSegment) -> bool:
-    """Whether the residual looks like rounding: small, no slow part, no peaks."""
+    """Return True if the residual looks like rounding: small, no slow part, no peaks."""
     for series in (fitted.move, fitted.turn):
         scatter = series.scatter
         if (
@@ -225,7 +232,7 @@ def split_segments(
     marks: list[int],
     depth: int,
 ) -> list[FittedSegment]:
-    """Return one segment, or several if those fit better."""
+    """Return one segment, or several if several fit better."""
     whole = fit(first, stop, stop_s)
     if depth >= _MAX_DEPTH or stop - first < 2 * _LEAST_SAMPLES or _is_noise(whole):
         return [whole]
@@ -329,6 +336,9 @@ class _Samples:
         times_s, poses = self.times_s[rows], self.relative[rows]
         count = 3 * len(times_s)
         reference = poses[0]
+        if (poses == reference).all():
+            criterion = criterion_of(0.0, count, 3, self.floor_turn)
+            return np.zeros((0, 3)), reference, criterion, np.zeros((len(times_s), 3))
         # Sums of small rotations are the rotation vector for a fixed axis, and near it otherwise.
         steps = rotation_vector(poses[1:] @ poses[:-1].transpose(0, 2, 1))
         summed = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
@@ -345,9 +355,9 @@ class _Samples:
             system = np.zeros((count, 3))
             for _ in range(4):
                 vectors = basis @ turn
-                exact = rotation(vectors)
+                exact, jacobian = rotation_and_jacobian(vectors)
                 residual = rotation_vector(poses @ (exact @ fitted).transpose(0, 2, 1))
-                blocks = np.einsum("nij,nk->nikj", left_jacobian(vectors), basis)
+                blocks = np.einsum("nij,nk->nikj", jacobian, basis)
                 system = np.concatenate(
                     [blocks.reshape(count, 3 * degree), exact.reshape(count, 3)], axis=1
                 )
@@ -435,7 +445,8 @@ def fit_body(
     # indices at which a segment may begin
     marks = sorted({int(np.searchsorted(times_s, at)) for at in corners_s})
     stop_s = max(span_s, float(times_s[-1]))
-    fitted = split_segments(samples.fit, times_s, 0, len(times_s), stop_s, marks, 0)
+    fit = functools.cache(samples.fit)  # of places that were tried, one is taken
+    fitted = split_segments(fit, times_s, 0, len(times_s), stop_s, marks, 0)
     fitted = within_burst(fitted, span_s)
     segment = fitted[0].segment
     turns = len(segment.rotation) if segment.linear is None else len(segment.linear) - 1

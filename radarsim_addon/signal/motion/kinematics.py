@@ -51,7 +51,7 @@ class PathMotion(Protocol):
 
     @property
     def moving_vertices(self) -> NDArray[np.bool_]:
-        """Whether the first and the last vertex move, (n, 2)."""
+        """True where the first and where the last vertex moves, (n, 2)."""
 
     @property
     def scatterers_move(self) -> NDArray[np.bool_]:
@@ -362,6 +362,13 @@ class PathImages:
 _BLOCK = 1 << 19
 
 
+def row_blocks(rows: int, times: int) -> Iterator[slice]:
+    """Yield parts of so many rows that are computed at once at so many times."""
+    step = max(1, _BLOCK // max(times, 1))
+    for start in range(0, rows, step):
+        yield slice(start, min(start + step, rows))
+
+
 @dataclass(frozen=True)
 class KinematicMotion:
     """Motion of n rows of a path table, a `PathMotion`."""
@@ -436,9 +443,8 @@ class KinematicMotion:
         index = np.arange(self.length_m.size)[rows]
         lengths = np.repeat(self.length_m[index][:, None], times_s.size, axis=1)
         places = np.flatnonzero(self.moving[index])
-        step = max(1, _BLOCK // max(times_s.size, 1))
-        for start in range(0, places.size, step):
-            here = places[start : start + step]
+        for part in row_blocks(places.size, times_s.size):
+            here = places[part]
             lengths[here] += self._change(index[here], times_s)
         return lengths
 
@@ -454,7 +460,7 @@ class KinematicMotion:
             )
 
     def _change(self, rows: NDArray[np.intp], times_s: Real) -> Real:
-        """Return lengths minus those at 0, (rows, times) [m]."""
+        """Return the lengths minus the lengths at t = 0, (rows, times) [m]."""
         scene = self.scene
         first, last = self.first_scatterer_m[rows], self.last_scatterer_m[rows]
         receiver_m, emitter_m = (self._place(end, rows) for end in (0, 1))
@@ -632,7 +638,7 @@ class _SurfacePoints(NamedTuple):
     weights: Real
 
     def start(self, epoch_s: float) -> Real:
-        """Positions at the epoch in the body's own axes, (rows, 3) [m]."""
+        """Return positions at the epoch in the body's own axes, (rows, 3) [m]."""
         positions = self.series.positions(self.corners, np.array([epoch_s]))
         return np.asarray(np.einsum("nk,tnki->tni", self.weights, positions)[0])
 

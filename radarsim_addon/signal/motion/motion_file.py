@@ -59,7 +59,9 @@ class StillBodies:
         return int(self.number.size)
 
     def among(self, others: Sequence[Item], mine: Sequence[Item]) -> list[Item]:
-        """Return one list of what belongs to the other bodies of the frame, and to these."""
+        """Merge a list for the other bodies of the frame and a list for the stationary ones, in the
+        order of the numbers.
+        """
         found: list[Item] = list(others)
         for number, one in zip(self.number.tolist(), mine, strict=True):
             found.insert(number - 1, one)
@@ -215,15 +217,9 @@ def read_motion(folder: Path, frame: int, sha256: str) -> FrameMotion:
     count = len(record.bodies) + (0 if still is None else len(still))
     tracks = None
     if record.deforming_surfaces_file:
-        if record.deforming_surfaces_file != DEFORMING_SURFACES_FILE:
-            raise SchemaError(
-                f"{path} names the file {record.deforming_surfaces_file!r} of deforming surfaces; "
-                f"expected {DEFORMING_SURFACES_FILE!r}. Render the frame again."
-            )
-        place = folder / DEFORMING_SURFACES_FILE
-        tracks = _read_tracks(place, count)
-        if file_sha256(place) != record.deforming_surfaces_sha256:
-            raise SchemaError(f"{place} was changed, or belongs to another frame. {RENDER_AGAIN}")
+        named = record.deforming_surfaces_file, DEFORMING_SURFACES_FILE
+        with _own_file(path, *named, "deforming surfaces", record.deforming_surfaces_sha256) as own:
+            tracks = _read_tracks(own, count)
     at_s = record.epoch_offset_s
     receiver, emitter = (_body(body, f"{path}: {body.object}", at_s) for body in record.antennas)
     places = [f"{path}: {body.object}" for body in record.bodies]
@@ -313,10 +309,18 @@ def _array(values: ArrayLike, shape: tuple[int | None, ...], where: str) -> Real
 
 
 @contextmanager
-def _readable(path: Path, what: str) -> Iterator[None]:
-    """Name the file in errors of reading it, and of the checks of its arrays."""
+def _own_file(motion: Path, given: str, name: str, what: str, sha256: str) -> Iterator[Path]:
+    """Give the path of a file next to that of the motion, and check its digest afterwards.
+
+    Errors of reading it, and of the checks of its arrays, name the file.
+    """
+    if given != name:
+        raise SchemaError(
+            f"{motion} names the file {given!r} of {what}; expected {name!r}. {RENDER_AGAIN}"
+        )
+    path = motion.with_name(name)
     try:
-        yield
+        yield path
     except FileNotFoundError as error:
         raise FrameFileError(f"{path} is missing. {RENDER_AGAIN}") from error
     # zipfile and zlib raise errors of many kinds on damaged files
@@ -324,19 +328,17 @@ def _readable(path: Path, what: str) -> Iterator[None]:
         raise FrameFileError(
             f"{path} cannot be read as {what} ({error}). {RENDER_AGAIN}"
         ) from error
+    if file_sha256(path) != sha256:
+        raise SchemaError(f"{path} was changed, or belongs to another frame. {RENDER_AGAIN}")
 
 
 def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
     """Read and check the file of stationary bodies of a frame; None where its record names none."""
     if not record.still_bodies_file:
         return None
-    path = folder / STILL_BODIES_FILE
-    if record.still_bodies_file != STILL_BODIES_FILE:
-        raise SchemaError(
-            f"{folder / MOTION_FILE} names the file {record.still_bodies_file!r} of stationary "
-            f"bodies; expected {STILL_BODIES_FILE!r}. {RENDER_AGAIN}"
-        )
-    with _readable(path, "stationary bodies"):
+    named = record.still_bodies_file, STILL_BODIES_FILE
+    motion, digest = folder / MOTION_FILE, record.still_bodies_sha256
+    with _own_file(motion, *named, "stationary bodies", digest) as path:
         arrays = read_npz(path, _KINDS)
         for name, kind in _KINDS.items():
             if arrays[name].dtype.kind not in kind:
@@ -346,8 +348,6 @@ def read_still_bodies(folder: Path, record: MotionRecord) -> StillBodies | None:
             arrays["number"].astype(np.int64), arrays["pose"].astype(np.float64), *names
         )
         _check_still_bodies(found, len(record.bodies))
-    if file_sha256(path) != record.still_bodies_sha256:
-        raise SchemaError(f"{path} was changed, or belongs to another frame. {RENDER_AGAIN}")
     return found
 
 
@@ -364,26 +364,21 @@ def _check_still_bodies(found: StillBodies, others: int) -> None:
 
 
 def _read_tracks(path: Path, bodies: int) -> Tracks:
-    with _readable(path, "points of deforming surfaces"):
-        arrays = read_npz(path)
-        for name, array in arrays.items():
-            expected = "iu" if name in ("track_body", "track_vertices") else "f"
-            if array.dtype.kind not in expected:
-                raise ValueError(f"{name} holds values of type {array.dtype}")
-        tracks = Tracks(
-            arrays["track_body"].astype(np.int32),
-            arrays["track_vertices"].astype(np.int32),
-            arrays["track_weights"].astype(np.float64),
-            {
-                int(body): VertexSeries(arrays[f"edges_s_{body}"], arrays[f"series_{body}"])
-                for body in np.unique(arrays["track_body"]).tolist()
-            },
-        )
-        _check_tracks(tracks, bodies)
-    return tracks
-
-
-def _check_tracks(tracks: Tracks, bodies: int) -> None:
+    """Read and check points of deforming surfaces; ValueError where they cannot be."""
+    arrays = read_npz(path)
+    for name, array in arrays.items():
+        expected = "iu" if name in ("track_body", "track_vertices") else "f"
+        if array.dtype.kind not in expected:
+            raise ValueError(f"{name} holds values of type {array.dtype}")
+    tracks = Tracks(
+        arrays["track_body"].astype(np.int32),
+        arrays["track_vertices"].astype(np.int32),
+        arrays["track_weights"].astype(np.float64),
+        {
+            int(body): VertexSeries(arrays[f"edges_s_{body}"], arrays[f"series_{body}"])
+            for body in np.unique(arrays["track_body"]).tolist()
+        },
+    )
     count = tracks.body.size
     if tracks.vertices.shape != (count, 3) or tracks.weights.shape != (count, 3):
         raise ValueError(f"{count} tracks with {tracks.vertices.shape} vertices")
@@ -401,3 +396,4 @@ def _check_tracks(tracks: Tracks, bodies: int) -> None:
             raise ValueError("series that are not finite and in order")
         if used.size and not (used.min() >= 0 and used.max() < shape[2]):
             raise ValueError(f"vertices up to {used.max()}, there are {shape[2]}")
+    return tracks

@@ -38,6 +38,7 @@ from ..motion import (
     join_motion,
     leg_change,
     places_m,
+    row_blocks,
 )
 from ..radar import Channel, Element
 
@@ -370,10 +371,6 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
     return power_w if paths.gain is None else power_w * paths.gain
 
 
-#: Rows times times that are computed at once: 12 MB for each array of vectors.
-_BLOCK = 1 << 19
-
-
 @dataclass(frozen=True)
 class ChannelMotion:
     """`PathMotion` of paths between two elements (`channel`) of the antennas.
@@ -407,10 +404,8 @@ class ChannelMotion:
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
         lengths = np.array(self.reference.lengths_m(times_s, rows))
         index = np.arange(self.first_scatterer_m.shape[0])[rows]
-        step = max(1, _BLOCK // max(np.size(times_s), 1))
         for end, element in enumerate((self.channel.rx, self.channel.tx)):
-            for start in range(0, index.size if element.displaced else 0, step):
-                part = slice(start, start + step)
+            for part in row_blocks(index.size if element.displaced else 0, np.size(times_s)):
                 lengths[part] += self._leg_change(times_s, index[part], end, element)
         return lengths
 

@@ -4,8 +4,8 @@
 `figure` has what all pictures share: numbers and units, joined cells, sheets that are drawn once
 for many frames, numbered points. `echo`, `profile`, `map` and `antennas` draw one kind each,
 `frame_pictures` all pictures of a frame and the animation of a run's maps. `frame_view` has what
-pictures are drawn from in files between processes, `scan` pictures of all frames, `view_pictures`
-those that the window asks for, and `worker` is the process that draws them.
+pictures are drawn from in files between processes, `view_pictures` those that the window asks for,
+and `worker` is the process that draws them.
 """
 
 from .antennas import ANTENNA_PICTURE, COVERAGE_PICTURE, plot_antennas, plot_coverage

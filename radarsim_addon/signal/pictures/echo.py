@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import functools
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,12 @@ from .figure import (
     Sheet,
     Unit,
     cell_axis,
+    cell_image,
     frequency_unit,
     new_figure,
     range_unit,
     reference_text,
+    say_empty,
     scale_on_top,
     strongest,
     time_unit,
@@ -84,8 +86,8 @@ def plot_echo(echoes: Echoes, title: str = "Raw echo") -> Figure:
     for axis in (first, second):
         axis.grid(alpha=0.3)
         axis.set_xlim(float(time[0]), float(time[-1]))
-    if not scale.top:
-        _say_empty(first, second)
+        if not scale.top:
+            say_empty(axis, "0.5")
     _label_times(first, second, clock)
     figure.suptitle(f"{title}, one pulse", fontsize=10)
     return figure
@@ -133,13 +135,7 @@ def echo_axes(echoes: Echoes) -> EchoAxes:
 def empty_echo(figure: Figure, axes: EchoAxes, floor_db: float) -> tuple[Axes, AxesImage, Colorbar]:
     """Draw the axes of levels into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
-    image = axis.imshow(
-        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
-        extent=(axes.across.low, axes.across.high, axes.along.low, axes.along.high),
-        vmin=floor_db, vmax=0,
-    )  # fmt: skip
-    axis.set_xlim(axes.across.low, axes.across.end)
-    axis.set_ylim(axes.along.low, axes.along.end)
+    image = cell_image(axis, axes.across, axes.along, cmap="viridis", vmin=floor_db, vmax=0)
     axis.set_ylabel(axes.row_text)
     _label_times(axis, axis, axes)
     return axis, image, figure.colorbar(image, ax=axis, pad=0.02)
@@ -182,19 +178,12 @@ class _Burst:
         self.figure = new_figure(10, 6)
         first, second = self.axes = self.figure.subplots(2, 1, sharex=True)
         self._steps = axes.along.step, axes.across.step
-        common: dict[str, Any] = {"aspect": "auto", "origin": "lower", "interpolation": "nearest"}
-        ends = axes.across.high, axes.across.end
-        tops = axes.along.high, axes.along.end
+        # real parts are not joined
+        single = (replace(axis, high=axis.end) for axis in (axes.across, axes.along))
         self.images = [
-            axis.imshow(
-                np.zeros((1, 1)), cmap=colours, vmin=low, vmax=high,
-                extent=(axes.across.low, end, axes.along.low, top), **common,
-            )
-            for axis, colours, low, high, end, top in zip(
-                (first, second), ("viridis", "RdBu_r"), (-_SPAN_DB, -_WIDEST), (0.0, _WIDEST),
-                ends, tops, strict=True,
-            )
-        ]  # fmt: skip
+            cell_image(first, axes.across, axes.along, cmap="viridis", vmin=-_SPAN_DB, vmax=0.0),
+            cell_image(second, *single, cmap="RdBu_r", vmin=-_WIDEST, vmax=_WIDEST),
+        ]
         self.bars = [
             self.figure.colorbar(image, ax=axis, extend=extend)
             for image, axis, extend in zip(
@@ -202,8 +191,6 @@ class _Burst:
             )
         ]
         for axis in (first, second):
-            axis.set_xlim(axes.across.low, axes.across.end)
-            axis.set_ylim(axes.along.low, axes.along.end)
             axis.set_ylabel(axes.row_text)
         _label_times(first, second, axes)
 
@@ -215,8 +202,8 @@ class _Burst:
         within = f"{scale.value_text}, 95 % of $|s|$ within" if scale.top else "Re $s$"
         for bar, text in zip(self.bars, (scale.level_text, within), strict=True):
             bar.ax.set_ylabel(text)
-        if not scale.top:
-            _say_empty(*self.axes)
+        for axis in () if scale.top else self.axes:
+            say_empty(axis, "0.5")
         self.figure.suptitle(title, fontsize=10)
 
 
@@ -232,14 +219,6 @@ def _sheet(axes: EchoAxes) -> tuple[_Burst, Sheet]:
     ]  # fmt: skip
     title = burst.figure.suptitle(TALL_TEXT, fontsize=10)
     return burst, Sheet(burst.figure, [*changing, first.ax.yaxis.label, second.ax, title])
-
-
-def _say_empty(*axes: Axes) -> None:
-    for axis in axes:
-        axis.text(
-            0.5, 0.5, "no echo", fontsize=14, ha="center", va="center",
-            color="0.5", transform=axis.transAxes,
-        )  # fmt: skip
 
 
 def _label_times(first: Axes, second: Axes, axes: EchoAxes) -> None:
@@ -292,10 +271,7 @@ def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60
         axis.set_axis_off()
         if ring < frame.rings:
             if tops[ring] <= 0:
-                axis.text(
-                    0.5, 0.5, "no echo", color="0.6", fontsize=7, ha="center", va="center",
-                    transform=axis.transAxes,
-                )  # fmt: skip
+                say_empty(axis, "0.6", 7)
             level = power_to_db(thumbnails[ring], reference, floor_db)
             axis.imshow(level, vmin=floor_db, vmax=0, cmap="magma")
             axis.set_title(f"{ring * step_m:g}-{(ring + 1) * step_m:g} m", fontsize=7, pad=2)

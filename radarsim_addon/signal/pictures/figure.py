@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
     from matplotlib.legend import Legend
     from matplotlib.text import Annotation
     from matplotlib.transforms import Bbox
@@ -173,6 +174,25 @@ def strongest(values: Real, steps: Sequence[int]) -> Real:
     return values
 
 
+def cell_image(axis: Axes, across: CellAxis, up: CellAxis, **style: Any) -> AxesImage:
+    """Draw empty levels over the cells of two axes, which end with the last whole cell."""
+    image = axis.imshow(
+        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest",
+        extent=(across.low, across.high, up.low, up.high), **style,
+    )  # fmt: skip
+    axis.set_xlim(across.low, across.end)
+    axis.set_ylim(up.low, up.end)
+    return image
+
+
+def say_empty(axis: Axes, colour: str, size: float = 14) -> None:
+    """Write in the middle of axes that there is no echo."""
+    axis.text(
+        0.5, 0.5, "no echo", color=colour, fontsize=size, ha="center", va="center",
+        transform=axis.transAxes,
+    )  # fmt: skip
+
+
 def new_figure(width_in: float, height_in: float) -> Figure:
     """Return an empty figure with constrained layout that does not belong to pyplot."""
     # A Figure of its own: no window system, no state shared with the caller's pyplot.
@@ -204,7 +224,7 @@ def scale_on_top(axis: Axes, factor: float, label: str) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Give all axes their places, once: what is drawn later leaves them there.
+    """Place all axes once. Whatever is drawn later does not move them.
 
     The layout takes as long as all drawing, and would else be found again with each drawing.
     """
@@ -243,7 +263,9 @@ def save_figure(figure: Figure, path: str | Path, dpi: int = DPI) -> Path:
 
 
 class Sheet:
-    """A figure that is laid out and drawn once, except what changes, in the order of drawing."""
+    """A figure that is laid out and drawn once. The parts `changing` are drawn again for each
+    picture, in this order.
+    """
 
     def __init__(self, figure: Figure, changing: Sequence[Artist], dpi: float = DPI) -> None:
         figure.set_dpi(dpi)
@@ -266,12 +288,13 @@ class Sheet:
         self._last = self._empty
 
     def _children(self) -> list[Artist]:
-        """Return all parts, without those of axes that change themselves."""
+        """Return all parts, except the parts of axes that change themselves."""
         still = [axes for axes in self._figure.axes if axes not in self._changing]
         return [child for part in (self._figure, *still) for child in part.get_children()]
 
     def picture(self, on_top: bool = False) -> NDArray[np.uint8]:
-        """Draw what has changed and what was added, and remove that; (height, width, 3).
+        """Draw the changing parts and the added ones, then remove the added ones. Return (height,
+        width, 3).
 
         `on_top`: draw what was added over the last picture that was drawn without it.
         """

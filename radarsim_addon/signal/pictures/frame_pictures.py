@@ -20,7 +20,7 @@ from ...atomic_files import replaced
 from ...errors import FrameFileError
 from ...movie_file import MovieWriter
 from ..maps import power_unit
-from ..results import FrameResult, frame_file, result_writer
+from ..products import FrameResult, frame_file, result_writer
 from .echo import draw_echo, plot_echo, plot_rings
 from .figure import TALL_TEXT, Sheet, new_figure, save_figure, save_picture
 from .map import (
@@ -108,7 +108,7 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class MapFile:
-    """A frame's ``_map.npz``, and what its picture needs before the file is read."""
+    """A frame's ``_map.npz``, with the numbers that its picture needs before the file is read."""
 
     path: Path
     frame: int

@@ -20,7 +20,7 @@ import numpy as np
 from ...arrays import Real, read_npz
 from ...typed_json import from_json
 from ..detection import FrameBudget, PathFinder, matching_objects
-from ..results import FrameResult
+from ..products import FrameResult
 from .echo import EchoAxes, echo_axes
 from .figure import MOST_CELLS, cell_width, strongest
 from .map import MapAxes, SpectrogramAxes, axes_of_map, spectrogram_axes
@@ -50,7 +50,7 @@ class Target(TypedDict):
 
 @dataclass(frozen=True)
 class FrameView:
-    """What is shown of a frame."""
+    """Data of the pictures and lists of a frame."""
 
     #: Number and scene time [s].
     frame: int
@@ -80,12 +80,12 @@ class FrameView:
 
     @property
     def targets(self) -> list[Target]:
-        """What the list shows: detections; without CFAR the objects, the strongest first."""
+        """Targets of the list: detections. Without CFAR, the objects, the strongest first."""
         return list(self.objects.values()) if self.detections is None else self.detections
 
     @property
     def title(self) -> str:
-        """Frame, time, and what is uncertain."""
+        """Frame, time, and the note about uncertain powers."""
         text = f"frame {self.frame}, t = {self.time_s:.4g} s"
         return f"{text}, {self.uncertain}" if self.uncertain else text
 
@@ -108,7 +108,7 @@ def read_view(folder: Path, frame: int) -> FrameView:
 
 
 def write_view(result: Any, folder: Path) -> None:
-    """Write what is shown of a frame's result (a `signal.FrameResult`)."""
+    """Write the data for pictures of a frame's result (a `signal.FrameResult`)."""
     source, radar = result.source, result.rd_map.radar
     finder = PathFinder(source, FrameBudget(source).link) if source.tables else None
     interval_mps = 2 * radar.max_unambiguous_velocity_mps
@@ -179,7 +179,7 @@ def write_view(result: Any, folder: Path) -> None:
 
 
 def _spectrogram_rows(result: Any, targets: list[Target]) -> list[int]:
-    """Numbers of the targets in the ranges, and on the objects, of the spectrogram."""
+    """Return numbers of the targets in the ranges, and on the objects, of the spectrogram."""
     shown = result.spectrogram
     if shown is None:
         return []
@@ -198,7 +198,7 @@ def _finite(value: float) -> float | None:
 
 
 def _lines(found: Any) -> list[list[list[float]]]:
-    """Corners of paths, to a tenth of a millimetre."""
+    """Return corners of paths, to a tenth of a millimetre."""
     return [np.round(line, 4).tolist() for line in found.lines_m]
 
 

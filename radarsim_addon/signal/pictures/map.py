@@ -28,6 +28,7 @@ from .figure import (
     Sheet,
     Unit,
     cell_axis,
+    cell_image,
     cell_width,
     decimals_for,
     fixed,
@@ -38,6 +39,7 @@ from .figure import (
     number_points,
     range_unit,
     reference_text,
+    say_empty,
     scale_on_top,
     speed_unit,
     strongest,
@@ -171,7 +173,7 @@ def draw_range_doppler(
 
 
 class _Parts(NamedTuple):
-    """A figure for maps of some axes, and what changes in it."""
+    """A figure for maps with these axes, and its parts that change."""
 
     figure: Figure
     axis: Axes
@@ -364,13 +366,7 @@ def draw_map(
 def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, AxesImage, Colorbar]:
     """Draw the axes of a map into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
-    image = axis.imshow(
-        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
-        extent=(axes.doppler.low, axes.doppler.high, axes.ranges.low, axes.ranges.high),
-        vmin=floor_db, vmax=0,
-    )  # fmt: skip
-    axis.set_xlim(axes.doppler.low, axes.doppler.end)
-    axis.set_ylim(axes.ranges.low, axes.ranges.end)
+    image = cell_image(axis, axes.doppler, axes.ranges, cmap="viridis", vmin=floor_db, vmax=0)
     bar = figure.colorbar(image, ax=axis, pad=0.02)
     _label_axes(axis, axes)
     return axis, image, bar
@@ -379,10 +375,7 @@ def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, Axe
 def label_colours(axis: Axes, bar: Colorbar, scale: ColourScale) -> None:
     if not scale.reference > 0:
         bar.set_label("power [dB]")
-        axis.text(
-            0.5, 0.5, "no echo", color="white", fontsize=14, ha="center", va="center",
-            transform=axis.transAxes,
-        )  # fmt: skip
+        say_empty(axis, "white")
         return
     bar.set_label(f"power [dB re {scale.of}{reference_text(scale.reference, scale.unit)}]")
     if scale.noise_power > 0:
@@ -503,14 +496,8 @@ def empty_spectrogram(
 
     The image has a row for each cell of Doppler.
     """
-    across, up = axes.across, axes.up
     axis = figure.subplots()
-    image = axis.imshow(
-        np.zeros((1, 1)), aspect="auto", origin="lower", interpolation="nearest", cmap="viridis",
-        extent=(across.low, across.high, up.low, up.high), vmin=floor_db, vmax=0,
-    )  # fmt: skip
-    axis.set_xlim(across.low, across.end)
-    axis.set_ylim(up.low, up.end)
+    image = cell_image(axis, axes.across, axes.up, cmap="viridis", vmin=floor_db, vmax=0)
     axis.set_xlabel(f"time [{axes.time_unit.name}]")
     axis.set_ylabel(f"Doppler [{axes.doppler_unit.name}] (receding: negative)")
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size

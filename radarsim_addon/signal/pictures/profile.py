@@ -47,7 +47,6 @@ def plot_range_profile(
     edges: Sequence[LeadingEdge] = (),
     title: str = "Matched filter",
     floor_db: float | None = None,
-    reference_ranges_m: Sequence[float] = (),
     expected: ExpectedPower | None = None,
     *,
     noise_power: float = 0.0,
@@ -67,8 +66,6 @@ def plot_range_profile(
         Text above the axes.
     floor_db
         Lowest level drawn, relative to the strongest; None: -80 dB, or down to the noise.
-    reference_ranges_m
-        True ranges [m], drawn as dashed lines.
     expected
         Expected power with its standard error, drawn as a band of one standard error.
     noise_power
@@ -82,9 +79,7 @@ def plot_range_profile(
     matplotlib.figure.Figure
         The picture.
     """
-    shown = _Shown.of(
-        compressed, profile, edges, expected, floor_db, noise_power, unit, reference_ranges_m
-    )
+    shown = _Shown.of(compressed, profile, edges, expected, floor_db, noise_power, unit)
     figure = new_figure(10, 4.5)
     axis = _empty_axes(figure, shown.scale, shown.ends)
     axis.set_title(title, fontsize=10)
@@ -116,7 +111,7 @@ def draw_expected_profile(figure: Figure, range_m: Real, power: Real, scale: Col
     own = _Scale(scale.reference or 1.0, scale.floor_db, range_unit(float(range_m[-1])))
     low, high = range_m[[0, -1]] / own.length.size
     curve = _Curve(range_m, power, "expected power, no speckle, no noise", 1.2, "C0")
-    shown = _Shown([curve], own, None, scale.reference, [], [], None, 0.0, scale.unit, ())
+    shown = _Shown([curve], own, None, scale.reference, [], [], None, 0.0, scale.unit)
     axis = _empty_axes(figure, own, (float(low), float(high)) if high > low else None)
     shown.draw(figure, axis)
     return axis
@@ -146,8 +141,8 @@ class _Scale:
 
 @dataclass(frozen=True)
 class _Shown:
-    """What a picture shows: `ends` of its ranges, `spots` and `texts` of the edges, and its
-    arguments; `top` is the strongest power.
+    """Content of a picture: the arguments of `plot_range_profile`, the `ends` of its ranges,
+    `spots` and `texts` of the edges, and `top`, the strongest power.
     """
 
     curves: list[_Curve]
@@ -159,7 +154,6 @@ class _Shown:
     expected: ExpectedPower | None
     noise_power: float
     unit: str
-    references_m: Sequence[float]
 
     @classmethod
     def of(
@@ -171,7 +165,6 @@ class _Shown:
         floor_db: float | None,
         noise_power: float,
         unit: str,
-        references_m: Sequence[float] = (),
     ) -> _Shown:
         curves = _curves(compressed, profile)
         top = max((float(curve.power.max(initial=0.0)) for curve in curves), default=0.0)
@@ -189,9 +182,7 @@ class _Shown:
         source = profile or compressed
         cell_m = 1.0 if source is None else source.radar.waveform.range_resolution_m
         spots, texts = _edge_spots(edges, scale, cell_m)
-        return cls(
-            curves, scale, ends, top, spots, texts, expected, noise_power, unit, references_m
-        )
+        return cls(curves, scale, ends, top, spots, texts, expected, noise_power, unit)
 
     def draw(self, figure: Figure, axis: Axes) -> None:
         """Fill the axes, and list the edges below."""
@@ -206,10 +197,6 @@ class _Shown:
             text = f"mean noise, {level} {self.unit}".rstrip()
             noise_db = 10 * math.log10(self.noise_power / top)
             axis.axhline(noise_db, color="0.2", ls=":", lw=1.0, label=text)
-        for number, range_m in enumerate(self.references_m):
-            # a label that begins with an underscore is not in the legend
-            text = "true near face" if number == 0 else "_"
-            axis.axvline(range_m / length.size, ls="--", lw=0.8, color="C2", zorder=0, label=text)
         text = f"power [dB re strongest{reference_text(top, self.unit)}]" if top else "power [dB]"
         axis.set_ylabel(text)
         if self.spots:

@@ -19,7 +19,9 @@ from .view_pictures import answer_request
 
 
 def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
-    """Answer requests until the input ends; `place` names what a later one is drawn instead of."""
+    """Answer requests until the input ends. A later request with the same `place` replaces a
+    waiting one.
+    """
     requests: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
 
     def read() -> None:

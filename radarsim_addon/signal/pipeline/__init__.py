@@ -3,12 +3,11 @@
 
 `options` settles how a run is processed, `frame` takes one frame from its input to its result
 without a file, and `process` does so for all frames of a folder and writes the products, keeping
-those that are there already. `cli` has the command `radarsim` and the processing by workers,
-`commands` the commands that process nothing (info, objects, antennas, merge), `console` the text
-for people.
+those that are there already. `cli` has the command `radarsim`, the processing by workers, and the
+text for people, `commands` the commands that process nothing (info, objects, antennas, merge).
 """
 
-from ..results import FrameResult
+from ..products import FrameResult
 from .cli import FrameProcessor, main, parse_process_arguments, process_options
 from .commands import write_coverage
 from .frame import process_frame

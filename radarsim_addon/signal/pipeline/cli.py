@@ -12,23 +12,25 @@ import dataclasses
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ... import __version__
+from ...coordinator import Reply, run_frames
 from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, exit_code, finding_lines, from_json, to_json
 from ...options import CommandParser, add_arguments, add_share_arguments, declared, given, share_of
-from ...terminal import error_line
-from ..detection import Cfar
-from ..distributed import Reply, run_frames
+from ...terminal import error_line, printable
+from ..detection import Cfar, Detection, Peak, target_count, velocity_before_folding_mps
 from ..echoes import Receiver
-from ..maps import SpectrogramOptions
-from ..pictures import MapFile, map_file
+from ..maps import RangeDopplerMap, SpectrogramOptions, level_unit
+from ..pictures import MapFile, cell_width, decimals_for, fixed, map_file
+from ..products import FrameResult
 from ..radar import Weather, load_radar
-from ..results import FrameResult
 from ..runs import open_run
 from .commands import (
+    Subcommands,
     add_antennas_parser,
     add_merge_parser,
     add_objects_parser,
@@ -37,9 +39,8 @@ from .commands import (
     print_objects,
     print_run,
 )
-from .console import Subcommands, frame_lines, kept_lines
 from .options import ProcessOptions
-from .process import Products, open_products, process_run, products_folder
+from .process import KeptFrame, Products, open_products, process_run, products_folder
 
 
 def frame_numbers(text: str) -> list[int]:
@@ -98,7 +99,7 @@ def add_process_parser(commands: Subcommands) -> None:
 
 
 def process_options(chosen: argparse.Namespace) -> ProcessOptions:
-    """Return options from parsed arguments; those that do not fit together are a `ConfigError`."""
+    """Return options from parsed arguments. `ConfigError`: they do not fit together."""
     radar = None
     if chosen.waveform is not None:
         # a waveform file may hold no burst: then the run's own
@@ -133,7 +134,7 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
 
 
 def chosen_frames(chosen: argparse.Namespace) -> list[int]:
-    """Return the frames of parsed arguments: those of the shard."""
+    """Return the frames of parsed arguments. With a shard, return its part of them."""
     frames = chosen.frames or open_run(chosen.folder).record.frames
     return share_of(chosen).part(frames)
 
@@ -198,11 +199,11 @@ class FrameProcessor:
         return _reply(frame_lines(result), result.findings, shown)
 
     def stop(self) -> None:
-        """End now: what is half written is removed on the way."""
+        """End now. Half-written files are removed on the way."""
         sys.exit()
 
     def close(self) -> None:
-        """Nothing is kept open."""
+        """Do nothing: no file is kept open."""
 
 
 def _reply(lines: list[str], findings: list[Finding], shown: MapFile) -> dict[str, Any]:
@@ -316,5 +317,101 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         return getattr(stop, "exit_code", 130)  # 128 + SIGINT, as in shells
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+# -- text for people: figures in columns, in the digits that a map's cells bear --------------------
+
+#: Targets of a frame that are listed.
+_MOST_LINES = 10
+
+
+def frame_lines(result: FrameResult) -> list[str]:
+    """Return a text about the echoes, targets and files of a frame."""
+    counts, digits = result.statistics.counts, map_digits(result.rd_map)
+    unit = level_unit(result.echoes.amplitude_model)
+    lines = [f"frame {result.frame}: t = {result.time_s:g} s, {counts.paths} paths"]
+    lines += [
+        f"  leading edge  {digits.range_text(edge.range_m)}   level {edge.level_db:z8.2f} {unit}"
+        for edge in result.edges
+    ]
+    if result.edges_left_out:
+        lines.append(f"  {result.edges_left_out} leading edges of lower prominence are not listed")
+    lines += [
+        f"  moving target {digits.range_text(peak.range_m)}   level {peak.level_db:z8.2f} {unit}   "
+        f"{digits.motion_text(peak)}   {peak.peak_to_background_db:.1f} dB above its surroundings"
+        f"{_name_text(peak)}"
+        for peak in result.moving_targets
+    ]
+    if result.detections is not None:
+        found = result.detections
+        count = target_count(len(found.targets), found.left_out)
+        cells = f"{found.cells} cell{'' if found.cells == 1 else 's'}"
+        lines.append(f"  CFAR          {count}, {cells} above the threshold")
+        lines += [f"  {line}" for line in detection_lines(found.targets, result.rd_map)]
+    lines += [f"  {line}" for line in result.budget.lines()]
+    if result.files:
+        lines.append(f"  {len(result.files)} files in {result.files[0].parent}")
+    return lines
+
+
+def kept_lines(kept: KeptFrame) -> list[str]:
+    """Return text for a frame that was done before."""
+    return [f"frame {kept.frame}: done before, {len(kept.files)} files in {kept.map.path.parent}"]
+
+
+def detection_lines(
+    targets: Sequence[Detection], rd_map: RangeDopplerMap | None = None
+) -> list[str]:
+    """Return one line for each of the first targets; `rd_map` gives the digits that its cells
+    bear.
+    """
+    digits = map_digits(rd_map)
+    lines = [
+        f"target       {digits.range_text(t.range_m)}   SNR {t.snr_db:z8.2f} dB   "
+        f"{digits.motion_text(t)}{_name_text(t)}"
+        for t in targets[:_MOST_LINES]
+    ]
+    if len(targets) > _MOST_LINES:
+        lines.append(f"{len(targets) - _MOST_LINES} more targets in the files")
+    return lines
+
+
+def _name_text(target: Peak | Detection) -> str:
+    return f"   {printable(target.name)}" if target.name else ""
+
+
+def map_digits(rd_map: RangeDopplerMap | None) -> Digits:
+    """Return digits for values that are interpolated between the cells of a map. There are at least
+    the usual ones.
+    """
+    if rd_map is None:
+        return Digits()
+    step_hz = cell_width(rd_map.doppler_hz)
+    step_mps = step_hz * rd_map.radar.waveform.wavelength_m / 2
+    usual = Digits()
+    return Digits(
+        max(usual.range, decimals_for(cell_width(rd_map.range_m))),
+        max(usual.rate, decimals_for(step_mps)),
+        max(usual.doppler, decimals_for(step_hz)),
+    )
+
+
+@dataclass(frozen=True)
+class Digits:
+    """Digits behind the point of ranges [m], range rates [m/s] and Doppler [Hz]."""
+
+    range: int = 2
+    rate: int = 3
+    doppler: int = 2
+
+    def range_text(self, range_m: float) -> str:
+        """Return a range, right-aligned."""
+        return f"{fixed(range_m, self.range):>10} m"
+
+    def motion_text(self, target: Peak | Detection) -> str:
+        """Return range rate and Doppler, right-aligned; a rate of 0 has no sign."""
+        rate = fixed(target.velocity_mps, self.rate, signed=True)
+        doppler = fixed(target.doppler_hz, self.doppler, signed=True)
+        text = f"range rate {rate:>9} m/s   Doppler {doppler:>9} Hz"
+        true_mps = velocity_before_folding_mps(target)
+        if true_mps is not None:
+            text += f"   folded, true range rate {fixed(true_mps, self.rate, signed=True)} m/s"
+        return text

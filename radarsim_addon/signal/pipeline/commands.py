@@ -7,6 +7,7 @@ into files.
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import errno
 import itertools
@@ -15,6 +16,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
 from ...atomic_files import cannot_write, make_folder
 from ...contract import (
@@ -28,6 +30,7 @@ from ...contract import (
 )
 from ...errors import ConfigError, FrameFileError, OutputError, SchemaError
 from ...findings import Finding, finding_lines, frames_text, merge
+from ...options import CommandParser
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...terminal import printable
 from ...typed_json import check_digest, file_sha256, write_record
@@ -49,22 +52,20 @@ from ..pictures import (
     plot_coverage,
     save_figure,
 )
-from ..products import SUMMARY_ENDING, write_coverage_files
+from ..products import SUMMARY_ENDING, frame_file, write_coverage_files
 from ..radar import Coverage, coverage_curve, half_power_width_rad, make_system, read_system
-from ..results import frame_file
-from ..runs import RadarFrame, Run, open_run, shared_plan
-from .console import Subcommands
+from ..runs import FRAME_FIELDS, RadarFrame, Run, open_run, shared_plan
 
+#: Where a parser of arguments collects its commands.
+Subcommands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 #: Rounding of the range encoding in float32, relative to its length or the path's, the larger one.
 _CODE_NOISE = 7e-8
 #: Above this a unit was mistaken: an array of wavelengths would not fit into memory.
 _HIGHEST_CARRIER_GHZ = 1e4
-#: Fields in which parts of a run may differ: each names its own frames.
-_FRAMES = ("frames", "frame_times_s")
 
 
 def print_run(folder: str) -> int:
-    """Print what a run is and its first whole frame; return the exit code."""
+    """Print the plan of a run and its first whole frame. Return the exit code."""
     run = open_run(folder)
     record, radar = run.record, run.radar
     waveform, burst = radar.waveform, radar.burst
@@ -141,7 +142,7 @@ def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:
 
 
 def _print_quality(record: PathsRecord) -> None:
-    """Print what the table of a frame records of its quality."""
+    """Print the quality that the table of a frame records."""
     replicates = "1 replicate" if record.replicates == 1 else f"{record.replicates} replicates"
     print(
         f"  tiles            {record.tiles}, {replicates} each, finest level "
@@ -187,7 +188,7 @@ def _print_quality(record: PathsRecord) -> None:
 
 
 def _noise_rows(run: Run) -> list[tuple[str, str]]:
-    """Return what float32 costs at the far end of the rings."""
+    """Return the rounding of float32 at the far end of the rings."""
     record = run.record
     noise_m = (
         _CODE_NOISE * max(record.range_encoding_length_m, 2 * record.rings * record.ring_step_m) / 2
@@ -318,7 +319,8 @@ def add_merge_parser(commands: Subcommands) -> None:
 
 
 def merge_parts(out: str | Path, parts: Sequence[str | Path]) -> int:
-    """Merge parts of a run, with their products; print what is there. Returns the exit code.
+    """Merge parts of a run, with their products, and print the number of frames. Return the exit
+    code.
 
     Files are linked where disk and file system allow it, else copied. A frame that several parts
     hold is taken from the first one where it is complete. All files with digests are compared with
@@ -354,7 +356,7 @@ def _merged_record(runs: Sequence[Run]) -> RunRecord:
     first = runs[0].record
     for run in runs[1:]:
         here, there = shared_plan(first), shared_plan(run.record)
-        names = [name for name in here if name not in _FRAMES and here[name] != there[name]]
+        names = [name for name in here if name not in FRAME_FIELDS and here[name] != there[name]]
         if run.record.fingerprint != first.fingerprint:
             names.append("scene, settings or software")
         if names:

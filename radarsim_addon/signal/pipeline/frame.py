@@ -62,8 +62,8 @@ from ..maps import (
     spectrogram,
 )
 from ..paths import PathRows, Paths, TableFootprints
+from ..products import FrameResult
 from ..radar import Weather, find_suspicious_parameters
-from ..results import FrameResult
 from ..scattering import FrameSpeckle, rain_paths, rain_rows, table_footprints
 from .options import ResolvedOptions
 
@@ -106,7 +106,7 @@ def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameRes
 def frame_steps(
     frame_input: FrameInput, options: ResolvedOptions
 ) -> Generator[str, None, FrameResult]:
-    """Process one radar frame step by step, as `process_frame`; yield what was done."""
+    """Process a radar frame step by step, as `process_frame` does. Yield a text about each step."""
     number, radar = frame_input.frame.number, frame_input.radar
     statistics_sum = StatisticsSum(radar, options.receiver_gain, frame_input.range_limits_m)
     folds = DopplerFolds(radar)
@@ -262,8 +262,8 @@ def _echoes_of(
     options: ResolvedOptions,
     objects: Collection[str] | None = None,
 ) -> Echoes:
-    """Return echoes of one visibility update; `objects`: of paths alone that end at one of
-    these.
+    """Return the echoes of one visibility update. With `objects`, use only paths that end at one of
+    them.
     """
     update, wanted = frame_input.of_update(number), _pulses_of_update(frame_input, number)
     echo_sum = _EchoSum(update, options, FrameBudget(update, options.weather), wanted=wanted)
@@ -336,7 +336,9 @@ def _detections(
 def _spectrogram(
     frame_input: FrameInput, options: ResolvedOptions, compressed: RangeProfiles
 ) -> Spectrogram | None:
-    """Return the spectrogram of all echoes, or of those of some objects; None: none is wanted."""
+    """Return the spectrogram of all echoes, or of the echoes of some objects. None: no spectrogram
+    is wanted.
+    """
     wanted = options.spectrogram
     if wanted is None:
         return None
@@ -360,7 +362,9 @@ def findings_of_frame(
     received: ReceivedSignal,
     weather: Weather,
 ) -> list[Finding]:
-    """Find what to know before trusting the frame, from every stage; `weather` as it is shown."""
+    """Collect the findings of all stages about a frame. `weather` has the echo of rain only if the
+    frame shows it.
+    """
     scatterers, report = speckle.report(), received.echoes.report
     mode = frame_input.frame.sampling_mode
     rendered = [*frame_input.frame.record.findings]

@@ -233,7 +233,7 @@ class ResolvedOptions(ProcessOptions):
 
     @property
     def echo_options(self) -> EchoOptions:
-        """How echoes are formed; only powers in watts get random phases."""
+        """Options of the echo synthesis. Only powers in watts get random phases."""
         watts = self.amplitude_model == "radar-equation"
         return EchoOptions(
             amplitude_model=self.amplitude_model,

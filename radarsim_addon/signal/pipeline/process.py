@@ -47,15 +47,12 @@ from ..pictures import (
     plot_antennas,
     save_figure,
 )
-from ..products import SUMMARY_ENDING
+from ..products import SUMMARY_ENDING, FrameResult, frame_file, remove_stale, write_result
 from ..radar import make_system
-from ..results import FrameResult, frame_file, remove_stale, write_result
-from ..runs import RadarFrame, Run, open_run, shared_plan
+from ..runs import FRAME_FIELDS, RadarFrame, Run, open_run, shared_plan
 from .frame import frame_steps
 from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
-#: Fields of a run's plan that change where frames are added to it.
-_OF_ALL_FRAMES = ("frames", "frame_times_s")
 #: Options that change no file of a frame.
 _OF_NO_FRAME = ("animate", "animation_format")
 _MOST_BYTES = 1 << 26
@@ -187,7 +184,7 @@ def _process_frames(
 def open_products(
     run: Run, options: ResolvedOptions, out: str | Path | None, allow_incomplete: bool
 ) -> Iterator[Products]:
-    """Make the folder for a run's products; what is refused leaves none behind."""
+    """Make the folder for a run's products. If the run is refused, no new folder remains."""
     if options.animation_format == "mp4" and options.animate is not False:
         movie_encoder()  # an error now, not after the frames
     folder = products_folder(run, out)
@@ -233,7 +230,7 @@ class Products:
         return Fingerprints(self.run, self.options)
 
     def process(self, frame: RadarFrame) -> Iterator[str | FrameResult]:
-        """Open, process and write a frame; yield what was done, the result in the end."""
+        """Open, process and write a frame. Yield a text about each step, then the result."""
         options, folder, number = self.options, self.folder, frame.number
         fingerprint, summary = self._fingerprints.of(frame), self._summary(frame)
         result = yield from frame_steps(options.open(frame), options)
@@ -276,8 +273,8 @@ class Products:
         return skipped if gaps else None
 
     def draw_common(self, maps: Sequence[MapFile]) -> Path | None:
-        """Draw what all frames share, when they are done: the antennas and, if asked for, the maps
-        with common colours. Return the file of the maps.
+        """Draw the pictures of all frames together: the antennas and, if asked for, the maps with
+        common colours. Return the file of the maps.
         """
         if not maps:
             raise FrameFileError(
@@ -299,7 +296,7 @@ class Products:
 
 
 class Fingerprints:
-    """Fingerprints of a run's frames, processed with these options."""
+    """Fingerprints of a run's frames for these options."""
 
     def __init__(self, run: Run, options: ResolvedOptions) -> None:
         plan = shared_plan(run.record)
@@ -308,7 +305,7 @@ class Fingerprints:
         }
         budget = options.link_budget
         shared = {
-            "plan": {key: value for key, value in plan.items() if key not in _OF_ALL_FRAMES},
+            "plan": {key: value for key, value in plan.items() if key not in FRAME_FIELDS},
             "settings": {key: v for key, v in settings.items() if key not in _OF_NO_FRAME},
             # patterns that are read from files
             "antennas": budget and make_system(budget, options.radar.waveform.wavelength_m),
@@ -333,7 +330,9 @@ class Fingerprints:
 
 
 def kept_frame(folder: Path, frame: RadarFrame, fingerprint: str) -> KeptFrame | None:
-    """Return what an earlier process left of a frame in `folder`; None where it has to be done."""
+    """Return the products of a frame that an earlier process left in `folder`. None: the frame must
+    be processed.
+    """
     path = frame_file(folder, frame.number, SUMMARY_ENDING)
     try:
         summary = read_json(path, _MOST_BYTES, "", FrameFileError)
@@ -378,7 +377,8 @@ def _software() -> dict[str, str]:
     for name in ("finufft", "matplotlib"):
         found[name] = importlib.metadata.version(name)
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
-        if path.relative_to(root).parts[0] != "blender":
+    for path in sorted(root.rglob("*.*")):
+        of_source = path.suffix in (".py", ".md", ".csv")  # texts of findings and tables, too
+        if of_source and path.relative_to(root).parts[0] != "blender":
             digest.update(path.read_bytes())
     return found | {"source": digest.hexdigest()}

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Writers of result files: npz, JSON, CSV, EXR and SigMF (`frame_products`), HDF5 (`hdf5`).
+"""The result of a frame, and the writers that make files of it, by name.
 
-Each file is written whole or not at all. Importing this room registers its writers;
-:func:`.results.write_result` calls them by name.
+`frame_result` has `FrameResult` (echoes, profiles, maps and what was detected in them) and the
+registry of writers. `frame_products` writes npz, JSON, CSV, EXR, SigMF and HDF5; `pictures`
+registers the writer of pictures. Each file is written whole or not at all.
 """
 
-from . import frame_products, hdf5
 from .frame_products import SUMMARY_ENDING, write_coverage_files, write_products
+from .frame_result import FrameResult, frame_file, remove_stale, result_writer, write_result
 
 __all__ = [
     "SUMMARY_ENDING",
-    "frame_products",
-    "hdf5",
+    "FrameResult",
+    "frame_file",
+    "remove_stale",
+    "result_writer",
     "write_coverage_files",
     "write_products",
+    "write_result",
 ]

@@ -4,23 +4,12 @@
 In: numbers in SI, or radar and link-budget files. Out: frozen records that were checked when they
 were made, and the spectra of their pulses. Gains are linear, angles in radians.
 
-`config` has the radar and the protocol of its waveforms, `waveforms` their kinds, `radar_files`
-reads and writes them. `pulse_replicas` makes the spectrum of a pulse, its matched filter and
-windows. `antennas` makes gain patterns, `link_budget` powers, losses, noise and weather, `coverage`
-the diagram of a radar over a smooth ground.
+`config` has the radar and the protocol of its waveforms, `waveforms` their kinds, the spectra of
+pulses, matched filters and windows, `radar_files` reads and writes them. `link_budget` has
+antennas, powers, losses, noise and weather, `coverage` the diagram of a radar over a smooth ground.
 """
 
 from ...contract import AntennaRecord, LinkBudget
-from .antennas import (
-    PATTERNS,
-    ConstantGain,
-    PeakedAntenna,
-    cut_dbi,
-    half_power_width_rad,
-    make_antenna,
-    peak_direction,
-    self_contained,
-)
 from .config import MAX_SAMPLES, SINGLE_CHANNEL, AnyWaveform, Burst, Channel, Element, Radar
 from .coverage import (
     Coverage,
@@ -31,16 +20,19 @@ from .coverage import (
     coverage_curve,
     two_ray_gain,
 )
-from .link_budget import RadarSystem, Weather, make_system, read_system
-from .pulse_replicas import (
-    WINDOW_NAMES,
-    band_window,
-    frequencies_hz,
-    matched_filter,
-    replica,
-    replica_spectrum,
-    slow_time_window,
-    window_at,
+from .link_budget import (
+    PATTERNS,
+    ConstantGain,
+    PeakedAntenna,
+    RadarSystem,
+    Weather,
+    cut_dbi,
+    half_power_width_rad,
+    make_antenna,
+    make_system,
+    peak_direction,
+    read_system,
+    self_contained,
 )
 from .radar_files import (
     WAVEFORM_KINDS,
@@ -52,6 +44,7 @@ from .radar_files import (
     waveform_to_dict,
 )
 from .waveforms import (
+    WINDOW_NAMES,
     ArbitraryPulse,
     FmcwWaveform,
     LineWaveform,
@@ -59,6 +52,13 @@ from .waveforms import (
     PmcwWaveform,
     SteppedWaveform,
     Waveform,
+    band_window,
+    frequencies_hz,
+    matched_filter,
+    replica,
+    replica_spectrum,
+    slow_time_window,
+    window_at,
 )
 
 __all__ = [

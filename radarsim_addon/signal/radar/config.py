@@ -115,7 +115,7 @@ class AnyWaveform(Protocol):
 
 
 class WaveformNumbers:
-    """What follows for all waveforms from carrier and bandwidth."""
+    """Numbers of all waveforms that follow from carrier and bandwidth."""
 
     @property
     def wavelength_m(self: AnyWaveform) -> float:
@@ -128,7 +128,7 @@ class WaveformNumbers:
 
 
 class PulseNumbers(WaveformNumbers):
-    """What follows for the family "pulse"."""
+    """Numbers of the family "pulse"."""
 
     family: ClassVar[Literal["pulse", "line"]] = "pulse"
 
@@ -139,7 +139,7 @@ class PulseNumbers(WaveformNumbers):
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Infinite: what limits it is the PRF, see `Radar.unambiguous_range_m`."""
+        """Infinite, since only the PRF limits it: see `Radar.unambiguous_range_m`."""
         return math.inf
 
 
@@ -189,7 +189,7 @@ class Element:
 
     @property
     def displaced(self) -> bool:
-        """Whether the phase centre is away from the antenna's origin."""
+        """True if the phase centre is not at the antenna's origin."""
         return any(self.position_m)
 
     @property
@@ -230,18 +230,18 @@ class Channel:
 
     @property
     def displaced(self) -> bool:
-        """Whether path lengths differ from those between the antennas' origins."""
+        """True if path lengths differ from those between the antennas' origins."""
         return self.tx.displaced or self.rx.displaced
 
     @property
     def reference_gain(self) -> bool:
-        """Whether both elements have the gains of the antennas at their origins."""
+        """True if both elements have the gains of the antennas at their origins."""
         return self.tx == Element(polarisation=self.tx.polarisation) and self.rx == Element(
             polarisation=self.rx.polarisation
         )
 
     def active_mask(self, pulses: int) -> Mask:
-        """Whether the channel is used at each pulse, (pulses,)."""
+        """Return a mask of the pulses that use the channel, (pulses,)."""
         if self.active is None:
             return np.ones(pulses, dtype=bool)
         return np.asarray(self.active, dtype=bool)
@@ -363,7 +363,9 @@ class Radar:
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Where echoes begin to fold: c / 2 PRF or the waveform's own limit, the lesser [m]."""
+        """Range beyond which echoes fold: the smaller one of c / 2 PRF and the limit of the
+        waveform [m].
+        """
         return min(self.burst.unambiguous_range_m, self.waveform.unambiguous_range_m)
 
     @property
@@ -372,7 +374,9 @@ class Radar:
         return self.waveform.wavelength_m * self.burst.prf_hz / 4
 
     def prf_for_hz(self, velocity_mps: float) -> float:
-        """PRF that holds range rates up to +- `velocity_mps`, rounded up to three digits [Hz]."""
+        """Return the PRF at which range rates up to +- `velocity_mps` do not fold, rounded up to
+        three digits [Hz].
+        """
         prf_hz = 4 * abs(velocity_mps) / self.waveform.wavelength_m
         step_hz = 10.0 ** (math.floor(math.log10(max(prf_hz, 1.0))) - 2)
         return math.ceil(prf_hz / step_hz) * step_hz
@@ -383,5 +387,5 @@ class Radar:
         return self.waveform.wavelength_m * self.burst.prf_hz / (2 * self.burst.pulses)
 
     def doppler_hz(self, range_rate_mps: float) -> float:
-        """Doppler shift of a range rate: -2 v / lambda [Hz] (receding is negative)."""
+        """Return the Doppler shift of a range rate: -2 v / lambda [Hz] (receding is negative)."""
         return -2 * range_rate_mps / self.waveform.wavelength_m

@@ -21,7 +21,7 @@ from ...physics.antennas import Antenna, to_antenna_frame
 from ...physics.constants import SPEED_OF_LIGHT_MPS, STANDARD_EARTH_RADIUS_M
 from ...physics.mirrors import MirrorMaterial
 from ...physics.round_earth import GroundPath, ground_path, least_grazing_rad
-from .antennas import PeakedAntenna
+from .link_budget import PeakedAntenna
 
 #: Most points of a diagram, and the most steps along one of its axes.
 _MOST_POINTS = 4_000_000

@@ -7,10 +7,19 @@ has checked header and chunks of the file itself.
 """
 
 from .exr import CHUNK_LINES, ZIP, ExrHeader, exr_backend, read_exr, read_header, write_exr
-from .run import MissingRender, RadarFrame, Run, frame_findings, open_run, shared_plan
+from .run import (
+    FRAME_FIELDS,
+    MissingRender,
+    RadarFrame,
+    Run,
+    frame_findings,
+    open_run,
+    shared_plan,
+)
 
 __all__ = [
     "CHUNK_LINES",
+    "FRAME_FIELDS",
     "ZIP",
     "ExrHeader",
     "MissingRender",

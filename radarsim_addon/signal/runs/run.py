@@ -40,6 +40,9 @@ from ...typed_json import check_run, file_sha256, from_json, read_record
 from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
 from .exr import read_exr
 
+#: Fields of a plan that list its frames: parts of one run differ in them.
+FRAME_FIELDS = ("frames", "frame_times_s")
+
 
 @dataclass(frozen=True)
 class MissingRender:
@@ -301,7 +304,9 @@ class Run:
 
     @property
     def range_limits_m(self) -> tuple[float, float]:
-        """One-way ranges of profile and map: the plan's, else those that the rings cover [m]."""
+        """One-way ranges of profile and map: those of the plan, or else those that the rings cover
+        [m].
+        """
         record = self.record
         return record.range_start_m, record.range_stop_m or record.rings * record.ring_step_m
 
@@ -382,8 +387,8 @@ def shared_plan(record: RunRecord) -> dict[str, Any]:
 
 
 def frame_findings(folder: Path, frames: Iterable[int]) -> list[Finding]:
-    """Return the findings that renders left in the records of these frames, as far as the frames
-    are done. Rings have none of their own.
+    """Return the findings in the records of these frames, as far as the frames are done. Frames of
+    rings have no such findings.
     """
     found: list[Finding] = []
     for frame in frames:

@@ -5,10 +5,10 @@ amplitudes.
 In: `Paths`, a channel, pulse times [s]. Out: complex amplitudes (path, pulse) in sqrt(W), without
 exp(-j 2 pi f0 tau).
 
-`amplitudes` takes the root of the power with the gains of both antennas at each pulse (`Link`), and
-random phases. `surface_speckle` replaces these where a path's surface is known: scatterers in cells
-that are fixed to it; `frame_speckle` does so for the paths of a frame. `reverse_paths` has the
-interference of paths that share scatterers, `rain_volume` the paths of rain.
+`amplitudes` takes the root of the power with the gains of both antennas at each pulse (`Link`),
+random phases, and the interference of paths that share scatterers. `surface_speckle` replaces the
+random phases where a path's surface is known: scatterers in cells that are fixed to it;
+`frame_speckle` does so for the paths of a frame, and adds the paths of rain.
 """
 
 from .amplitudes import (
@@ -16,12 +16,20 @@ from .amplitudes import (
     amplitude,
     amplitude_history,
     antenna_motion,
+    interference_factors,
     path_amplitude,
     path_phasors,
+    reverse_amplitudes,
+    reverse_factors,
 )
-from .frame_speckle import STILL_PLANE, ClutterSurfaces, FrameSpeckle, table_footprints
-from .rain_volume import rain_paths, rain_rows
-from .reverse_paths import interference_factors, reverse_amplitudes, reverse_factors
+from .frame_speckle import (
+    STILL_PLANE,
+    ClutterSurfaces,
+    FrameSpeckle,
+    rain_paths,
+    rain_rows,
+    table_footprints,
+)
 from .surface_speckle import SpeckleReport
 
 __all__ = [

@@ -25,13 +25,14 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Complex, Indices, Mask, Real
-from ...contract import AmplitudeModel, ReceiverRecord, TransmitterRecord
+from ...arrays import Complex, Indices, Mask, Real, distances
+from ...contract import AmplitudeModel, PathsRecord, ReceiverRecord, TransmitterRecord
 from ...errors import ConfigError
 from ...physics.antennas import to_antenna_frame
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -45,8 +46,9 @@ from ..motion import (
     PathMotion,
     axes_of,
     places_m,
+    row_blocks,
 )
-from ..paths import PathRows, Paths, images_of, motion_of_rows, path_power_w
+from ..paths import PathFlag, PathRows, Paths, has_images, images_of, motion_of_rows, path_power_w
 from ..radar import (
     SINGLE_CHANNEL,
     Channel,
@@ -55,6 +57,7 @@ from ..radar import (
     PeakedAntenna,
     RadarSystem,
     make_antenna,
+    window_at,
 )
 from ..spectrum import AmplitudeHistory
 
@@ -94,12 +97,12 @@ def path_phasors(paths: Paths, seed: int) -> Complex:
 
 
 def uniform(state: NDArray[np.uint64]) -> NDArray[np.float64]:
-    """Hashes as numbers in [0, 1): 53 bits are what a float64 holds there."""
+    """Convert hashes to numbers in [0, 1). Their 53 bits are as many as a float64 has."""
     return np.asarray((state >> _U64(11)).astype(np.float64) / 2**53)
 
 
 def hash_step(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """One step of SplitMix64 (Steele, Lea, Flood 2014): every bit depends on every other."""
+    """Do one step of SplitMix64 (Steele, Lea, Flood 2014): every bit depends on every other."""
     with np.errstate(over="ignore"):
         state = state + _U64(0x9E3779B97F4A7C15)
         state = (state ^ (state >> _U64(30))) * _U64(0xBF58476D1CE4E5B9)
@@ -107,8 +110,6 @@ def hash_step(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return np.asarray(state ^ (state >> _U64(31)))
 
 
-#: Rows times times whose gains are computed at once: 12 MB for each array of vectors.
-_BLOCK = 1 << 19
 #: Pulses over which a mean gain is taken, at most.
 _MEAN_PULSES = 64
 #: Of these, so many tell the mean of gains whose polynomial through them has last two coefficients
@@ -129,7 +130,7 @@ class PathEnds:
 
     @classmethod
     def of_paths(cls, paths: Paths) -> PathEnds:
-        """Ends of paths, which must know their directions (`ConfigError`)."""
+        """Take the ends of paths. `ConfigError`: the paths have no directions."""
         geometry = paths.geometry
         if geometry is None:
             raise ConfigError(
@@ -147,7 +148,7 @@ class PathEnds:
 
     @classmethod
     def of_rows(cls, rows: PathRows, scene: FrameMotion | None) -> PathEnds:
-        """Ends of rows of a table, which move as the scene does."""
+        """Take the ends of rows of a table, which move as the scene does."""
         motion: PathMotion = LinearMotion(rows["length_m"], rows["range_rate_mps"])
         if scene is not None:
             motion = motion_of_rows(rows, scene)
@@ -171,7 +172,7 @@ class PathEnds:
         )
 
     def unfolded(self, end: int, points_m: Real) -> Real:
-        """First (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
+        """Return first (`end` 0) or last (1) vertices as the antenna sees them, (n, 3) [m]."""
         return points_m if self.images is None else self.images.unfolded(end, points_m)
 
 
@@ -188,7 +189,7 @@ class _MeanNodes:
 
     @classmethod
     def of(cls, times_s: Real) -> _MeanNodes | None:
-        """Nodes of rising times; None: they are too few."""
+        """Choose nodes from rising times. None: there are too few times."""
         if times_s.size < 2 * _MEAN_NODES:
             return None
         chosen = np.rint(np.linspace(0, times_s.size - 1, _MEAN_NODES)).astype(np.intp)
@@ -198,7 +199,9 @@ class _MeanNodes:
         return cls(times_s[chosen], basis.mean(axis=0) @ inverse, inverse[-2:])
 
     def mean(self, values: Real) -> tuple[Real, Mask]:
-        """Means of values (n, nodes), and which change smoothly, (n,) each."""
+        """Return the means of values (n, nodes), and a mask of the values that change smoothly,
+        (n,) each.
+        """
         tail = np.abs(np.einsum("nk,ck->cn", values, self.tail))
         smooth = tail <= np.multiply.outer(_MEAN_TAIL, np.abs(values).max(axis=1))
         return np.einsum("nk,k->n", values, self.weights), smooth.all(axis=0)
@@ -255,18 +258,19 @@ class Link:
         return self.antennas.transmitter.pose[:3, 3]
 
     def transmit_gain(self, points_m: Real) -> Real:
-        """G_t towards points (n, 3) [m] at the frame's time, (n,)."""
+        """Return G_t towards points (n, 3) [m] at the frame's time, (n,)."""
         return self.system.transmitter.gain(
             to_antenna_frame(self.antennas.transmitter.pose, points_m - self.emitter_m)
         )
 
     def receive_gain(self, direction: Real) -> Real:
-        """G_r for rays that leave the receiver in these directions, (n, 3)."""
+        """Return G_r for rays that leave the receiver in these directions, (n, 3)."""
         return self.system.receiver.gain(to_antenna_frame(self.antennas.receiver.pose, direction))
 
     def factor(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
-        """P_t G_t G_r / (L EIRP) of each path at the frame's time, less what the air takes, (n,).
-        An unknown last vertex is taken to be where a single reflection of that length would lie.
+        """Return P_t G_t G_r / (L EIRP) of each path at the frame's time, reduced by the
+        attenuation of the air, (n,). An unknown last vertex is assumed where a single reflection of
+        that length would be.
         """
         if not np.size(length_m):
             return np.ones(0)
@@ -275,17 +279,21 @@ class Link:
         return np.asarray(self._scale * gain * self._air_gain(length_m), dtype=np.float64)
 
     def _air_gain(self, length_m: Real) -> Real:
-        """Fraction of the power that the air leaves to paths of these total lengths, (n,)."""
+        """Return the fraction of the power that remains after attenuation by the air, for total
+        path lengths (n,).
+        """
         # a length that is not finite is refused where it is used, and not for its power
         return np.exp(-self._neper_per_m * np.where(np.isfinite(length_m), length_m, 0.0))
 
     def ends_factor(self, ends: PathEnds) -> Real:
-        """As `factor`, of path ends, (n,)."""
+        """Return `factor` of path ends, (n,)."""
         last_m = ends.unfolded(1, ends.last_scatterer_m)
         return self.factor(ends.length_m, ends.direction, last_m)
 
     def varies(self, ends: PathEnds) -> Mask:
-        """Whether gains of paths change when bodies move or antennas move or turn, (n,)."""
+        """Return a mask of the paths whose gains change because bodies or antennas move or turn,
+        (n,).
+        """
         antennas, system = self.antennas, self.system
         moves = ends.motion.moving_vertices
         varies = np.zeros(ends.length_m.size, dtype=bool)
@@ -296,28 +304,22 @@ class Link:
         return varies
 
     def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
-        """P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n, times).
-        Unknown vertices are taken as for `factor`, and not to move.
+        """Return P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n,
+        times). Unknown vertices are assumed as in `factor`, and stationary.
         """
         count = ends.length_m.size
         result = np.empty((count, times_s.size))
-        step = max(1, _BLOCK // max(times_s.size, 1))
-        for start in range(0, count, step):
-            rows = np.arange(start, min(start + step, count))
-            own = ends.select(rows)
+        for rows in row_blocks(count, times_s.size):
+            own = ends.select(np.arange(rows.start, rows.stop))
             gain = self._end_gain(own, times_s, 1, channel.tx, self.system.transmitter)
             gain = gain * self._end_gain(own, times_s, 0, channel.rx, self.system.receiver)
             result[rows] = self._scale * gain * self._air_gain(own.length_m)[:, None]
         return result
 
-    def start_factor(self, ends: PathEnds, channel: Channel) -> Real:
-        """As `factors` at the frame's time, (n,)."""
-        return self.factors(ends, np.array([self.antennas.receiver.epoch_offset_s]), channel)[:, 0]
-
     def _end_gain(
         self, ends: PathEnds, times_s: Real, end: int, element: Element, antenna: PeakedAntenna
     ) -> Real:
-        """Gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
+        """Return the gain at the receiver (`end` 0) or the transmitter (1), (n, times)."""
         body = (self.antennas.receiver, self.antennas.transmitter)[end]
         if element.antenna is not None:
             key = id(element.antenna)
@@ -342,7 +344,7 @@ class Link:
         return np.asarray(antenna.gain(local), dtype=np.float64)
 
     def _vertices(self, ends: PathEnds, end: int) -> Real:
-        """First or last vertices at t, (n, 3) [m], guessed where unknown."""
+        """Return the first or last vertices at t, (n, 3) [m], guessed where unknown."""
         if end == 1:
             return self._last_vertices(ends.length_m, ends.direction, ends.last_scatterer_m)
         first = ends.first_scatterer_m
@@ -351,7 +353,9 @@ class Link:
         return np.where(known, first, on_ray)
 
     def _last_vertices(self, length_m: Real, direction: Real, last_scatterer_m: Real) -> Real:
-        """Last vertices, where unknown those of single reflections, (n, 3) [m]."""
+        """Return the last vertices, (n, 3) [m]. Unknown ones are assumed at the place of a single
+        reflection.
+        """
         unknown = ~np.isfinite(last_scatterer_m).all(axis=-1)
         if unknown.any():
             last_scatterer_m = np.array(last_scatterer_m)
@@ -365,8 +369,8 @@ class Link:
         return last_scatterer_m
 
     def mean_factor(self, ends: PathEnds) -> Real:
-        """Mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it; where nothing changes
-        gains it is `factor`, to the last bit.
+        """Return the mean of `factors` over at most 64 pulses, (n,), to 1e-8 of it. Where nothing
+        changes the gains, it is `factor` to the last bit.
         """
         gain = self.ends_factor(ends)
         if self._mean_times_s.size:
@@ -380,8 +384,8 @@ class Link:
         return gain
 
     def mean_factor_of_rows(self, rows: PathRows, number: Indices | None = None) -> Real:
-        """As `mean_factor`, of rows of the frame's table, (n,). Where their rising numbers in it
-        are given, the gains are kept.
+        """Return `mean_factor` of rows of the frame's table, (n,). If their numbers in the table
+        are given, in rising order, the gains are kept.
         """
         if number is None or not number.size:
             return self.mean_factor(PathEnds.of_rows(rows, self._scene))
@@ -397,8 +401,8 @@ class Link:
         return gain
 
     def apply(self, paths: Paths, of_table: bool = False) -> Paths:
-        """Return the paths with their mean gain over the burst; they must know their directions
-        (`ConfigError`). Paths `of_table` have the gains that are kept of its rows.
+        """Return the paths with their mean gain over the burst. Paths `of_table` use the gains that
+        were kept for its rows. `ConfigError`: the paths have no directions.
         """
         ends, gain = PathEnds.of_paths(paths), np.full(1, np.nan)
         straight = self._scene is not None or ends.images is None
@@ -418,7 +422,9 @@ class Link:
 def antenna_motion(
     camera: ReceiverRecord, emitter: TransmitterRecord, scene: FrameMotion | None = None
 ) -> AntennaMotion:
-    """Motion of a frame's antennas, from their poses and the scene; None: stationary."""
+    """Return the motion of a frame's antennas from their poses and the scene. Without a scene they
+    are stationary.
+    """
 
     def body(matrix: object, moving: BodyMotion | None) -> BodyMotion:
         if moving is not None and moving.moving:
@@ -485,8 +491,8 @@ def amplitude_history(
     link: Link | None = None,
     speckle_seed: int | None = None,
 ) -> AmplitudeHistory:
-    """Amplitudes of n paths in a channel at any time of a burst, in sqrt(W); arguments and errors
-    as of `amplitude`. The gains of a single pulse are those at the frame's time.
+    """Return the amplitudes of n paths in a channel at any time of a burst, in sqrt(W). Arguments
+    and errors are those of `amplitude`. The gains of a single pulse are those at the frame's time.
     """
 
     def without_link(paths: Paths) -> Complex:
@@ -508,7 +514,8 @@ def amplitude_history(
         return AmplitudeHistory.of(without_link(paths))
     ends = PathEnds.of_paths(paths)
     if not channel.reference_gain:
-        paths = dataclasses.replace(paths, gain=link.start_factor(ends, channel))
+        start_s = np.array([link.antennas.receiver.epoch_offset_s])
+        paths = dataclasses.replace(paths, gain=link.factors(ends, start_s, channel)[:, 0])
     elif paths.gain is None:
         paths = dataclasses.replace(paths, gain=link.ends_factor(ends))
     constant = without_link(paths)
@@ -582,3 +589,173 @@ def amplitude(
     rows = np.flatnonzero(history.varies)
     values[rows] = history.at(times_s, rows)
     return values
+
+
+# -------------------------------------------------------------------------------------------------
+# Paths that share scatterers add up coherently: over mirrors, and over the same two in reverse.
+#
+# **Mirrors** (`interference_factors`). Echoes of different scatterers have independent phases, so
+# their expected powers add up. Paths over one scatterer, direct and over mirrors, have its phase in
+# common. Their amplitudes a_i exp(j p_i) with p_i = mirror phase - k l_i interfere: the expected
+# power is the sum over all pairs of a_i a_j cos(p_i - p_j) o(l_i - l_j) with the overlap o of their
+# responses in range. Each path of a pair carries half of what both bring, so a path's own number
+# may be negative; sums over a range cell are not, as far as it resolves no pair.
+#
+# **Reverses** (`reverse_factors`, `reverse_amplitudes`). A wave follows a path of two or more
+# reflections in both directions, and the table has both, found separately: A, B where the receiver
+# sees A, and B, A where it sees B. They have one phase of scattering, so both together have the
+# mean power P_AB + P_BA + 2 o sqrt(P_AB P_BA) cos(k d), with d the length of the reverse less that
+# of the path. Rays rarely find both paths of one pair of surface cells, so each path carries its
+# half: its power is multiplied by 1 + o cos(k d). In echoes, the paths A, B and B, A have
+# independent phases, and the amplitude has the root of this factor with the phase of 1 + o exp(-j k
+# d). With antennas in one place, d = 0 and the factor is 2. With antennas apart, d changes over the
+# surfaces by many wavelengths, and the mean power is the sum of both. An echo has one delay, so a
+# taper over the band does not change the factor: o is that without taper.
+# -------------------------------------------------------------------------------------------------
+
+#: Points of a band in the overlap of two responses.
+_BAND_POINTS = 257
+#: Turns of the phase over the band from which on responses do not overlap (1 % without a taper),
+#: and steps of the table in a turn, which leave 3e-5.
+_MOST_TURNS, _STEPS = 32, 128
+
+
+def interference_factors(
+    rows: PathRows,
+    power_w: Real,
+    carrier_hz: float,
+    range_resolution_m: float,
+    range_taper: str = "none",
+) -> Real:
+    """Return the factors that turn the powers (n,) of single paths, with their gains, into expected
+    powers. The rows must be whole tile replicates. The factor is 1 for a path that shares its
+    scatterer with no other.
+    """
+    factors = np.ones(rows.size)
+    if not has_images(rows):
+        return factors
+    shared = np.flatnonzero((rows["point"] > 0) & (power_w > 0))
+    keys = [rows[name][shared] for name in ("point", "replicate", "tile")]
+    shared = shared[np.lexsort(keys)]
+    keys = [rows[name][shared] for name in ("point", "replicate", "tile")]
+    wave = 2 * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS
+    length_m = rows["length_m"][shared]
+    phase = rows["mirror_phase_rad"][shared] - wave * length_m
+    amplitude = np.sqrt(power_w[shared])
+    added, apart = np.zeros(shared.size), 0
+    while True:
+        apart += 1
+        first = np.flatnonzero(
+            np.logical_and.reduce([key[apart:] == key[: key.size - apart] for key in keys])
+        )
+        if not first.size:
+            break
+        other = first + apart
+        both = np.cos(phase[first] - phase[other])
+        both *= range_overlap(length_m[first] - length_m[other], range_resolution_m, range_taper)
+        np.add.at(added, first, both * amplitude[other] / amplitude[first])
+        np.add.at(added, other, both * amplitude[first] / amplitude[other])
+    factors[shared] += added
+    return factors
+
+
+def range_overlap(apart_m: Real, range_resolution_m: float, taper: str = "none") -> Real:
+    """Return the correlation of range responses whose total lengths differ."""
+    # A difference d of the length turns the phase over the band by 2 pi B d / c.
+    turns = np.abs(apart_m / (2 * range_resolution_m))
+    return np.asarray(np.interp(turns, *_overlap_table(taper), right=0.0))
+
+
+@lru_cache(maxsize=16)
+def _overlap_table(taper: str) -> tuple[Real, Real]:
+    """Return the turns of the phase over the band, and the correlation at them."""
+    place = (np.arange(_BAND_POINTS) + 0.5) / _BAND_POINTS - 0.5
+    weight = window_at(taper, place) ** 2
+    grid = np.arange(_MOST_TURNS * _STEPS + 1) / _STEPS
+    return grid, np.cos(2 * np.pi * grid[:, None] * place) @ weight / weight.sum()
+
+
+def reverse_factors(
+    rows: PathRows,
+    record: PathsRecord,
+    carrier_hz: float,
+    range_resolution_m: float,
+) -> Real:
+    """Return the factors on the expected powers of rows of a table, (n,). They are 1 for paths
+    without a reverse.
+    """
+    factors = np.ones(rows.size)
+    chosen = np.flatnonzero(rows["flags"] & PathFlag.HAS_REVERSE)
+    if record.receiver.kind == "orthographic" or not chosen.size:
+        return factors
+    mine = rows[chosen]
+    receiver_m, transmitter_m = (
+        np.asarray(one.matrix_world, dtype=np.float64)[:3, 3]
+        for one in (record.receiver, record.transmitter)
+    )
+    if _in_one_place(receiver_m, transmitter_m, carrier_hz):
+        factors[chosen] = 2.0
+        return factors
+    ends = mine["first_scatterer_m"], mine["last_scatterer_m"]
+    longer_m, known = _longer_m(*ends, receiver_m, transmitter_m, images_of(mine, record.images))
+    factors[chosen[known]] = _both(longer_m, carrier_hz, range_resolution_m).real[known]
+    return factors
+
+
+def reverse_amplitudes(
+    paths: Paths,
+    channel: Channel,
+    antennas: AntennaMotion,
+    carrier_hz: float,
+    range_resolution_m: float,
+) -> Complex | None:
+    """Return the factors on the amplitudes of n speckled paths in a channel, with its elements at
+    the frame's time. None: no path has a reverse.
+    """
+    chosen = np.flatnonzero(paths.flags & PathFlag.HAS_REVERSE)
+    geometry = paths.geometry
+    if antennas.orthographic or geometry is None or not chosen.size:
+        return None
+    now_s = np.zeros(1)
+    receiver_m = places_m(antennas.receiver, now_s, np.asarray(channel.rx.position_m))[0]
+    transmitter_m = places_m(antennas.transmitter, now_s, np.asarray(channel.tx.position_m))[0]
+    factors = np.ones(len(paths), dtype=np.complex128)
+    if _in_one_place(receiver_m, transmitter_m, carrier_hz):
+        factors[chosen] = math.sqrt(2.0)
+        return factors
+    images = None if geometry.images is None else geometry.images.select(chosen)
+    ends = geometry.first_scatterer_m[chosen], geometry.last_scatterer_m[chosen]
+    longer_m, known = _longer_m(*ends, receiver_m, transmitter_m, images)
+    both = _both(longer_m, carrier_hz, range_resolution_m)
+    both *= np.sqrt(np.maximum(both.real, 0.0)) / np.maximum(np.abs(both), np.finfo(float).tiny)
+    factors[chosen[known]] = both[known]
+    return factors
+
+
+def _in_one_place(receiver_m: Real, transmitter_m: Real, carrier_hz: float) -> bool:
+    """Return True if all paths are as long as their reverses, to 2e-3 wavelengths."""
+    apart_m = float(np.linalg.norm(receiver_m - transmitter_m))
+    return apart_m * carrier_hz <= 1e-3 * SPEED_OF_LIGHT_MPS
+
+
+def _both(longer_m: Real, carrier_hz: float, range_resolution_m: float) -> Complex:
+    """Return 1 + o exp(-j k d), (n,); the real part is the factor on the power."""
+    turned = np.exp(-2j * math.pi * carrier_hz / SPEED_OF_LIGHT_MPS * longer_m)
+    return np.asarray(1 + range_overlap(longer_m, range_resolution_m) * turned)
+
+
+def _longer_m(
+    first_m: Real, last_m: Real, receiver_m: Real, transmitter_m: Real, images: PathImages | None
+) -> tuple[Real, Mask]:
+    """Return the length of each reverse minus that of its path, (n,) [m], 0 if unknown, and a mask
+    of the known ones.
+    """
+    receiver_here, receiver_there = receiver_m, receiver_m
+    transmitter_here, transmitter_there = transmitter_m, transmitter_m
+    if images is not None:  # the reverse goes over the other antenna's mirrors
+        receiver_here, receiver_there = (images.places(end, receiver_m) for end in (0, 1))
+        transmitter_here, transmitter_there = (images.places(end, transmitter_m) for end in (1, 0))
+    longer_m = distances(first_m, transmitter_there) - distances(first_m, receiver_here)
+    longer_m += distances(last_m, receiver_there) - distances(last_m, transmitter_here)
+    known = np.isfinite(longer_m)
+    return np.where(known, longer_m, 0.0), known

@@ -9,6 +9,8 @@ motion of the scatterers of `SurfaceSpeckle`.
 known scatterers lie on objects with a clutter model, texture or motion of their own. Planes: 0 is
 no clutter, 1 has scatterers that do not move by themselves (rain too: its drops have range rates),
 each further one is a kind of motion.
+
+`rain_rows` and `rain_paths` add the echo of rain, which belongs to no surface.
 """
 
 from __future__ import annotations
@@ -22,10 +24,15 @@ from ...arrays import Indices, Integers, Real
 from ...contract import FluctuationRecord, GroundTruthRecord, ObjectRecord
 from ...findings import Finding, finding
 from ...physics.clutter import bragg_velocity_mps, clutter_correlation
+from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ...physics.radar_equation import effective_area_m2
 from ...physics.rough import kirchhoff_limits
-from ..decoding import FrameInput, FrameTable
+from ...physics.weather import rain_fall_speeds, rain_reflectivity_per_m
+from ..decoding import FrameInput, FrameTable, pixel_rays
 from ..motion import JoinedMotion, KinematicMotion, LinearMotion
-from ..paths import PathFlag, PathRows, Paths, TableFootprints, geometry_of
+from ..paths import PathFlag, PathRows, Paths, TableFootprints, geometry_of, make_paths, radiance_of
+from ..radar import Weather
+from .amplitudes import hash_step, uniform
 from .surface_speckle import Body, Roughness, SpeckleReport, SurfaceSpeckle, grazing_cosines
 
 #: Largest distance of the points of one path, in range resolutions of one-way range and in Doppler
@@ -83,8 +90,8 @@ class FrameSpeckle:
         self._wavenumber = 2 * np.pi / waveform.wavelength_m
 
     def apply(self, paths: Paths) -> Paths:
-        """The paths for the echo synthesis, spread over what their pixels cover, with the factors
-        of their scatterers, and moving with them. Powers are to be added up before.
+        """Return the paths for the echo synthesis: spread over their pixels, with the factors and
+        the motion of their scatterers. Add up powers before this step.
         """
         if self._speckle is None or not len(paths):
             return paths
@@ -125,7 +132,7 @@ class FrameSpeckle:
     def _following(
         self, motion: KinematicMotion, going: Indices, cells: Indices
     ) -> KinematicMotion:
-        """The motion, in which rows `going` are over the scatterers of `cells`."""
+        """Return the motion with the rows `going` moved to the scatterers of `cells`."""
         assert self._speckle is not None
         first_m, last_m = motion.first_scatterer_m.copy(), motion.last_scatterer_m.copy()
         first_m[going], last_m[going] = self._speckle.scatterers_m(cells)
@@ -139,8 +146,8 @@ class FrameSpeckle:
         )
 
     def _over_scatterers(self, paths: Paths, known: Indices, cells: Indices) -> Paths:
-        """The paths, of which those with a reverse have the scatterers of their cells as vertices.
-        All paths of a cell then have one difference to their reverses, and the same factor.
+        """Move the vertices of paths with a reverse to the scatterers of their cells. All paths of
+        a cell then have one difference to their reverses, and the same factor.
         """
         marked = np.flatnonzero(paths.flags[known] & PathFlag.HAS_REVERSE)
         if paths.geometry is None or not marked.size:
@@ -156,7 +163,7 @@ class FrameSpeckle:
         return dataclasses.replace(paths, geometry=geometry)
 
     def _swaying(self, paths: Paths, sway_mps: Real) -> Paths:
-        """The paths, with the range rates of clutter that moves by itself. Its scatterers keep
+        """Add the range rates of clutter that moves by itself to the paths. Its scatterers keep
         their velocities from frame to frame: phases follow the frame's time.
         """
         if not sway_mps.any() or paths.phasors is None:
@@ -180,7 +187,7 @@ class FrameSpeckle:
         )
 
     def _spread(self, paths: Paths, index: Indices, points: PathRows) -> Paths:
-        """The paths of points, each with the gain of the path that it belongs to."""
+        """Return paths for points, each with the gain of its original path."""
         motion = paths.motion
         if isinstance(motion, KinematicMotion):
             motion = dataclasses.replace(
@@ -212,7 +219,9 @@ class FrameSpeckle:
 
 
 def table_footprints(frame_input: FrameInput) -> TableFootprints:
-    """Points over which rows of a frame's table are spread, as near as its echoes need them."""
+    """Return the points over which rows of a frame's table are spread, as close together as its
+    echoes need them.
+    """
     waveform, burst, table = frame_input.radar.waveform, frame_input.radar.burst, frame_input.table
     return TableFootprints(
         table.record,
@@ -223,8 +232,9 @@ def table_footprints(frame_input: FrameInput) -> TableFootprints:
 
 
 def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
-    """Bodies to which scatterers are fixed, and the table's columns of their numbers: bodies of the
-    motion file, each with its pose at t; without such a file the objects, in world space.
+    """Return the bodies that scatterers are fixed to, and the table's columns with their numbers.
+    The bodies are those of the motion file, with their poses at t. Without such a file they are the
+    objects, in world space.
     """
     motion, names = table.motion, table.record.objects
     if motion is None:
@@ -247,7 +257,7 @@ def _bodies(table: FrameTable) -> tuple[dict[int, Body], tuple[str, str]]:
 
 
 def kirchhoff_findings(scene: GroundTruthRecord | None, wavelength_m: float) -> list[Finding]:
-    """Objects of known roughness on which the rough lobe is no model of it, and why."""
+    """Find the objects of known roughness for which the rough lobe is not valid, with reasons."""
     return [
         limit.about(item.name)
         for item in (scene.objects if scene is not None else [])
@@ -299,15 +309,16 @@ class ClutterSurfaces:
         return STILL_PLANE + 1 + self._motions.index(motion)
 
     def planes_of(self, rows: PathRows) -> Integers:
-        """Plane of each row, (n,)."""
+        """Return the plane of each row, (n,)."""
         last, first = rows["last_object"], rows["first_object"]
         first = np.where(first == 0, last, first)  # if only the last vertex is known
         clutter = (self._plane[last] > 0) & (self._plane[first] > 0)
         return np.where(clutter, self._plane[last], 0)
 
     def lines(self, plane: int, rows: PathRows) -> list[tuple[float, Real]]:
-        """Lines of the spectrum of a plane: fraction of the power, and range rates that the motion
-        adds to rows [m/s], (n,). One line, or both Bragg lines of a sea.
+        """Return the lines of the spectrum of a plane: the fraction of the power, and the range
+        rates that the motion adds to rows [m/s], (n,). There is one line, or both Bragg lines of a
+        sea.
         """
         motion = self._motions[plane - STILL_PLANE - 1] if plane > STILL_PLANE else None
         if motion is None or motion.motion != "sea":
@@ -317,7 +328,9 @@ class ClutterSurfaces:
         return [(part, -bragg_mps), (1 - part, bragg_mps)]
 
     def correlations(self, lag_s: Real) -> list[Real]:
-        """Correlation of the echoes of each plane at lags [s], about its lines, (lags,) each."""
+        """Return the correlation of the echoes of each plane at lags [s], about its lines, (lags,)
+        each.
+        """
         still = [np.ones(lag_s.size)] * min(self.planes, STILL_PLANE + 1)
         return still + [
             clutter_correlation(
@@ -325,3 +338,119 @@ class ClutterSurfaces:
             )
             for one in self._motions
         ]
+
+
+# -------------------------------------------------------------------------------------------------
+# The echo of rain: points of the air within the field of view, as rows of a path table.
+#
+# From each of a grid of directions, cells of range up to the surface that is hit there hold
+#
+#     dP = EIRP lambda^2 / (4 pi)^3  eta dOmega dr / r_t^2
+#
+# with eta the reflectivity of rain and r_t the distance to the transmitter; the link budget adds
+# gains and extinction, as to other paths. Drops fall with the speeds that eta weighs, and drift
+# with the wind. A direction is blocked from the nearest surface on whose echoes cover half of it;
+# one without echoes (sky, mirrors) is open.
+# -------------------------------------------------------------------------------------------------
+
+#: Directions along the longer side of the field of view, and points of a frame, at most.
+_DIRECTIONS, _MOST_POINTS = 32, 2_000_000
+#: Rows of a table that surfaces are told from, at most.
+_LOOKED_AT = 200_000
+
+
+def rain_rows(frame_input: FrameInput, weather: Weather, seed: int) -> PathRows:
+    """Return points of rain as rows of order 1 without an object. `seed` is for the places and
+    speeds of the drops. Empty without rain or for an orthographic receiver.
+    """
+    receiver, radar = frame_input.receiver, frame_input.radar
+    if not weather.rain_echo or weather.rain_mm_per_h == 0 or receiver.kind == "orthographic":
+        return PathRows.zeros(0)
+    waveform, step_m = radar.waveform, radar.waveform.range_resolution_m
+    start_m = max(frame_input.range_limits_m[0], step_m)
+    count = max(int((frame_input.range_limits_m[1] - start_m) / step_m), 0)
+    across = receiver.right - receiver.left, receiver.top - receiver.bottom
+    side = max(1, min(_DIRECTIONS, int(np.sqrt(_MOST_POINTS / max(count, 1)))))
+    size = [max(1, round(side * abs(one) / max(map(abs, across)))) for one in across]
+    rays = pixel_rays(receiver, *size)
+    direction, solid_sr = rays.direction.reshape(-1, 3), rays.solid_angle_sr.ravel()
+    reach_m = _open_to_m(frame_input, direction, solid_sr)
+    edges_m = start_m + step_m * np.arange(count + 1)
+    ray, cell = np.nonzero(edges_m[None, :-1] < reach_m[:, None])
+    near_m, far_m = edges_m[cell], np.minimum(edges_m[cell + 1], reach_m[ray])
+    draws = _draws(ray.size, seed)
+    range_m = near_m + (far_m - near_m) * draws[0]
+    rows = PathRows.zeros(ray.size)
+    way = direction[ray]
+    place_m = rays.origin_m + range_m[:, None] * way
+    from_emitter = place_m - np.asarray(frame_input.transmitter.matrix_world)[:3, 3]
+    emitter_m = np.linalg.norm(from_emitter, axis=1)
+    # over the cell dr / r^2 is (far - near) / (near far)
+    spread = (far_m - near_m) / (near_m * far_m) * (range_m / emitter_m) ** 2
+    eta = rain_reflectivity_per_m(waveform.carrier_hz, weather.rain_mm_per_h)
+    # rows hold the power at the carrier of their table
+    area_m2 = effective_area_m2(SPEED_OF_LIGHT_MPS / frame_input.table.record.carrier_hz)
+    eirp_w = frame_input.transmitter.eirp_w
+    rows["power_w"] = eirp_w * area_m2 / (4 * np.pi) ** 2 * eta * solid_sr[ray] * spread
+    rows["solid_angle_sr"] = solid_sr[ray]
+    rows["length_m"] = range_m + emitter_m
+    rows["order"] = 1
+    rows["direction"] = way
+    rows["first_scatterer_m"] = rows["last_scatterer_m"] = place_m
+    mean_mps, spread_mps = rain_fall_speeds(waveform.carrier_hz, weather.rain_mm_per_h)
+    gauss = np.sqrt(-2 * np.log(1 - draws[1])) * np.cos(2 * np.pi * draws[2])
+    both = (way + from_emitter / emitter_m[:, None]) / 2
+    rows["range_rate_mps"] = (
+        weather.wind_x_mps * both[:, 0]
+        + weather.wind_y_mps * both[:, 1]
+        - (mean_mps + spread_mps * gauss) * both[:, 2]
+    )
+    return rows
+
+
+def rain_paths(rows: PathRows, frame_input: FrameInput, seed: int) -> Paths:
+    """Return points of rain as paths with constant range rates and random phases from a seed."""
+    phases = np.exp(2j * np.pi * _draws(rows.size, seed ^ 0x5DEECE66D)[0])
+    paths = make_paths(
+        radiance_of(rows, frame_input.table.record),
+        np.array(rows["length_m"]),
+        np.array(rows["range_rate_mps"]),
+        np.array(rows["solid_angle_sr"]),
+    )
+    return type(paths)(**{**vars(paths), "geometry": geometry_of(rows), "phasors": phases})
+
+
+def _draws(count: int, seed: int) -> list[Real]:
+    """Draw three series of numbers, uniform over 0 to 1, (count,) each."""
+    state = hash_step(np.arange(count, dtype=np.uint64) ^ hash_step(np.array(seed % 2**64, "u8")))
+    found = []
+    for _ in range(3):
+        state = hash_step(state)
+        found.append(uniform(state))
+    return found
+
+
+def _open_to_m(frame_input: FrameInput, direction: Real, solid_sr: Real) -> Real:
+    """Return ranges up to which each direction is open, (directions,) [m]."""
+    from scipy.spatial import cKDTree  # not at import: slow
+
+    table = frame_input.table
+    every = max(1, -(-table.rows.size // _LOOKED_AT))
+    rows = table.rows[::every]
+    rows = rows[(rows["transparent_depth"] == 0) & (rows["order"] >= 1)]
+    place_m = np.asarray(frame_input.receiver.matrix_world)[:3, 3]
+    hit_m = np.linalg.norm(rows["first_scatterer_m"] - place_m, axis=1)
+    rows, hit_m = rows[np.isfinite(hit_m)], hit_m[np.isfinite(hit_m)]
+    reach_m = np.full(direction.shape[0], np.inf)
+    if not rows.size:
+        return reach_m
+    _, ray = cKDTree(direction).query(rows["direction"])
+    # nearest first: blocked from where the rows so far cover half of the direction
+    order = np.lexsort((hit_m, ray))
+    ray, hit_m, part = ray[order], hit_m[order], every * rows["solid_angle_sr"][order]
+    total = np.cumsum(part)
+    first = np.searchsorted(ray, np.arange(direction.shape[0]))
+    before = np.concatenate([[0.0], total])[first]
+    half = np.flatnonzero(total - before[ray] >= solid_sr[ray] / 2)
+    np.minimum.at(reach_m, ray[half], hit_m[half])
+    return reach_m

@@ -76,7 +76,7 @@ class VertexView:
         self._images = record.images
 
     def _antennas_m(self, rows: PathRows) -> tuple[Real, Real]:
-        """Places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
+        """Return places of receiver and transmitter, or of their images, (3,) or (n, 3) [m]."""
         images = images_of(rows, self._images)
         if images is None:
             return self.receiver_m, self.emitter_m
@@ -85,8 +85,8 @@ class VertexView:
     def length_m(
         self, first_scatterer_m: Real, last_scatterer_m: Real, rows: PathRows, images: bool = True
     ) -> Real:
-        """Length over two points, or over one at order 1 [m]; without `images` straight to the
-        antennas.
+        """Return the length over two points, or over one at order 1 [m]. Without `images`, paths go
+        straight to the antennas.
         """
         order, direction = rows["order"], rows["direction"]
         receiver_m, emitter_m = self.receiver_m, self.emitter_m
@@ -101,7 +101,7 @@ class VertexView:
         return length_m
 
     def turns(self, rows: PathRows) -> tuple[Real, Real]:
-        """|u_in - u_out| at the first and at the last vertex."""
+        """Return |u_in - u_out| at the first and at the last vertex."""
         receiver_m, emitter_m = self._antennas_m(rows)
         into_first = rows["direction"]
         if receiver_m.ndim > 1:
@@ -131,8 +131,8 @@ _OFFSET = np.array([0.4142135623730950, 0.7320508075688772, 0.2360679774997896])
 
 
 def distinct(keys: Hash) -> tuple[Hash, Indices, Indices]:
-    """The sorted distinct keys, where each comes first, and the place of every key among them:
-    `numpy.unique`, without its stable sort.
+    """Return the sorted distinct keys, the first place of each, and the number of every key among
+    them. This is `numpy.unique` without its stable sort.
     """
     order = np.argsort(keys)
     ranked = keys[order]
@@ -222,7 +222,7 @@ class SurfaceCells:
         self._starts = hash_step(self._starts)
 
     def of(self, rows: PathRows, first: bool) -> Cells:
-        """Cells of the first or last vertex of rows whose vertices are all known."""
+        """Return cells of the first or last vertex of rows whose vertices are all known."""
         body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
         length_m = self._lengths_m[rows["first_object" if first else "last_object"]]
         edge_m = np.maximum(self._edges_m[body], length_m)
@@ -244,14 +244,16 @@ class SurfaceCells:
         return Cells(state, corner, body, pose, edge_m)
 
     def _by_pose(self, pose: Integers) -> Iterator[tuple[Integers | slice, Real, Real]]:
-        """Rows, rotation and origin of each pose."""
+        """Yield rows, rotation and origin of each pose."""
         found = np.flatnonzero(np.bincount(pose))
         for number in found.tolist():
             mine = slice(None) if found.size == 1 else np.flatnonzero(pose == number)
             yield mine, *self._poses[number]
 
     def local_m(self, cells: Cells) -> Real:
-        """Scatterers of cells in the axes of their bodies, within those, (n, 3) [m]."""
+        """Return the scatterers of cells in the axes of their bodies, inside these bodies, (n, 3)
+        [m].
+        """
         draw, points_m = cells.state, np.empty((cells.state.size, 3))
         held = np.flatnonzero(np.isfinite(self._extents_m[0, 0, cells.body]))
         for axis, corner in enumerate(cells.corner):
@@ -270,11 +272,11 @@ class SurfaceCells:
         return float(max(self._edges_m.max(), self._lengths_m.max()))
 
     def centres_m(self, cells: Cells) -> Real:
-        """Centres of cells, (n, 3) [m]."""
+        """Return centres of cells, (n, 3) [m]."""
         return self._in_world(cells, ((cells.corner - _OFFSET[:, None] + 0.5) * cells.edge_m).T)
 
     def _in_world(self, cells: Cells, points_m: Real) -> Real:
-        """Points in the axes of the cells' bodies in world space, in place."""
+        """Transform points from the axes of the cells' bodies to world space, in place."""
         for mine, rotation, origin_m in self._by_pose(cells.pose):
             if rotation is _WORLD:
                 continue
@@ -284,12 +286,12 @@ class SurfaceCells:
         return points_m
 
     def scatterers(self, cells: Cells) -> tuple[Real, Real]:
-        """Scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
+        """Return scatterers (n, 3) [m] and unit Gaussian heights (n,) of cells."""
         return self._in_world(cells, self.local_m(cells)), self.heights(cells.state)
 
     @staticmethod
     def heights(states: Hash) -> Real:
-        """Unit Gaussian heights from hashes, (n,)."""
+        """Return unit Gaussian heights from hashes, (n,)."""
         first_draw = hash_step(states ^ np.uint64(0x5851F42D4C957F2D))
         second_draw = hash_step(first_draw)
         # Box and Muller; 1 - u is never 0
@@ -298,7 +300,7 @@ class SurfaceCells:
         )
 
     def keys(self, rows: PathRows) -> Hash:
-        """One number for all paths over the same cells, in the same way."""
+        """Return one number for all paths over the same cells, in the same way."""
         apart, last = self.apart(rows), self.of(rows, False).state
         first = last.copy()
         if apart.size:
@@ -308,7 +310,9 @@ class SurfaceCells:
         return hash_step(hash_step(first ^ way) ^ last)
 
     def apart(self, rows: PathRows) -> Indices:
-        """Rows whose first vertex is another than the last: none of those of one reflection."""
+        """Return the rows whose first vertex differs from the last one. Rows of one reflection are
+        not among them.
+        """
         same = rows["first_object"] == rows["last_object"]
         same &= rows[self._columns[0]] == rows[self._columns[1]]
         for first_m, last_m in zip(rows["first_scatterer_m"].T, rows["last_scatterer_m"].T):
@@ -321,8 +325,8 @@ _DRAWS = np.uint64(0xD1B54A32D192ED03)
 
 
 def grazing_cosines(rows: PathRows) -> Real:
-    """Cosines of the grazing angles of rows on surfaces with motion of their own, (n,). Surfaces of
-    clutter's models are level: the grazing angle is the ray's elevation.
+    """Return the cosines of the grazing angles of rows, (n,). Surfaces with motion of their own are
+    level, so the grazing angle is the elevation of the ray.
     """
     return np.asarray(np.sqrt(np.maximum(1 - rows["direction"][:, 2] ** 2, 0.0)))
 
@@ -344,8 +348,8 @@ class SurfaceFluctuations:
         return bool(self._surfaces)
 
     def of_vertex(self, rows: PathRows, cells: Cells, first: bool) -> tuple[Real, Real]:
-        """Factors on the power, and velocities along the line of sight [m/s], of the cells of a
-        vertex of rows, (n,) each; 1 and 0 at surfaces that do not fluctuate.
+        """Return, for the cells of a vertex of rows, factors on the power and velocities along the
+        line of sight [m/s], (n,) each. They are 1 and 0 at surfaces that do not fluctuate.
         """
         factors, rates_mps = np.ones(rows.size), np.zeros(rows.size)
         objects = rows["first_object" if first else "last_object"]
@@ -447,7 +451,7 @@ class Roughness:
 
 @dataclass(frozen=True)
 class Scattering:
-    """How n paths scatter, (n,) each."""
+    """Scattering of n paths; each field is (n,)."""
 
     factor: Complex  #: without the phase of the length over the scatterers
     longer_m: Real  #: length over the scatterers, minus the path's own [m]
@@ -518,7 +522,7 @@ class SurfaceSpeckle:
             self._even = np.exp(1j * _even_phases(self._units, order))
 
     def _automatic_cell_m(self) -> float:
-        """Power of two above the footprint that half of the power has at most."""
+        """Return the power of two above a footprint that covers half of the power."""
         # power by the power of two that is at least 1.5 footprints, from 2^-1074 on
         powers = np.zeros(_EXPONENTS)
         for rows in iter_rows(self._table):
@@ -538,7 +542,7 @@ class SurfaceSpeckle:
         return float(2.0 ** (middle - _EXPONENTS // 2))
 
     def known(self, rows: PathRows) -> NDArray[np.bool_]:
-        """Paths whose vertices are all known, (n,): those of one and two reflections."""
+        """Return a mask of the paths of one or two reflections with known vertices, (n,)."""
         order = scatterer_rows(rows)["order"]
         found = (order >= 1) & (order <= 2)
         for name in ("first_scatterer_m", "last_scatterer_m"):
@@ -546,8 +550,9 @@ class SurfaceSpeckle:
         return np.asarray(found)
 
     def _draw(self, places_m: Real) -> tuple[Real, Real, Real]:
-        """Scatterers of first and last vertex, equal at order 1, (2, 3, keys) [m], their unit
-        heights (2, keys) and the length over them (keys,) [m], of last vertices (keys, 3) [m].
+        """Draw the scatterers of first and last vertex, equal at order 1, (2, 3, keys) [m], their
+        unit heights (2, keys), and the length over them (keys,) [m], from last vertices (keys, 3)
+        [m].
         """
         rows = scatterer_rows(self._table[self._leaders])
         single = rows["order"] == 1
@@ -578,8 +583,8 @@ class SurfaceSpeckle:
         return scatterers_m, units, self._view.length_m(first_m, last_m, rows)
 
     def _add_up(self) -> tuple[Hash, Real, NDArray[np.intp], Real]:
-        """For each occupied cell: its key (sorted), the power over it, and its first row with that
-        row's last vertex (keys, 3) [m].
+        """Return, for each occupied cell, its key (sorted), the power over it, and its first row
+        with that row's last vertex (keys, 3) [m].
 
         Also finds the coherent power by the number of the object [W], and the means over the power
         of lengths, and of what they are longer than the way over their vertices [m].
@@ -622,7 +627,7 @@ class SurfaceSpeckle:
         return keys, sums[0], leaders, places_m
 
     def report(self) -> SpeckleReport:
-        """How many scatterers share a range cell."""
+        """Return statistics of the scatterers in a range cell."""
         if not self._powers.sum() > 0:
             return SpeckleReport(self.cell_m, int(self._keys.size), 0.0, 0.0)
         number = np.floor(self._mean_m / 2 / self._resolution_m).astype(np.int64)
@@ -645,7 +650,7 @@ class SurfaceSpeckle:
         )
 
     def _keys_of(self, rows: PathRows) -> Hash:
-        """Keys of the cells and of the images over which paths go."""
+        """Return keys of the cells and of the images over which paths go."""
         keys = self._apart(self._cells.keys(rows), rows)
         if has_images(rows):
             over = rows["transmitter_image"].astype(np.uint16).astype(np.uint64) << np.uint64(32)
@@ -654,7 +659,9 @@ class SurfaceSpeckle:
         return keys
 
     def _apart(self, states: Hash, rows: PathRows) -> Hash:
-        """States of cells of rows, others for each part of a cell as deep as the resolution."""
+        """Return the states of the cells of rows. A cell deeper than the resolution has a state for
+        each part of that depth.
+        """
         # the ways over two vertices in cells differ by twice the sum of their diagonals
         if 2 * math.sqrt(3) * self._cells.largest_m <= self._resolution_m:
             return states
@@ -669,11 +676,13 @@ class SurfaceSpeckle:
         return np.where(part == 0, states, hash_step(states ^ part))
 
     def factors_at_rest(self, found: Scattering) -> Complex:
-        """Factors with the phase of the length, (n,): exact if path and scatterer move alike."""
+        """Return factors with the phase of the length, (n,). They are exact if path and scatterer
+        move alike.
+        """
         return np.asarray(found.factor * np.exp(-1j * self._wavenumber * found.longer_m))
 
     def scattering(self, rows: PathRows) -> Scattering:
-        """How rows scatter whose vertices are all known."""
+        """Return the scattering of rows with known vertices."""
         rows = scatterer_rows(rows)
         place = next((at for own, at in self._placed if own is rows), None)
         if place is None:
@@ -694,16 +703,16 @@ class SurfaceSpeckle:
         return Scattering(factor, longer_m, common_m, place, sway_mps)
 
     def scatterers_m(self, cells: Indices) -> tuple[Real, Real]:
-        """Scatterers of first and last vertex of cells by their numbers, (n, 3) each [m]."""
+        """Return scatterers of first and last vertex of cells by their numbers, (n, 3) each [m]."""
         first_m, last_m = self._scatterers_m
         return first_m.take(cells, axis=1).T, last_m.take(cells, axis=1).T
 
     def leaders(self, cells: Indices) -> PathRows:
-        """Rows of the table that lead cells, (n,)."""
+        """Return rows of the table that lead cells, (n,)."""
         return self._table[self._leaders[cells]]
 
     def _uneven(self, rows: PathRows, share: Real, units: Real) -> Complex:
-        """share (exp(j kappa h) - m) / sqrt(1 - m^2) of unit heights (2, n)."""
+        """Return share (exp(j kappa h) - m) / sqrt(1 - m^2) of unit heights (2, n)."""
         kappa_h = self._kappa_heights(rows)
         exponent = np.sum(kappa_h**2, axis=0) / 2
         even = np.isnan(kappa_h) | (exponent < _SMOOTH)
@@ -713,19 +722,23 @@ class SurfaceSpeckle:
         return np.asarray(share * (np.exp(1j * phase) - mean) / np.sqrt(1 - mean**2))
 
     def _kappa_heights(self, rows: PathRows) -> Real:
-        """kappa h_rms at the first and the last vertex, (2, n): 0 without a vertex, NaN unknown."""
+        """Return kappa h_rms at the first and the last vertex, (2, n). 0: no such vertex; NaN:
+        unknown.
+        """
         heights_m = self._heights[np.stack([rows["first_object"], rows["last_object"]])]
         turns = np.stack(self._view.turns(rows))
         return np.where(turns > 0, self._wavenumber * turns * heights_m, 0.0)
 
 
 def _power_of_two(least: float) -> float:
-    """The power of two from `least` up."""
+    """Return the smallest power of two that is at least `least`."""
     return float(2.0 ** math.ceil(math.log2(least)))
 
 
 def _even_phases(units: Real, order: Integers) -> Real:
-    """Phases from unit heights (2, n) of 1e3 standard deviations, even over a cycle, (n,)."""
+    """Return phases that are uniform over a cycle, (n,): unit heights (2, n) times 1e3 standard
+    deviations.
+    """
     turns = 1e3 * units[1]
     phases = 2 * np.pi * (turns - np.floor(turns))
     two = np.flatnonzero(order == 2)

@@ -375,16 +375,21 @@ class RayScene:
         half += _ROUNDING * np.abs(middle).max(axis=1, initial=0.0)[:, None]
         self._tree = _BoxTree(middle - half, middle + half)
 
-    def first(self, origins: Real, directions: Real) -> tuple[Indices, Indices, Real]:
+    def first(
+        self, origins: Real, directions: Real, among: Mask | None = None
+    ) -> tuple[Indices, Indices, Real]:
         """Return the first body and face that each ray meets, -1 for none, and its ray parameter,
         infinite for none, (n,) each.
 
-        `origins` are (n, 3) or (3,), `directions` of any length, (n, 3).
+        `origins` are (n, 3) or (3,), `directions` of any length, (n, 3). `among` (bodies,) are
+        those that count (None: all).
         """
         origins = np.broadcast_to(origins, directions.shape)
         body, face = np.full((2, len(directions)), -1)
         way = np.full(len(directions), np.inf)
-        for pairs in self._tree.passed(origins, directions, np.inf):
+        for ray, box, enter in self._tree.passed(origins, directions, np.inf):
+            kept = slice(None) if among is None else among[box]
+            pairs = ray[kept], box[kept], enter[kept]
             for rays, bodies in _in_order(pairs, lambda rays, enter: enter < way[rays]):
                 for mesh, some, start, along in self._by_mesh(origins, directions, rays, bodies):
                     faces, ways = mesh.first(start, along)
@@ -396,20 +401,15 @@ class RayScene:
                     body[ray], face[ray], way[ray] = bodies[some[order]], faces[order], ways[order]
         return body, face, way
 
-    def blocked(
-        self, starts: Real, ends: Real, among: Mask | None = None, leaving: Indices | None = None
-    ) -> Mask:
+    def blocked(self, starts: Real, ends: Real, among: Mask | None = None) -> Mask:
         """Return whether a face lies on each way between two points (n, 3), (n,).
 
-        `among` (bodies,) are those that count (None: all). `leaving` (n,) is one body each that
-        does not count for a way, -1 for none. Faces that an end lies on do not count.
+        `among` (bodies,) are those that count (None: all). Faces that an end lies on do not count.
         """
         found = np.zeros(len(ends), dtype=bool)
         starts, ways = np.broadcast_to(starts, ends.shape), ends - starts
         for ray, box, enter in self._tree.passed(starts, ways, 1.0):
-            kept = np.ones(ray.size, dtype=bool) if among is None else among[box]
-            if leaving is not None:
-                kept &= leaving[ray] != box
+            kept = slice(None) if among is None else among[box]
             pairs = ray[kept], box[kept], enter[kept]
             for rays, bodies in _in_order(pairs, lambda rays, enter: ~found[rays]):
                 for mesh, some, start, along in self._by_mesh(starts, ways, rays, bodies):
@@ -450,7 +450,7 @@ class _BoxTree:
 
     def __init__(self, low: Real, high: Real) -> None:
         finite = np.flatnonzero(are_finite(low) & are_finite(high))
-        self._order = finite[_along_curve((low[finite] + high[finite]) / 2)]
+        self._order = finite[along_curve((low[finite] + high[finite]) / 2)]
         #: From the boxes to the top, each (2, 3, k).
         self._levels = [np.stack([low[self._order].T, high[self._order].T])]
         while self._levels[-1].shape[2] > _TOP:
@@ -571,7 +571,7 @@ def _in_order(
         size *= 2
 
 
-def _along_curve(places: Real) -> Indices:
+def along_curve(places: Real) -> Indices:
     """Return the order of places (n, 3) along a curve on which neighbours are near (Morton's)."""
     if not len(places):
         return np.zeros(0, dtype=np.intp)

@@ -27,7 +27,12 @@ from ...errors import ConfigError
 from ...physics.clutter import ClutterModel, clutter_model
 from ...physics.fresnel import unpolarised_reflectance
 from ...physics.mirrors import MirrorMaterial, coherent_reflection
-from ...physics.rough import lobe_exponent, rms_slope
+from ...physics.rough import (
+    facet_brightness,
+    lobe_exponent,
+    rms_slope,
+    slope_from_roughness,
+)
 
 Kind = Literal["simple", "physical", "sheet", "light"]
 
@@ -46,6 +51,8 @@ _METAL = 1000.0
 _DARK = 0.2
 #: Albedo of the rendered lobe where less is scattered: Cycles drops lobes of 1e-5.
 _LEAST_ALBEDO = 1e-4
+#: Albedo of Blender's default surface, and of a material made for light whose colour is not known.
+_DEFAULT_ALBEDO, _GUESSED_ALBEDO = 0.8, 0.5
 
 #: BSDFs of Blender with a reflecting lobe of their Roughness, and those of them with no other,
 #: which depends on both directions alike.
@@ -206,6 +213,21 @@ class Shader:
         return roughness**2 if roughness is not None and roughness > SHARP else math.inf
 
 
+@dataclass(frozen=True)
+class Angles:
+    """Cosines of n rays at a surface, each (n,)."""
+
+    #: Of the angles from the shading normal; to the transmitter, negative behind the surface.
+    to_transmitter: Real
+    to_receiver: Real
+    #: From the shading normal to the facet half way between both antennas.
+    to_facet: Real
+    #: From that facet's normal to an antenna.
+    at_facet: Real
+    #: From the normal of the triangle to the receiver.
+    to_receiver_flat: Real
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """A material at the carrier."""
@@ -322,6 +344,11 @@ class Surface:
         limit = SMOOTH_BELOW if self.kind == "physical" else SHARP
         shiny = self.specularity is None or self.specularity > 0
         return shiny and self.roughness is not None and self.roughness <= limit
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether it mirrors, even where its reflection is not known."""
+        return self.mirror is not None or self.is_mirror_like
 
     # Its lobes.
 
@@ -479,3 +506,66 @@ class Surface:
                 "material again."
             )
         return ScatteredLobe(exponent, mirror, 0.0, True)
+
+    # How bright it is in a single reflection, without its mirror and its directive lobe.
+
+    @property
+    def is_guessed(self) -> bool:
+        """Whether `brightness` uses numbers that are not known.
+
+        They are those that a node sets, and what a material made for light scatters besides the
+        colour of a Diffuse BSDF.
+        """
+        if self.kind == "light":
+            exact = self.output is not None and self.output.kind == "Diffuse"
+            return self._albedo is None or not (exact or self.is_default)
+        return any(getattr(self, name) is None for name in self._used)
+
+    @property
+    def _used(self) -> tuple[str, ...]:
+        """Inputs that its brightness depends on."""
+        if self.kind not in ("simple", "physical"):
+            return ()
+        both = ("n", "kappa", "roughness")
+        return (*both, "specularity") if self.kind == "simple" else both
+
+    @property
+    def _albedo(self) -> float | None:
+        """Albedo of a material made for light, as that of a Lambert surface; None if unknown."""
+        if self.is_default:
+            return _DEFAULT_ALBEDO
+        if self.output is None or self.output.kind not in ("Principled", "Diffuse"):
+            return None
+        return self.output.albedo
+
+    def brightness(self, angles: Angles, carrier_hz: float, polarisation: str) -> Real:
+        """Return 4 pi f cos_in of n rays, f the BRDF, as of `facet_brightness`, (n,) [m^2/m^2].
+
+        Where a node sets an input, the number counts that would be there without the node.
+        """
+        lambert = 4 * np.maximum(angles.to_transmitter, 0.0)
+        if self.kind == "sheet":
+            return np.zeros(lambert.shape)
+        if self.kind == "light":
+            albedo = self._albedo
+            return np.asarray((_GUESSED_ALBEDO if albedo is None else albedo) * lambert)
+        used = {name: getattr(self, name) for name in self._used}
+        number = {name: self.unlinked[name] if x is None else x for name, x in used.items()}
+        index, roughness = complex(number["n"], number["kappa"]), number["roughness"]
+        facets = np.zeros(lambert.shape)
+        if roughness > (SHARP if self.kind == "simple" else SMOOTH_BELOW):
+            slope = slope_from_roughness(roughness)
+            facets = facet_brightness(
+                slope, angles.to_transmitter, angles.to_receiver, angles.to_facet
+            )
+        if self.kind == "simple":
+            share = number["specularity"]
+            reflected = unpolarised_reflectance(index, angles.to_receiver)
+            return np.asarray(reflected * (share * facets + (1 - share) * lambert))
+        total = unpolarised_reflectance(index, angles.at_facet) * facets
+        if self.clutter is not None:
+            grazing_rad = np.arcsin(np.clip(angles.to_receiver, 0.0, 1.0))
+            sigma0 = 10 ** (self.clutter.sigma0_db(carrier_hz, grazing_rad, polarisation) / 10)
+            # a pixel's area has the cosine of the triangle
+            total = total + sigma0 / np.maximum(angles.to_receiver_flat, 1e-12)
+        return np.asarray(total)

@@ -4,26 +4,26 @@
 In: path lengths over a burst [m], complex amplitudes, a frequency grid [Hz]. Out: complex spectra,
 one per pulse, with an estimate of their numerical error.
 
-`accumulator` sorts paths: stationary ones are transformed once, `moving` ones in the way that costs
-least: all pulses in one transform (`linear_motion`) or pulse by pulse (`pulse_sums`), with lengths
-and amplitudes that are polynomials of slow time (`amplitudes`). One pulse is phases, a non-uniform
-FFT (`nufft`) and its error (`transform`). `grid` has the frequencies, delays and shapes of pulses.
+`accumulator` sorts paths: stationary ones are transformed once, moving ones in the way that costs
+least: all pulses in one transform (`linear_motion`) or pulse by pulse (`pulse_sums`). One pulse is
+phases, a non-uniform FFT (`nufft`) and its error (`transform`). `grid` has the frequencies, delays
+and shapes of pulses, and polynomials of slow time for lengths and amplitudes.
 """
 
-from .accumulator import (
-    TOLERANCE,
+from .accumulator import TOLERANCE, Spectrum, SpectrumAccumulator
+from .grid import (
+    AmplitudeHistory,
+    CodeShape,
     FrequencyGrid,
-    Method,
     PulseShape,
     Ramp,
     ReceiveWindow,
-    Spectrum,
-    SpectrumAccumulator,
-    SynthesisReport,
+    check_finite,
+    repeat_orders,
 )
-from .amplitudes import AmplitudeHistory
-from .grid import CodeShape, check_finite, repeat_orders
 from .nufft import Backend, nufft1, smooth_size
+from .pulse_sums import Method
+from .transform import SynthesisReport
 
 __all__ = [
     "TOLERANCE",

@@ -21,14 +21,15 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Complex, Real
+from ...arrays import Complex, Mask, Real
 from ...errors import ConfigError, PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from ..motion import Rows
 
 #: Elements worked on at a time, so that temporaries stay in the processor's cache.
 BLOCK = 1 << 13
@@ -51,7 +52,7 @@ class CycleRate:
 
     @classmethod
     def of(cls, frequency_hz: Fraction | float) -> CycleRate:
-        """Rate f / c of a frequency [1/m]."""
+        """Return rate f / c of a frequency [1/m]."""
         exact = Fraction(frequency_hz) / Fraction(SPEED_OF_LIGHT_MPS)
         if exact == 0:
             return cls(0.0, 0.0)
@@ -61,7 +62,9 @@ class CycleRate:
 
 
 def reduced_cycles(length_m: Real, rate: CycleRate, out: Real | None = None) -> Real:
-    """length x rate less the nearest whole number, exact to about 1e-15; into `out` if given."""
+    """Return length x rate minus the nearest whole number, exact to about 1e-15. Write to `out` if
+    given.
+    """
     high = length_m * _SPLITTER
     rest = high - length_m
     high -= rest  # leading 26 bits of the length
@@ -83,7 +86,7 @@ def reduce_cycles(cycles: Real) -> Real:
 
 
 def phasors(amplitude: NDArray[np.inexact[Any]], cycles: Real, out: Complex) -> Complex:
-    """amplitude exp(j 2 pi cycles) into `out`; overwrites `cycles`, which should be reduced."""
+    """Write amplitude exp(j 2 pi cycles) to `out`. Overwrite `cycles`, which should be reduced."""
     cycles *= 2 * np.pi
     np.cos(cycles, out=out.real)
     np.sin(cycles, out=out.imag)
@@ -93,7 +96,9 @@ def phasors(amplitude: NDArray[np.inexact[Any]], cycles: Real, out: Complex) -> 
 
 @dataclass(frozen=True)
 class Meeting:
-    """When the wave meets the path: `side` 1 after its emission, -1 before its reception."""
+    """Time at which the wave meets the path: after its emission (`side` 1), or before its reception
+    (-1).
+    """
 
     side: float
 
@@ -101,11 +106,11 @@ class Meeting:
         return self.side * rate_mps / (2 * SPEED_OF_LIGHT_MPS)
 
     def seen_mps(self, rate_mps: Real) -> Real:
-        """c times the rate of the delay, of lengths that change at these rates, (n,) [m/s]."""
+        """Return c times the rate of the delay, (n,) [m/s], from the rates of the lengths [m/s]."""
         return np.asarray(rate_mps / (1 - self._halfway(rate_mps)))
 
     def moved_m(self, length_m: Real, rate_mps: Real, later_s: Real | float = 0.0) -> Real:
-        """c tau `later_s` later, less the length, (n,) [m]."""
+        """Return c tau at `later_s` minus the length, (n,) [m]."""
         halfway = self._halfway(rate_mps)
         return np.asarray((rate_mps * later_s + length_m * halfway) / (1 - halfway))
 
@@ -143,13 +148,15 @@ class PulseShape:
         self.rms = float(np.sqrt(np.mean(np.abs(self.spectrum) ** 2)))
 
     def _spectrum(self, samples: Complex) -> Complex:
-        """Spectrum of samples (..., n) about the middle of the pulse, (..., frequencies)."""
+        """Transform samples (..., n) about the middle of the pulse to (..., frequencies)."""
         middle = (self._samples.size - 1) / 2
         shift = np.exp(2j * np.pi * np.fft.fftfreq(self._count) * middle)
         return np.fft.fftshift(np.fft.fft(samples, self._count) * shift, axes=-1)
 
     def _basis(self, polynomials: Real) -> NodeWeights:
-        """W_j from the Lagrange polynomials (nodes, n) at the samples, (nodes, frequencies)."""
+        """Return W_j, (nodes, frequencies), from the Lagrange polynomials (nodes, n) at the
+        samples.
+        """
         return self._spectrum(self._samples * polynomials)
 
     def _weights(self, nodes: int) -> NodeWeights:
@@ -158,22 +165,24 @@ class PulseShape:
         return self._bases[nodes]
 
     def times_s(self, nodes: int) -> Real:
-        """Times u_j of the nodes from the middle of the pulse, (nodes,) [s]."""
+        """Return times u_j of the nodes from the middle of the pulse, (nodes,) [s]."""
         return self.half_s * chebyshev_nodes(nodes)
 
     def joined(self, spectra: Complex) -> Complex:
-        """Spectra of the echoes from those S at each node, (..., nodes, frequencies)."""
+        """Return the spectra of the echoes from the spectra S at each node, (..., nodes,
+        frequencies).
+        """
         weights = self._weights(spectra.shape[-2])
         return np.asarray(np.einsum("...jf,jf->...f", spectra, weights))
 
     def nodes(self, rate_mps: Real, highest_hz: float, tolerance: float) -> int:
-        """Number of nodes for paths whose lengths change at these rates [m/s]."""
+        """Return the number of nodes for paths with these rates of the length [m/s]."""
         fastest = float(np.abs(rate_mps).max(initial=0.0)) / SPEED_OF_LIGHT_MPS
         phase_rad = 2 * math.pi * highest_hz * fastest * self.half_s
         return nodes_for(phase_rad, NODES_SHARE * tolerance)
 
     def stretch(self, rate_mps: Real) -> Real:
-        """1 + beta, (n,): how much longer a pulse is received than it was sent."""
+        """Return 1 + beta, (n,): the duration of a pulse at reception over that at emission."""
         return np.asarray(1 + rate_mps / (SPEED_OF_LIGHT_MPS - rate_mps / 2))
 
 
@@ -202,17 +211,17 @@ class CodeShape(PulseShape):
         return self._spectrum(np.einsum("...jt,jt->...t", echoes, weights))
 
     def stretch(self, rate_mps: Real) -> Real:
-        """1: samples are taken at their own times."""
+        """Return 1, because samples are taken at their own times."""
         return np.ones_like(rate_mps)
 
 
 def chebyshev_nodes(count: int) -> Real:
-    """Zeros of T_count, within -1 and 1."""
+    """Return zeros of T_count, within -1 and 1."""
     return np.asarray(np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
 def lagrange(nodes: Real, places: Real) -> Real:
-    """Lagrange polynomials of nodes at places, all within -1 and 1, (nodes, places)."""
+    """Return Lagrange polynomials of nodes at places, all within -1 and 1, (nodes, places)."""
     vander = np.polynomial.chebyshev.chebvander
     inverse = np.linalg.inv(vander(nodes, nodes.size - 1))
     return np.asarray((vander(places, nodes.size - 1) @ inverse).T, dtype=np.float64)
@@ -367,11 +376,13 @@ class Ramp:
             raise ConfigError(f"Slope of the ramp is {self.video_hz_per_s!r}; expected a number.")
 
     def half_s(self, count: int) -> float:
-        """Time from the middle to where lengths are sampled, within the ramp on both sides [s]."""
+        """Return the time from the middle to the outer samples of the length, within the ramp on
+        both sides [s].
+        """
         return max((count - 1) // 2, 0.5) * self.interval_s
 
     def video_cycles(self, delay_s: Real) -> Real:
-        """K tau^2 / 2, of the shape of the delays [s]."""
+        """Return K tau^2 / 2 in the shape of the delays [s]."""
         return np.asarray(self.video_hz_per_s / 2 * delay_s**2)
 
 
@@ -398,7 +409,9 @@ class SynthesisContext:
         ramp: Ramp | None = None,
         pulse: PulseShape | None = None,
     ) -> SynthesisContext:
-        """For a grid and a window; a ramp takes no other phases and no folding (`ConfigError`)."""
+        """Make the context of a grid and a window. `ConfigError`: a ramp with other phases or with
+        folding.
+        """
         if pulse is not None and (ramp is not None or extra_cycles is not None):
             raise ConfigError("A pulse goes with neither a ramp nor further phases.")
         if ramp is not None:
@@ -422,7 +435,7 @@ class SynthesisContext:
 
     @property
     def meeting(self) -> Meeting | None:
-        """When waves meet paths that move while the pulse is under way; None: stop and go."""
+        """Time at which waves meet paths that move during the pulse. None: stop and go."""
         if self.pulse is not None:
             return self.pulse.meeting
         return RECEPTION if self.ramp is not None else None
@@ -477,3 +490,146 @@ def check_finite(
         f"Row {first + number} of the paths has {what} {value}; expected a finite "
         "number of usual size. Leave the row out, or render its run again."
     )
+
+
+# -------------------------------------------------------------------------------------------------
+# Lengths and amplitudes of paths over a burst, as Chebyshev polynomials of slow time.
+#
+# Values are taken at Chebyshev nodes of the burst; the interpolating polynomial has the
+# coefficients c_k of T_k. Since |T_k| <= 1, the coefficients beyond degree 1 bound the departure of
+# a length from a constant range rate. Nodes are uneven, so periodic motion cannot hide between
+# them; values at other times are compared with the polynomial as well.
+#
+# If antenna gains change during the burst, an amplitude is a(t) = sum_k c_k T_k(t): each term is
+# one more transform of all pulses, weighted with T_k afterwards, or one more product per path and
+# pulse. Amplitudes that no polynomial follows, as at nulls of a pattern, are taken at every pulse.
+# -------------------------------------------------------------------------------------------------
+
+Values = TypeVar("Values", Real, Complex)
+
+#: Nodes of the fit: a polynomial of degree 15.
+NODES = 16
+#: Where the polynomial is compared with the motion, as shares of the burst; no node is there.
+_CHECKS = np.array([0.0, 0.137, 0.4142, 0.7391, 1.0])
+
+
+@dataclass(frozen=True)
+class FittedMotion:
+    """Lengths of rows as polynomials."""
+
+    coefficients_m: Real  #: c_k of T_k, (rows, nodes) [m]
+    linear: Mask  #: degree 1 is within the bound, (rows,)
+    smooth: Mask  #: the whole polynomial is, (rows,)
+    fastest_mps: Real  #: largest rate of the length between nodes, (rows,) [m/s]
+
+
+class BurstBasis:
+    """Chebyshev polynomials of degree below `count` over the time of two or more pulses."""
+
+    def __init__(self, times_s: Real, count: int = NODES) -> None:
+        self.count = count
+        first_s, last_s = float(times_s.min()), float(times_s.max())
+        self.middle_s = (first_s + last_s) / 2
+        self.half_s = (last_s - first_s) / 2
+        self.nodes_s: Real = self.middle_s + self.half_s * chebyshev_nodes(count)
+        self.checks_s: Real = first_s + (last_s - first_s) * _CHECKS
+        self._inverse = np.linalg.inv(self.at(self.nodes_s)).T
+        self._at_checks = self.at(self.checks_s).T
+
+    def at(self, times_s: Real) -> Real:
+        """Return T_k at times [s], (times, count)."""
+        place = np.clip((times_s - self.middle_s) / self.half_s, -1.0, 1.0)
+        return np.asarray(
+            np.polynomial.chebyshev.chebvander(place, self.count - 1), dtype=np.float64
+        )
+
+    def sample_times_s(self) -> Real:
+        """Return times at which `fit` needs lengths: the nodes, then the checks [s]."""
+        return np.concatenate([self.nodes_s, self.checks_s])
+
+    def interpolate(self, values: Values) -> tuple[Values, Real]:
+        """Return coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, and
+        their largest departure at the checks, (rows,).
+        """
+        coefficients = np.ascontiguousarray(values[:, : self.count]) @ self._inverse
+        left = np.abs(coefficients @ self._at_checks - values[:, self.count :]).max(axis=1)
+        return coefficients, left
+
+    def fit(self, lengths_m: Real, displacement_error_bound_m: float) -> FittedMotion:
+        """Fit lengths at `sample_times_s`, (rows, times) [m], and sort them by the bound [m]."""
+        at_nodes = lengths_m[:, : self.count]
+        # from the first node, so that a long path leaves no rounding in the higher coefficients
+        offset_m = at_nodes[:, :1]
+        coefficients, left_m = self.interpolate(lengths_m - offset_m)
+        size = np.abs(coefficients)
+        unseen_m = size[:, -3:].sum(axis=1) + left_m
+        smooth = unseen_m <= displacement_error_bound_m / 2
+        linear = smooth & (size[:, 2:].sum(axis=1) + unseen_m <= displacement_error_bound_m)
+        coefficients[:, 0] += offset_m[:, 0]
+        rates = np.abs(np.diff(at_nodes, axis=1) / np.diff(self.nodes_s))
+        return FittedMotion(
+            coefficients_m=coefficients,
+            linear=linear,
+            smooth=smooth,
+            fastest_mps=rates.max(axis=1),
+        )
+
+
+#: Fraction of the tolerance for an amplitude, relative to the path's largest one: beams are also
+#: looked at where they are weak, and a further digit costs two terms or so.
+_SHARE = 1e-3
+#: Nodes of their fit: beams have more bends than lengths.
+AMPLITUDE_NODES = 32
+
+
+@dataclass(frozen=True)
+class AmplitudeHistory:
+    """Complex amplitudes of n paths over a burst."""
+
+    constant: Weights  #: amplitude where it does not vary, (n,)
+    varies: Mask  #: (n,)
+    #: From times [s] and indices of rows: amplitudes, (rows, times).
+    at: Callable[[Real, NDArray[np.intp]], Complex]
+
+    @classmethod
+    def of(cls, amplitude: Weights) -> AmplitudeHistory:
+        """Make the history of amplitudes (n,) that do not vary."""
+        return cls(
+            amplitude,
+            np.zeros(amplitude.shape, dtype=bool),
+            lambda times_s, rows: np.repeat(amplitude[rows, None], np.size(times_s), axis=1),
+        )
+
+    def select(self, rows: Rows, factor: Real | Complex | float = 1.0) -> AmplitudeHistory:
+        """Return the history of some rows, times a factor, (rows,) or one."""
+        index = np.arange(self.constant.size)[rows]
+        factors = np.broadcast_to(factor, index.shape)
+        return AmplitudeHistory(
+            self.constant[index] * factors,
+            self.varies[index],
+            lambda times_s, own: self.at(times_s, index[own]) * factors[own, None],
+        )
+
+
+def fit_amplitudes(basis: BurstBasis, values: Complex, tolerance: float) -> tuple[Complex, Mask]:
+    """Return coefficients c_k of T_k, (rows, count), of values (rows, times) at
+    ``basis.sample_times_s()``, and a mask of the rows that they follow, (rows,). They are 0 from
+    the first k that no fitted row needs.
+    """
+    coefficients, left = basis.interpolate(values)
+    size = np.abs(coefficients)
+    bound = _SHARE * tolerance * np.abs(values).max(axis=1)
+    fits = size[:, -3:].sum(axis=1) + left <= bound / 2
+    # what is dropped with the terms from k on
+    tails = np.cumsum(size[:, ::-1], axis=1)[:, ::-1]
+    needed = int(np.count_nonzero((tails[fits] > bound[fits, None] / 2).any(axis=0)))
+    coefficients[:, max(needed, 1) :] = 0
+    return np.asarray(coefficients), np.asarray(fits)
+
+
+def used_terms(coefficients: Weights) -> Weights:
+    """Return coefficients (rows, terms) without the last ones that are 0 in all rows."""
+    used = np.flatnonzero(np.abs(coefficients).max(axis=0, initial=0.0) > 0)
+    count = int(used[-1]) + 1 if used.size else 1
+    found: Weights = np.asarray(coefficients)[..., :count]
+    return found

@@ -39,7 +39,7 @@ from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from .grid import SynthesisContext, Weights, phasors, reduce_cycles, reduced_cycles
 from .nufft import LEAST_ERROR, MARGIN, NARROW, TIGHTEST, nufft_lines
-from .transform import RANDOM_STATE, ErrorSum, engine_tolerance, joined_error, l2_norm
+from .transform import RANDOM_STATE, ErrorSum, PulseBlock, engine_tolerance, joined_error, l2_norm
 
 #: Points of the fine grids of one block (16 bytes each), points of it for one of the coarse grid,
 #: and targets (100 bytes).
@@ -87,16 +87,6 @@ class LinearRows:
 
 
 @dataclass(frozen=True)
-class BlockResult:
-    """Spectra of some pulses."""
-
-    pulses: slice
-    values: Complex
-    error: ErrorSum
-    cpu_s: float
-
-
-@dataclass(frozen=True)
 class LinearPlan:
     """Blocks of pulses for type 3, and the cost of either way."""
 
@@ -120,7 +110,7 @@ def plan_linear(
     if sums.pulse is not None:
         burst_s += 2 * sums.pulse.half_s
         pulses *= sums.pulse.nodes(rows.rate_mps, grid.highest_hz, tolerance)
-    middle = _middle_motion(delay, rate, 0.0, sums)
+    middle = MiddleMotion.of(delay, rate, 0.0, sums)
     remains_rad = middle.remains_rad(burst_s / 2, abs(grid.step_hz) * grid.count / 2)
     # half of a burst for which the first order would do
     longest_s = burst_s / 2 * min(1.0, math.sqrt(2 * _SHARE * tolerance) / max(remains_rad, 1e-300))
@@ -158,9 +148,9 @@ def linear_block(
     pulses: slice,
     tolerance: float,
     terms: Real | None = None,
-) -> BlockResult:
-    """Spectra of some pulses by one transform; times are in rising order. Amplitudes of several
-    terms take a transform each; `terms` are T_k at all pulses.
+) -> PulseBlock:
+    """Compute the spectra of some pulses by one transform; times are in rising order. Amplitudes of
+    several terms take a transform each; `terms` are T_k at all pulses.
     """
     start = time.thread_time()
     grid, times, nodes = sums.grid, times_s[pulses], 1
@@ -174,7 +164,7 @@ def linear_block(
     if sums.pulse is not None:
         result = sums.pulse.joined(result.reshape(-1, nodes, grid.count))
         error = joined_error(error.of_each(nodes), nodes, tolerance, grid.count)
-    return BlockResult(pulses, result, error, time.thread_time() - start)
+    return PulseBlock(pulses, result, error, time.thread_time() - start)
 
 
 @dataclass(frozen=True)
@@ -187,7 +177,7 @@ class _Points:
 
 
 def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Points:
-    """Rows as they are at a time."""
+    """Return the points of rows at a time."""
     period_s = sums.listening.period_s or 0.0
     amplitude, rate_mps, later_s = rows.amplitude, rows.rate_mps, time_s - rows.time_s
     shift_m = rate_mps * later_s
@@ -202,7 +192,7 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
     cycles = rows.order * sums.shift_centre
     cycles -= reduced_cycles(rows.length_m, sums.centre)
     cycles -= reduced_cycles(shift_m, sums.centre)
-    middle = _middle_motion(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
+    middle = MiddleMotion.of(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
     cycles += middle.path_cycles()
     turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
     return _Points(middle, np.atleast_2d(amplitude.T) * turns, reference_m)
@@ -249,13 +239,6 @@ def _transformed(
     return result, ErrorSum.of(max(engine, LEAST_ERROR), since_s.size, squares, total)
 
 
-def _middle_motion(
-    delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
-) -> MiddleMotion:
-    slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
-    return MiddleMotion.of(delay_s, rate, reference_s, slope, float(sums.grid.exact_centre_hz))
-
-
 @dataclass(frozen=True)
 class MiddleMotion:
     """The phase about the middle of n paths with delays and rates at the time 0."""
@@ -271,9 +254,11 @@ class MiddleMotion:
 
     @classmethod
     def of(
-        cls, delay_s: Real, rate: Real, reference_s: float, slope: float, carrier_hz: float
+        cls, delay_s: Real, rate: Real, reference_s: float, sums: SynthesisContext
     ) -> MiddleMotion:
-        """For delays [s] that are counted from a reference."""
+        """Make the middle motion of delays [s] that are counted from a reference."""
+        slope = 0.0 if sums.ramp is None else sums.ramp.video_hz_per_s
+        carrier_hz = float(sums.grid.exact_centre_hz)
         middle = float(delay_s.min() + delay_s.max()) / 2
         middle_rate = float(rate.min() + rate.max()) / 2
         x, y = delay_s - middle, rate - middle_rate
@@ -284,11 +269,13 @@ class MiddleMotion:
         )  # fmt: skip
 
     def path_cycles(self) -> Real:
-        """K tau_0^2 / 2, (n,), not reduced: delays are of 1e-6 s, whole cycles few."""
+        """Return K tau_0^2 / 2, (n,). It is not reduced: delays are some 1e-6 s, so there are few
+        cycles.
+        """
         return np.asarray(self.slope / 2 * (self.middle_s + self.delay_s) ** 2)
 
     def remains_rad(self, half_s: float, half_band_hz: float) -> float:
-        """Largest phase that the transform leaves, for |s| <= half_s."""
+        """Return the largest phase that the transform leaves, for |s| <= half_s."""
         beyond_hz = half_band_hz + abs(self.slope * self.middle_rate) * half_s
         product = float(np.abs(self.product).max()) * half_s * beyond_hz
         return 2 * math.pi * (product + float(np.abs(self.square).max()) * half_s**2)
@@ -297,14 +284,14 @@ class MiddleMotion:
         return carrier_hz - self.slope * self.middle_s
 
     def beyond_hz(self, since_s: Real, offset_hz: Real) -> Real:
-        """u - K beta_c s at times and frequencies, of their shape."""
+        """Return u - K beta_c s at times and frequencies, in their shape."""
         return np.asarray(offset_hz - self.slope * self.middle_rate * since_s)
 
     def common_turns(
         self, times_s: Real, interval_s: float, step_hz: float, count: int, carrier_hz: float
     ) -> Complex:
-        """exp(j 2 pi cycles) that all paths share, (times, frequencies): at s = t + k dt and u = k
-        df, k from -count//2 on.
+        """Return exp(j 2 pi cycles) that all paths share, (times, frequencies), at s = t + k dt and
+        u = k df, with k from -count//2 on.
 
         The phase is of the second degree in k, and only the first has to do with t: it is put
         together from a few k and their distances, since a cosine takes ten times a product.
@@ -323,7 +310,9 @@ class MiddleMotion:
         return np.asarray(turns.T)
 
     def remains(self, values: Complex) -> Complex:
-        """Strengths (2 sets, n) of what the transform of strengths (sets, n) leaves."""
+        """Return the strengths (2 sets, n) of the phase that the transform of strengths (sets, n)
+        leaves out.
+        """
         values = values * 2j * np.pi
         return np.concatenate([values * self.product, values * self.square])
 
@@ -337,7 +326,7 @@ class MiddleMotion:
 
 
 def _turns(cycles: Real) -> Complex:
-    """exp(j 2 pi cycles); overwrites them."""
+    """Return exp(j 2 pi cycles). Overwrite the cycles."""
     return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
 
 

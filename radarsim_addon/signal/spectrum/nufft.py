@@ -109,7 +109,7 @@ class Type1:
         self._plan: Any = None
 
     def __call__(self, points: Real, values: Complex) -> Complex:
-        """F[k] of points within [-pi, pi] and complex values (n,), or of several sets of them,
+        """Return F[k] for points within [-pi, pi] and complex values: one set (n,), or several
         (sets, n).
         """
         if self.backend == "finufft":
@@ -148,8 +148,8 @@ class RowsType1:
         self._divisor = _kernel_spectrum(size, self._fine, tolerance)
 
     def __call__(self, points: Real, values: Complex) -> Complex:
-        """F[k] of points (rows, n) within [-pi, pi] and complex values (sets, rows, n), (sets,
-        rows, size).
+        """Return F[k], (sets, rows, size), for points (rows, n) within [-pi, pi] and complex values
+        (sets, rows, n).
         """
         rows, half = len(points), _MARGIN // 2
         slot = self._fine + _MARGIN
@@ -157,7 +157,9 @@ class RowsType1:
         place += slot * np.arange(rows)[:, None]
         sets = len(values)
         if (sets, rows) not in self._plans:
-            self._plans[sets, rows] = _spreader(rows * slot, sets, self._tolerance)
+            self._plans[sets, rows] = _kernel_plan(
+                1, rows * slot, self._tolerance, _WIDE, n_trans=sets
+            )
         plan = self._plans[sets, rows]
         plan.setpts(place.ravel() * (2 * np.pi / (rows * slot)) - np.pi)
         grid = plan.execute(np.ascontiguousarray(values.reshape(sets, -1)))
@@ -169,20 +171,12 @@ class RowsType1:
         return np.asarray(found[..., self._kept] / self._divisor)
 
 
-def _spreader(cells: int, sets: int, tolerance: float) -> Any:
-    """A plan that spreads points to a grid, without a transform."""
-    return importlib.import_module("finufft").Plan(
-        1, (cells,), n_trans=sets, eps=tolerance, isign=-1, nthreads=1, upsampfac=2.0,
-        spreadinterponly=1,
-    )  # fmt: skip
-
-
 @functools.lru_cache(16)
 def _kernel_spectrum(size: int, fine: int, tolerance: float) -> Complex:
-    """Spectrum of a point at the middle, (size,): the mean of many, at all shifts of a cell."""
+    """Return the spectrum of a point at the middle, (size,): the mean over all shifts of a cell."""
     slot, shifts = fine + _MARGIN, np.arange(_SHIFTS) / _SHIFTS
     places = (np.arange(_SHIFTS) * slot + fine // 2 + shifts) / (_SHIFTS * slot)
-    plan = _spreader(_SHIFTS * slot, 1, tolerance)
+    plan = _kernel_plan(1, _SHIFTS * slot, tolerance, _WIDE)
     plan.setpts(2 * np.pi * places - np.pi)
     grid = plan.execute(np.ones(_SHIFTS, dtype=np.complex128)).reshape(_SHIFTS, slot)
     k = np.arange(size) - size // 2
@@ -193,7 +187,7 @@ def _kernel_spectrum(size: int, fine: int, tolerance: float) -> Complex:
 
 
 def _direct(points: Real, values: Complex, size: int) -> Complex:
-    """Term by term, in blocks that bound memory: the definition."""
+    """Sum up term by term, as the definition is, in blocks that bound memory."""
     k = np.arange(size, dtype=np.float64) - size // 2
     total = np.zeros(size, dtype=np.complex128)
     block = max(1, (1 << 20) // size)
@@ -204,7 +198,9 @@ def _direct(points: Real, values: Complex, size: int) -> Complex:
 
 
 def smooth_size(number: int) -> int:
-    """Smallest product of 2, 3 and 5 that is at least a number: its FFTs are fast."""
+    """Return the smallest product of 2, 3 and 5 that is at least a number, because its FFTs are
+    fast.
+    """
     best = 1 << max(0, (number - 1).bit_length())
     five = 1
     while five < best:
@@ -230,8 +226,8 @@ _MIXED_SHIFTS, _SLOT, _DEGREE = 32, 32, 32
 
 
 def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance: float) -> Complex:
-    """The sum F[l, k], (sets, lines, size). Points x within [-pi, pi] and y
-    are (n,), `values` (sets, n), u (lines, size) in radians per unit of y.
+    """Compute the sum F[l, k], (sets, lines, size). Points x within [-pi, pi] and y are (n,),
+    `values` (sets, n), u (lines, size) in radians per unit of y.
     """
     widest, farthest = max(float(np.abs(y).max()), 1e-300), float(np.abs(u).max())
     over, cells = (NARROW, _MANY_CELLS) if tolerance > _NINE_DIGITS else (_WIDE, _CELLS)
@@ -252,7 +248,7 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
         cell_rad = 2 * math.pi / cells
         zeros = cell_rad * (half + count * np.arange(part.stop - start)) - math.pi
         places = u.T[part] * (cell_rad / unit) + zeros[:, None]
-        near.append((part, _kernel_plan(2, cells, tolerance, over)))
+        near.append((part, _kernel_plan(2, cells, tolerance, over, spread_sort=0)))
         near[-1][1].setpts(places.ravel())
     grid = np.empty((size, count), dtype=np.complex128)
     for own, into in zip(strengths, result, strict=True):
@@ -262,19 +258,23 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
     return result.transpose(0, 2, 1)
 
 
-def _kernel_plan(kind: int, cells: int, tolerance: float, over: float) -> Any:
-    """Plan that spreads (1) or interpolates (2) along a line of cells, without a transform."""
+def _kernel_plan(kind: int, cells: int, tolerance: float, over: float, **options: int) -> Any:
+    """Return a plan that spreads (1) or interpolates (2) along a line of cells, without a
+    transform.
+    """
     return importlib.import_module("finufft").Plan(
         kind, (cells,), eps=tolerance, isign=-1, nthreads=1, upsampfac=over,
-        spreadinterponly=1, spread_sort=0,
+        spreadinterponly=1, **options,
     )  # fmt: skip
 
 
 @functools.lru_cache(maxsize=16)
 def _mixed_kernel_spectrum(tolerance: float, over: float) -> Real:
-    """Chebyshev coefficients of the kernel's spectrum to the widest angle, 1 / 2 over cycles."""
+    """Return Chebyshev coefficients of the kernel's spectrum up to the widest angle, 1 / (2 over)
+    cycles.
+    """
     shifts = np.arange(_MIXED_SHIFTS) / _MIXED_SHIFTS
-    plan = _kernel_plan(1, _MIXED_SHIFTS * _SLOT, tolerance, over)
+    plan = _kernel_plan(1, _MIXED_SHIFTS * _SLOT, tolerance, over, spread_sort=0)
     middles = _SLOT * np.arange(_MIXED_SHIFTS) + _SLOT // 2 + shifts
     plan.setpts(middles * (2 * np.pi / (_MIXED_SHIFTS * _SLOT)) - np.pi)
     kernel = plan.execute(np.ones(_MIXED_SHIFTS, dtype=np.complex128)).real.reshape(

@@ -35,14 +35,23 @@ from numpy.typing import NDArray
 
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .amplitudes import AMPLITUDE_NODES, BurstBasis, used_terms
-from .grid import SynthesisContext, Weights, lagrange, phasors, reduce_cycles
+from .grid import (
+    AMPLITUDE_NODES,
+    BurstBasis,
+    SynthesisContext,
+    Weights,
+    lagrange,
+    phasors,
+    reduce_cycles,
+    used_terms,
+)
 from .linear_motion import LinearRows
 from .nufft import TIGHTEST, Backend
 from .transform import (
     EachPulse,
     ErrorSum,
     Motion,
+    PulseBlock,
     PulseMotionTransform,
     PulseTransform,
     RampTransform,
@@ -60,7 +69,7 @@ _MOST_THREADS = 8
 
 
 def available_threads() -> int:
-    """Processors that this process may use, at most 8."""
+    """Return the number of processors that this process may use, at most 8."""
     asked = os.environ.get("OMP_NUM_THREADS", "")
     if asked.isdecimal() and int(asked) > 0:  # 1 in the workers of a coordinator
         return min(int(asked), _MOST_THREADS)
@@ -77,7 +86,7 @@ class OrderedExecutor:
         self._pool: ThreadPoolExecutor | None = None
 
     def run(self, jobs: Iterable[Callable[[], T]], count: int) -> Iterator[T]:
-        """Results of all jobs, `count` of them, in order."""
+        """Yield the results of all jobs, `count` of them, in order."""
         if self.threads == 1 or count == 1:
             for job in jobs:
                 yield job()
@@ -105,20 +114,6 @@ class OrderedExecutor:
             self._pool = None
 
 
-@dataclass(frozen=True)
-class PulseBlock:
-    """Spectra of some pulses, (pulses, frequencies); `heard` and `folded` count paths once per
-    pulse.
-    """
-
-    pulses: slice
-    values: Complex
-    error: ErrorSum
-    heard: int
-    folded: int
-    cpu_s: float
-
-
 class TransformPool:
     """Transforms with their buffers, made when a thread finds none free."""
 
@@ -133,9 +128,9 @@ class TransformPool:
         amplitude: Weights | Callable[[], Weights],
         order: Real | None = None,
     ) -> PulseBlock:
-        """Spectra of the lengths (pulses, ...), one pulse after the other. `amplitude` is or
-        returns (rows,) or (pulses, rows); `order` are the pulse intervals by which rows are folded,
-        None: found from the delays.
+        """Compute the spectra of the lengths (pulses, ...), one pulse after the other. `amplitude`
+        is, or returns, (rows,) or (pulses, rows). `order` has the pulse intervals by which rows are
+        folded; None: they follow from the delays.
         """
         start = time.thread_time()
         try:
@@ -154,7 +149,7 @@ class TransformPool:
                 folded += found.folded
         finally:
             self._free.put(transform)
-        return PulseBlock(pulses, values, error, heard, folded, time.thread_time() - start)
+        return PulseBlock(pulses, values, error, time.thread_time() - start, heard, folded)
 
 
 #: Widest group, and largest bend of a path in it [rad].
@@ -176,7 +171,7 @@ class CommonMotion:
     nodes_s: Real
 
     def at_pulses(self, spectra: Complex, sums: SynthesisContext, times_s: Real) -> Complex:
-        """Spectra at pulses, (pulses, frequencies), from those at the nodes."""
+        """Interpolate spectra at the nodes to spectra at the pulses, (pulses, frequencies)."""
         place = (times_s - self.nodes_s[0]) / (self.nodes_s[-1] - self.nodes_s[0])
         weights = lagrange(_lobatto(self.nodes_s.size - 1), 2 * place - 1).T
         found: Complex = weights @ (spectra * self._turns(sums, self.nodes_s).conj())
@@ -184,15 +179,15 @@ class CommonMotion:
         return found
 
     def _turns(self, sums: SynthesisContext, times_s: Real) -> Complex:
-        """The phase in common, (times, frequencies)."""
+        """Return the phase in common, (times, frequencies)."""
         k = np.arange(sums.grid.count) - sums.grid.count // 2
         turns_hz = (float(sums.grid.exact_centre_hz) + k * sums.grid.step_hz) * self.rate_mps
         cycles = np.outer((times_s[0] - times_s) / SPEED_OF_LIGHT_MPS, turns_hz)
         return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, np.complex128))
 
     def error(self, at_nodes: ErrorSum, pulses: int) -> ErrorSum:
-        """Error of the transforms at all pulses from that at all nodes: random ones keep their size
-        on average; the bound takes Lebesgue's constant.
+        """Return the error of the transforms at all pulses from that at all nodes. Random errors
+        keep their size on average; the bound takes Lebesgue's constant.
         """
         more = pulses / self.nodes_s.size
         root = math.sqrt(more)
@@ -203,7 +198,7 @@ class CommonMotion:
 
 
 def interpolation_error(tolerance: float) -> float:
-    """Error of the interpolation relative to sum |a|."""
+    """Return the error of the interpolation relative to sum |a|."""
     return max(_NODES_SHARE * engine_tolerance(tolerance), TIGHTEST)
 
 
@@ -250,7 +245,9 @@ def common_motions(
 def _degree(
     coefficients_m: Real, middle_m: float, half_s: float, sums: SynthesisContext, tolerance: float
 ) -> int:
-    """Degree of the polynomial in slow time that the sum of rows is, without the rate in common."""
+    """Return the degree in slow time of the polynomial that the sum of rows is, without their
+    common rate.
+    """
     size_m = np.abs(coefficients_m[:, 1:]).max(axis=0)
     apart_m = np.append(np.abs(coefficients_m[:, 1] - middle_m).max(), size_m[1:])
     turns, light = _cycle(sums.grid.highest_hz), SPEED_OF_LIGHT_MPS
@@ -274,17 +271,17 @@ def _degree(
 
 
 def _cycle(frequency_hz: float) -> float:
-    """Phase of a wave over a metre [rad/m]."""
+    """Return the phase of a wave over a metre [rad/m]."""
     return 2 * math.pi * frequency_hz / SPEED_OF_LIGHT_MPS
 
 
 def _slopes(degrees: int) -> Real:
-    """Largest slopes of T_k within [-1, 1], 0 < k < degrees."""
+    """Return the largest slopes of T_k within [-1, 1], 0 < k < degrees."""
     return np.arange(1, degrees, dtype=np.float64) ** 2
 
 
 def _lobatto(degree: int) -> Real:
-    """Extrema of T_degree in rising order, with both ends."""
+    """Return extrema of T_degree in rising order, with both ends."""
     return np.asarray(-np.cos(np.pi * np.arange(degree + 1) / degree))
 
 
@@ -369,12 +366,12 @@ class PulseSums:
         return max(self._left_rad)
 
     def _lengths_at(self, pulses: slice) -> Real:
-        """Times at which these pulses need lengths, (pulses x offsets,) [s]."""
+        """Return times at which these pulses need lengths, (pulses x offsets,) [s]."""
         return np.asarray((self._times_s[pulses, None] + self._offsets_s).ravel())
 
     def _by_pulses(self, lengths_m: Real) -> Real:
-        """Lengths (pulses x offsets, rows) as (pulses, rows); for a ramp (pulses, 3, rows), for a
-        pulse lengths and rates (pulses, 2, rows).
+        """Reshape lengths (pulses x offsets, rows) to (pulses, rows). For a ramp they become
+        (pulses, 3, rows), for a pulse lengths and rates (pulses, 2, rows).
         """
         if self._offsets_s.size == 1:
             return lengths_m
@@ -392,7 +389,7 @@ class PulseSums:
         self.error.add(ErrorSum(root * float(np.linalg.norm(size)), root * float(size.sum()), 0.0))
 
     def _terms(self, pulses: slice, count: int) -> Real:
-        """T_k at pulses, k < count, (pulses, count)."""
+        """Return T_k at pulses, k < count, (pulses, count)."""
         if self._amplitude_basis is None:
             return np.ones((self._times_s[pulses].size, 1))
         return self._amplitude_basis.at(self._times_s[pulses])[:, :count]
@@ -407,9 +404,9 @@ class PulseSums:
         ahead: bool = False,
         at: AmplitudesAt | None = None,
     ) -> None:
-        """One transform for each pulse and block of rows. `lengths_m` gives lengths (pulses, rows)
-        of parts of either, `at` amplitudes; with `ahead` both are called in this thread alone,
-        since a motion need not be safe in several.
+        """Do one transform for each pulse and block of rows. `lengths_m` gives the lengths (pulses,
+        rows) of parts of either, `at` the amplitudes. With `ahead`, both are called in this thread
+        alone, since a motion need not be safe in several.
         """
         count = len(amplitude)
         if at is None and amplitude.ndim > 1:
@@ -454,7 +451,7 @@ class PulseSums:
         self._report.count(motion, self._way, count, transforms, cpu_s)
 
     def _watched(self, lengths_m: Callable[[], Real], pulses: slice) -> Real:
-        """These lengths; keeps the phase of their motion that is left out."""
+        """Return these lengths. Keep the phase of their motion that is left out."""
         found = lengths_m()
         left_out = pulse_left_out_rad if self._sums.ramp is None else ramp_left_out_rad
         self._left_rad.append(left_out(found, self._sums, self._times_s[pulses]))
@@ -468,8 +465,8 @@ class PulseSums:
 
     @contextmanager
     def _nodes_of(self, group: CommonMotion, amplitude: Weights) -> Iterator[Self]:
-        """As this one, empty, at the nodes of a group with these amplitudes; on exit its sums are
-        added at all pulses.
+        """Return a copy of this sum that is empty and has the nodes of a group as its pulses. On
+        exit, its sums are interpolated and added at all pulses.
         """
         other = copy.copy(self)
         other._times_s, other.values, other.error = group.nodes_s, None, ErrorSum()

@@ -47,7 +47,9 @@ _ROUNDING = 1e-16
 
 
 def engines_for(tolerance: float, count: int, backend: Backend) -> list[tuple[float, Type1]]:
-    """Engines to try one after the other, with their tolerances; of "direct" there is one."""
+    """Return the engines to try one after the other, with their tolerances. There is one for
+    "direct".
+    """
     engine = engine_tolerance(tolerance)
     engines = [(engine, Type1(count, engine, backend))]
     if engine > TIGHTEST and engines[0][1].backend != "direct":
@@ -56,12 +58,12 @@ def engines_for(tolerance: float, count: int, backend: Backend) -> list[tuple[fl
 
 
 def engine_tolerance(tolerance: float) -> float:
-    """Tolerance of the engines for the result to meet `tolerance`."""
+    """Return the tolerance of the engines with which the result meets `tolerance`."""
     return max(_MARGIN * tolerance, TIGHTEST)
 
 
 def l2_norm(values: Complex) -> float:
-    """L2 norm without BLAS, whose threads wait for one another."""
+    """Return the L2 norm without BLAS, whose threads wait for one another."""
     return math.sqrt(float(np.sum(values.real**2) + np.sum(values.imag**2)))
 
 
@@ -75,7 +77,7 @@ class ErrorSum:
 
     @classmethod
     def of(cls, engine: float, frequencies: int, squares: float, total: float) -> ErrorSum:
-        """Error of one transform, from sum |c|^2 and sum |c| of its paths."""
+        """Return the error of one transform, from sum |c|^2 and sum |c| of its paths."""
         relative = engine + _ROUNDING * frequencies
         root = math.sqrt(frequencies)
         return cls(
@@ -91,7 +93,7 @@ class ErrorSum:
         self.energy += other.energy
 
     def of_each(self, parts: int) -> ErrorSum:
-        """Error of one of several parts that share it evenly."""
+        """Return the error of one of several parts that share it evenly."""
         return ErrorSum(
             self.random / math.sqrt(parts), self.bound / math.sqrt(parts), self.energy / parts
         )
@@ -113,6 +115,20 @@ class PulseResult:
     folded: int
 
 
+@dataclass(frozen=True)
+class PulseBlock:
+    """Spectra of some pulses, (pulses, frequencies); `heard` and `folded` count paths once per
+    pulse.
+    """
+
+    pulses: slice
+    values: Complex
+    error: ErrorSum
+    cpu_s: float
+    heard: int = 0
+    folded: int = 0
+
+
 class EachPulse(ABC):
     """Transforms of pulses one by one. For one thread at a time."""
 
@@ -124,7 +140,7 @@ class EachPulse(ABC):
     def pulses(
         self, lengths_m: Real, weights: Weights, order: Real | None
     ) -> Iterator[PulseResult]:
-        """A call for each of several pulses; weights (rows,) or (pulses, rows)."""
+        """Transform each of several pulses; weights are (rows,) or (pulses, rows)."""
         for number, length_m in enumerate(lengths_m):
             yield self(length_m, weights[number] if weights.ndim > 1 else weights, order)
 
@@ -142,8 +158,8 @@ class PulseTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the paths that are received; with `order`
-        all are, folded by that many pulse intervals.
+        """Return sum_i a_i exp(j 2 pi [-f_n tau_i + extra]) over the received paths. With `order`,
+        all paths are received, folded by that many pulse intervals.
         """
         count, kept = self._sums.grid.count, length_m.size
         if order is None:
@@ -161,8 +177,8 @@ class PulseTransform(EachPulse):
         order: Real | None,
         moved_m: Real | None = None,
     ) -> PulseResult:
-        """The same sum over all paths, folded by `order` (None: by none). `moved_m` adds to the
-        lengths, without their rounding.
+        """Return the same sum over all paths, folded by `order` (None: by none). `moved_m` is added
+        to the lengths without their rounding.
         """
         count = self._sums.grid.count
         squares, total = self._fill(length_m, amplitude, order, moved_m)
@@ -184,7 +200,7 @@ class PulseTransform(EachPulse):
     def _fill(
         self, length_m: Real, amplitude: Weights, order: Real | None, moved_m: Real | None
     ) -> tuple[float, float]:
-        """Points and phasors into the buffers; returns sum |c|^2 and sum |c|."""
+        """Write points and phasors to the buffers. Return sum |c|^2 and sum |c|."""
         size = length_m.size
         if self._points.size < size:
             self._points = np.empty(size)
@@ -236,8 +252,8 @@ class PulseTransform(EachPulse):
 
 
 class PulseMotionTransform(EachPulse):
-    """As `PulseTransform`, for lengths in the middle of a pulse and their rates, to spectra of
-    echoes: the pulse's spectrum is included.
+    """Sums as `PulseTransform` forms them, for paths that move during the pulse. The input is the
+    length in the middle of a pulse and its rate. The spectra include that of the pulse.
     """
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
@@ -249,8 +265,8 @@ class PulseMotionTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """Lengths [m] and rates [m/s], (2, rows), or also what the lengths lost by rounding [m],
-        (3, rows); with `order` all are received, folded by it.
+        """Take lengths [m] and rates [m/s], (2, rows), and optionally the rounding of the lengths
+        [m], (3, rows). With `order`, all rows are received, folded by it.
         """
         sums, pulse = self._sums, self._pulse
         middle, rate_mps, *lost_m = length_m
@@ -275,8 +291,8 @@ class PulseMotionTransform(EachPulse):
 
 
 def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase of an acceleration within pulses of lengths and rates (pulses, 2, rows). The
-    acceleration is that between pulses; of a single one it is unknown.
+    """Return the largest phase of an acceleration within pulses, from lengths and rates (pulses, 2,
+    rows). The acceleration is that between pulses; for a single pulse it is unknown.
     """
     assert sums.pulse is not None
     if times_s.size < 2:
@@ -288,7 +304,7 @@ def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -
 
 
 def joined_error(error: ErrorSum, nodes: int, tolerance: float, count: int) -> ErrorSum:
-    """Error of a sum over nodes whose spectra (count values) each have this error."""
+    """Return the error of a sum over nodes whose spectra (count values) each have this error."""
     if nodes == 1:
         return error
     lebesgue, left = 1 + math.log(nodes), NODES_SHARE * tolerance * math.sqrt(error.energy)
@@ -330,7 +346,7 @@ _MAX_TERMS = 1 << 20
 
 
 class RampTransform(EachPulse):
-    """As `PulseTransform`, for lengths at three times of each ramp."""
+    """Sums as `PulseTransform` forms them, for lengths at three times of each ramp."""
 
     def __init__(self, sums: SynthesisContext, tolerance: float, backend: Backend) -> None:
         assert sums.ramp is not None
@@ -348,8 +364,8 @@ class RampTransform(EachPulse):
     def __call__(
         self, length_m: Real, amplitude: Weights, order: Real | None = None
     ) -> PulseResult:
-        """Lengths (3, rows): `Ramp.half_s` before the middle, in the middle, and after it [m].
-        `order` is 0 where it is given: a ramp does not fold in delay.
+        """Transform lengths (3, rows): `Ramp.half_s` before the middle, in the middle, and after it
+        [m]. `order` is 0 if given, because a ramp does not fold in delay.
         """
         grid = self._sums.grid
         points, cycles, curve, heard = self._turns(length_m)
@@ -378,8 +394,8 @@ class RampTransform(EachPulse):
     def pulses(
         self, lengths_m: Real, weights: Weights, order: Real | None
     ) -> Iterator[PulseResult]:
-        """As the base class; lengths (pulses, 3, rows). Pulses of few rows are transformed
-        together.
+        """Transform several pulses as the base class does; lengths are (pulses, 3, rows). Pulses of
+        few rows are transformed together.
         """
         shape = lengths_m.shape[0], lengths_m.shape[2]
         together = self._rows is not None and shape[0] > 1 and 0 < shape[1] <= _FEW_ROWS
@@ -408,8 +424,8 @@ class RampTransform(EachPulse):
             yield PulseResult(values, part, kept, 0)
 
     def _turns(self, length_m: Real) -> tuple[Real, Real, Real, Mask]:
-        """Cycles for each frequency, at the middle, and for its square, and which are received,
-        (n,), of lengths (3, n).
+        """Return, for lengths (3, n), the cycles per frequency, at the middle, and per squared
+        frequency, and a mask of the received paths, (n,) each.
         """
         sums, grid, ramp = self._sums, self._sums.grid, self._ramp
         first, middle, last = _received(length_m, ramp.half_s(grid.count))
@@ -437,7 +453,9 @@ class RampTransform(EachPulse):
     def _straight(
         self, points: Real, cycles: Real, curve: Real, amplitude: Weights
     ) -> tuple[Complex, int]:
-        """As `_bent` for rows of points in one group, (pulses, n), and the number of nodes."""
+        """Compute `_bent` for rows of points in one group, (pulses, n). Return the number of nodes,
+        too.
+        """
         assert self._rows is not None
         mean = (curve.min(axis=1) + curve.max(axis=1))[:, None] / 2
         bends = curve - mean
@@ -482,7 +500,7 @@ class RampTransform(EachPulse):
         return total, most
 
     def _basis(self, nodes: int) -> tuple[Real, Real]:
-        """Nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
+        """Return nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
         if nodes not in self._bases:
             at = chebyshev_nodes(nodes)
             weights = lagrange(at, self._square / self._half - 1)
@@ -501,18 +519,20 @@ class RampTransform(EachPulse):
 
 
 def _angles(cycles: Real) -> Real:
-    """Reduced cycles as angles within [-pi, pi]; overwrites them."""
+    """Convert reduced cycles to angles within [-pi, pi], in place."""
     cycles *= 2 * np.pi
     return np.clip(cycles, -np.pi, np.pi, out=cycles)
 
 
 def _with_nodes(engine: float, nodes: int) -> float:
-    """Error of transforms of an engine at nodes: Lebesgue's constant, and the interpolation."""
+    """Return the error of an engine's transforms at nodes: Lebesgue's constant, and the
+    interpolation.
+    """
     return engine * (1 + math.log(nodes) + (_NODES_SHARE if nodes > 1 else 0))
 
 
 def _received(lengths_m: Real, half_s: float) -> Real:
-    """c tau of what is received, from lengths (3, rows) at times that are half_s apart [m]."""
+    """Return c tau at reception from lengths (3, rows) at times that are half_s apart [m]."""
     first, middle, last = lengths_m
     rate_mps = (last - first) / (2 * half_s)
     change_mps = ((last - middle) - (middle - first)) / half_s
@@ -521,9 +541,10 @@ def _received(lengths_m: Real, half_s: float) -> Real:
 
 
 def ramp_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:
-    """Largest phase that the motion (pulses, 3, rows) [m] has beyond `RampTransform`, about. In
-    n^3: f_c times the change of the acceleration (between pulses; unknown for a single one), less
-    what the parabola through three lengths takes off, and n df times half the acceleration.
+    """Return about the largest phase of the motion (pulses, 3, rows) [m] that `RampTransform`
+    leaves out. It has two terms. The first is in n^3: f_c times the change of the acceleration
+    between pulses (unknown for a single pulse), reduced by the part that the parabola through three
+    lengths contains. The second is n df times half the acceleration.
     """
     assert sums.ramp is not None
     first, middle, last = (lengths_m[:, i] for i in range(3))
@@ -632,7 +653,7 @@ class SynthesisReport:
         step.cpu_s += cpu_s
 
     def accuracy_findings(self) -> list[Finding]:
-        """Findings where the samples may miss the tolerance or the motion."""
+        """Find reasons why the samples may miss the tolerance or the motion."""
         found = []
         if self.error_estimate > self.tolerance:
             found.append(
@@ -648,7 +669,7 @@ class SynthesisReport:
         return found
 
     def lines(self) -> list[str]:
-        """The report for people, one line per entry."""
+        """Return the report for people, one line per entry."""
         found = [
             f"{step.paths} paths {step.motion}, {step.transform}: {step.transforms} transforms, "
             f"{step.cpu_s:.3g} s of processor time"

@@ -15,6 +15,7 @@ from radarsim_addon.blender.materials import (
 )
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.nodes.groups import group_input
+from radarsim_addon.blender.state import evaluated_snapshot
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
 
@@ -185,8 +186,8 @@ WAYS = (
 
 def the_material() -> Any:
     """The soil that the wall wears."""
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    (assigned,) = [one for one in assigned_materials(depsgraph) if one.item.name == WALL]
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    (assigned,) = [one for one in assigned_materials(snapshot) if one.item.name == WALL]
     (made,) = [m for m in assigned.materials if m is not None and m.name.startswith("Soil")]
     return made
 

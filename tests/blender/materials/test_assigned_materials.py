@@ -25,7 +25,7 @@ from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.nodes import attributes, groups
 from radarsim_addon.blender.nodes.groups import find_group, group_input
 from radarsim_addon.blender.scene import check_meshes
-from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
@@ -63,14 +63,14 @@ def test_follows_the_carrier_and_is_found(way: Callable[[Path], None], tmp_path:
     before = index_of(made)
     assert before == pytest.approx(complex(library("soil", MADE_HZ, moisture=0.05)), rel=1e-6)
     recorder = SettingsRestorer()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    assigned = {m for one in assigned_materials(snapshot) for m in one.materials if m is not None}
     assert pm.update_materials(RUN_HZ, recorder, assigned) == []
-    assert set_layer_normals(recorder, depsgraph) == []
+    assert set_layer_normals(recorder, snapshot) == []
     expected = complex(library("soil", RUN_HZ, moisture=0.05))
     assert index_of(made) == pytest.approx(expected, rel=1e-6)
     assert abs(expected - before) > 0.01
-    (item,) = [one.item for one in assigned_materials(depsgraph) if one.item.name == WALL]
+    (item,) = [one.item for one in assigned_materials(snapshot) if one.item.name == WALL]
     assert np.abs(item[attributes.OBJECT_LAYER_NORMAL]) == pytest.approx([0, 1, 0], abs=1e-6)
     assert item[attributes.OBJECT_LAYER_THICKNESS] == pytest.approx(THICKNESS, rel=1e-5)
     assert recorder.restore() == []
@@ -86,7 +86,7 @@ def test_mesh_checks_see_it(way: Callable[[Path], None], tmp_path: Path) -> None
     touching = rh.add_box((-2, 5 + THICKNESS / 2, -2), (2, 6, 2), rh.lambert(0.5, "grey"))
     touching.name = "Touching"
     bpy.context.view_layer.update()
-    (found,) = check_meshes(bpy.context.evaluated_depsgraph_get())
+    (found,) = check_meshes(evaluated_snapshot(bpy.context.view_layer))
     (pair,) = found.subjects
     assert found.code == "coincident-faces"
     assert "Touching" in pair and WALL in pair
@@ -248,8 +248,8 @@ def test_band_of_a_material_set_by_geometry_nodes_is_checked(instances: bool) ->
     geometry_nodes(item, pm.make_physical_material("Ice", "water", carrier_hz=5e9))
     if instances:
         put_on_points(item)
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    assigned = {m for one in assigned_materials(depsgraph) for m in one.materials if m is not None}
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    assigned = {m for one in assigned_materials(snapshot) for m in one.materials if m is not None}
     with pytest.raises(ConfigError, match="'Ice'"):
         pm.update_materials(5e12, None, assigned, "refuse")
     assert pm.update_materials(5e12, None, assigned) == []

@@ -13,6 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import overlapping_shells
+from radarsim_addon.blender.state import evaluated_snapshot
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.paths.test_paths_buildings import floor_plan
@@ -35,7 +36,7 @@ def joined(*boxes: tuple[tuple[float, ...], tuple[float, ...]]) -> Any:
 
 
 def named() -> list[Any]:
-    return overlapping_shells(bpy.context.evaluated_depsgraph_get())
+    return overlapping_shells(evaluated_snapshot(bpy.context.view_layer))
 
 
 @pytest.mark.parametrize("mirrored", [False, True])

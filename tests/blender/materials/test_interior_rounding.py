@@ -23,7 +23,7 @@ from radarsim_addon.blender.materials import (
     settle_interiors_far_away,
 )
 from radarsim_addon.blender.nodes import attributes, make_material
-from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
 from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.signal.radar import Waveform
 from tests.blender import path_helpers as ph
@@ -55,12 +55,12 @@ def settled(reach: float = 20e3) -> Interiors:
     """How interiors would be computed if something echoed at this distance."""
     recorder = SettingsRestorer()
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    set_layer_normals(recorder, depsgraph)
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    set_layer_normals(recorder, snapshot)
     antennas = [(0.0, 0.0, 0.0)] * 2
-    losses_db = interior_losses_db(WAVELENGTH_M, depsgraph)
+    losses_db = interior_losses_db(WAVELENGTH_M, snapshot)
     return settle_interiors_far_away(
-        recorder, depsgraph, antennas, reach, WAVELENGTH_M, 1.0, reach, losses_db
+        recorder, snapshot, antennas, reach, WAVELENGTH_M, 1.0, reach, losses_db
     )
 
 

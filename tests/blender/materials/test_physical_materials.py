@@ -17,15 +17,17 @@ from mathutils import Matrix
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.materials import media_beyond_their_band, read_surface
 from radarsim_addon.blender.materials import physical_materials as pm
+from radarsim_addon.blender.materials.layers import layer_faces
 from radarsim_addon.blender.materials.physical_materials import limits_of
-from radarsim_addon.blender.materials.wall_faces import LayerFaces, layer_normals
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.nodes.groups import group_node
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.physics.fresnel import excess_path_m, slab_power
 from radarsim_addon.physics.materials import material as library
 from radarsim_addon.physics.rough import sigma0
 from radarsim_addon.signal.scene import RoughSurface
+from radarsim_addon.signal.scene.walls import layer_normals
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
@@ -202,14 +204,14 @@ def test_layer_normals() -> None:
     wall.matrix_world = Matrix.Rotation(0.7, 4, "Z") @ Matrix.Diagonal((0.5, 3.0, 1.0, 1.0))
     cube = rh.add_box((0, 0, 0), (1, 1, 1), physical_material(2, 0))
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    normals = LayerFaces.read([cube, wall], depsgraph).layer_normals()
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    normals = layer_faces(snapshot, [cube, wall]).layer_normals()
     assert np.isnan(normals[0]).all()
     assert np.abs(normals[1]) == pytest.approx([0, 1, 0], abs=1e-6)
     # Aslant in its own axes, then stretched: the normal stays that of its own faces.
     wall.data.transform(Matrix.Rotation(0.5, 4, "Z"))
     bpy.context.view_layer.update()
-    faces = LayerFaces.read([wall], bpy.context.evaluated_depsgraph_get())
+    faces = layer_faces(evaluated_snapshot(bpy.context.view_layer), [wall])
     (found,) = faces.layer_normals()
     assert np.abs(found @ [-math.sin(0.5), math.cos(0.5), 0]) == pytest.approx(1, abs=1e-6)
     low, high = faces.planes(np.stack([found]), 0.9)

@@ -22,54 +22,53 @@ from radarsim_addon.blender.materials import (
     read_surface,
     scattered_lobe,
     total_reflection,
-    wall_faces,
 )
 from radarsim_addon.blender.materials.physical_materials import suggest_material
 from radarsim_addon.blender.nodes import attributes, make_material
 from radarsim_addon.blender.nodes.physical_material import table_angles_rad
-from radarsim_addon.blender.state import SettingsRestorer
-from radarsim_addon.signal.scene import RayMesh
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
+from radarsim_addon.signal.scene import RayMesh, walls
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender.render_helpers import add_box
-from tests.blender.slab_scene import physical_material
+from tests.blender.slab_scene import physical_material, walls_of
 
 pytestmark = pytest.mark.blender
 
 
 def updated() -> Any:
     bpy.context.view_layer.update()
-    return bpy.context.evaluated_depsgraph_get()
+    return evaluated_snapshot(bpy.context.view_layer)
 
 
-def walls(
+def two_walls(
     turn_rad: float = 0.0, thinner: float = 0.0, share: float = 1.0, part: float = 0.5
 ) -> Any:
     """Two faces, one of them (a part of the area) turned, and thinner by a fraction."""
     normals = np.array([(0, 0, 1), (0, math.sin(turn_rad), math.cos(turn_rad))])
     thickness = np.array([1.0, 1.0 - thinner])
     both = np.ones(2, dtype=bool)
-    return wall_faces.WallFaces(both, normals, np.array([1 - part, part]), thickness, share)
+    return walls.WallFaces(both, normals, np.array([1 - part, part]), thickness, share)
 
 
 def across(turn_rad: float) -> bool:
-    return walls(turn_rad).across(np.array([0.0, 0.0, 1.0])) > 0
+    return two_walls(turn_rad).across(np.array([0.0, 0.0, 1.0])) > 0
 
 
 def differ(thinner: float) -> bool:
-    return walls(thinner=thinner).one_thickness is None
+    return two_walls(thinner=thinner).one_thickness is None
 
 
 def three_planes(height: float) -> bool:
     heights = np.array([0.0, height, 1.0])[:, None] * [0, 0, 1]
     normals, of = np.tile([0.0, 0.0, 1.0], (3, 1)), np.zeros(3, dtype=int)
-    faces = wall_faces.LayerFaces(of, normals, np.ones(3), heights, np.eye(3)[None])
+    faces = walls.LayerFaces(of, normals, np.ones(3), heights, np.eye(3)[None])
     return bool(np.isnan(faces.planes(normals[:1], 0.9)[0][0]))
 
 
 def layered(share: float) -> bool:
     areas, of = np.array([share, 1 - share]), np.zeros(2, dtype=int)
-    return not np.isnan(wall_faces.layer_normals(np.eye(3)[:2], areas, of, 1)).any()
+    return not np.isnan(walls.layer_normals(np.eye(3)[:2], areas, of, 1)).any()
 
 
 def dented(depth: float) -> bool:
@@ -79,7 +78,7 @@ def dented(depth: float) -> bool:
     quads = [(4, 5, 7, 6), (0, 2, 3, 1), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     corners = [part for a, b, c, d in quads for part in ((a, b, c), (a, c, d))]
     made = np.array(corners, dtype=np.int32)[None]
-    return not wall_faces._stacked(("Cube",), points[None], made, np.eye(4)[None]).items
+    return not walls._stacked(("Cube",), points[None], made, np.eye(4)[None]).items
 
 
 def many_triangles(count: float) -> bool:
@@ -100,7 +99,7 @@ def folded(fold_deg: float) -> bool:
     mesh.from_pydata(points, [], sides + ends)
     item = bpy.data.objects.new("Folded", mesh)
     bpy.context.scene.collection.objects.link(item)
-    found = wall_faces.find_walls(item, updated())
+    found = walls_of(item, updated())
     assert found is not None
     return not found.wall.any()
 
@@ -123,7 +122,7 @@ def nothing_behind_it(loss_db: float) -> bool:
 
 def is_shell(found: Any, normal: Any = None) -> bool:
     item = rs.add_plate(10.0, preset=None)
-    layers._set_what_is_found(SettingsRestorer(), item, updated(), normal, found)
+    layers._set_what_is_found(SettingsRestorer(), item, np.eye(3), normal, found)
     return attributes.OBJECT_SHELL_THICKNESS in item
 
 
@@ -219,8 +218,8 @@ UPRIGHT = np.array([0.0, 0.0, 1.0])
         (folded, 20.0, 35.0),
         (lost_in_faces, 95.0, 105.0),
         (nothing_behind_it, 345.0, 355.0),
-        (lambda share: is_shell(walls(share=share)), 0.72, 0.78),
-        (lambda part: is_shell(walls(0.5, part=part), UPRIGHT), 0.008, 0.012),
+        (lambda share: is_shell(two_walls(share=share)), 0.72, 0.78),
+        (lambda part: is_shell(two_walls(0.5, part=part), UPRIGHT), 0.008, 0.012),
         (pane_is_single, 0.09, 0.11),
         (lambda other_m2: pane_is_single(0.01, other_m2), 16.0, 20.0),
         (antenna_inside, 1.002, 1.003),

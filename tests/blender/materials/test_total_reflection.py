@@ -18,15 +18,14 @@ from radarsim_addon.blender.materials import (
     layers,
     total_reflection,
     total_reflections,
-    wall_faces,
 )
-from radarsim_addon.blender.materials.wall_faces import find_walls
 from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.findings import finding_about
-from radarsim_addon.signal.scene import RayMesh
+from radarsim_addon.signal.scene import RayMesh, walls
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
-from tests.blender.slab_scene import physical_material
+from tests.blender.slab_scene import physical_material, walls_of
 
 pytestmark = pytest.mark.blender
 WAVELENGTH = 0.03
@@ -49,8 +48,8 @@ def prism(apex_deg: float, index: float) -> Any:
 
 
 def found() -> list[Any]:
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    return total_reflections(depsgraph, [(0, 0, 0), (0, 0, 0)], WAVELENGTH, 1.0)
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    return total_reflections(snapshot, [(0, 0, 0), (0, 0, 0)], WAVELENGTH, 1.0)
 
 
 def fractions(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
@@ -152,7 +151,7 @@ def stacked(*meshes: tuple[Any, Any], flip: float = 1.0) -> Any:
     """Those of meshes that are convex bodies, named by their place."""
     points, corners = (np.stack(parts) for parts in zip(*meshes, strict=True))
     poses = np.stack([np.diag([flip, 1.0, 1.0, 1.0])] * len(points))
-    return wall_faces._stacked(tuple(range(len(points))), points, corners, poses)
+    return walls._stacked(tuple(range(len(points))), points, corners, poses)
 
 
 def test_planes_of_convex_meshes_tell_where_rays_arrive() -> None:
@@ -206,15 +205,17 @@ def test_many_convex_objects_have_the_numbers_of_each_alone(
         bpy.context.object.scale = rng.uniform(0.3, 3, 3) * (1, 1, -1 if number == 3 else 1)
         bpy.context.object.data.materials.append(physical_material(2.3, 0.005))
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
     together = fractions(monkeypatch)
-    losses_db, convex = interior_losses_db(WAVELENGTH, depsgraph), convex_objects(depsgraph)
+    losses_db, convex = (
+        interior_losses_db(WAVELENGTH, snapshot),
+        convex_objects(snapshot),
+    )
     assert len(convex) == len(together) == 12
     for module in (total_reflection, layers):
         monkeypatch.setattr(module, "convex_parts", lambda _: [])
-        monkeypatch.setattr(module, "least_depths", lambda _: {}, raising=False)
     assert together == pytest.approx(fractions(monkeypatch), abs=2e-3)
-    assert losses_db == pytest.approx(interior_losses_db(WAVELENGTH, depsgraph), rel=1e-9)
+    assert losses_db == pytest.approx(interior_losses_db(WAVELENGTH, snapshot), rel=1e-9)
 
 
 def test_compact_bodies_have_no_walls() -> None:
@@ -226,11 +227,11 @@ def test_compact_bodies_have_no_walls() -> None:
         bpy.context.object.scale = 10 ** rng.uniform(-1.3, 0, 3)
         bpy.context.object.data.materials.append(physical_material(2.3, 0.0))
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    (bodies,) = wall_faces.convex_parts(depsgraph)
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    (bodies,) = layers.convex_parts(snapshot)
     compact = set(bodies.without_walls())
     assert 3 < len(compact) < 27
-    assert not any(find_walls(item, depsgraph).wall.any() for item in compact)
+    assert not any(walls_of(item, snapshot).wall.any() for item in compact)
 
 
 @pytest.mark.parametrize(("index", "code"), [(2.05, "total-reflection"), (1.1, "wall-corners")])

@@ -8,6 +8,7 @@ import numpy as np
 
 from radarsim_addon.blender.motion import Bodies
 from radarsim_addon.blender.scene import distance_from_box, evaluated_poses
+from radarsim_addon.blender.state import evaluated_snapshot
 from tests.blender import motion_helpers as mh
 from tests.blender import radar_scenes as rs
 
@@ -20,8 +21,8 @@ def test_points_on_many_boxes_of_all_sizes() -> None:
         item.location = rng.uniform(-30, 30, 3)
         item.rotation_euler = rng.uniform(0, 6, 3)
         item.scale = 10 ** rng.uniform(-2, 1, 3)
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    poses = evaluated_poses(depsgraph, 1.0)
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    poses = evaluated_poses(snapshot, 1.0)
     names = sorted(item.name for item in bpy.data.objects if item.type == "MESH")
     bodies = Bodies(names, poses, 1.0)
     assert len(bodies) == 150

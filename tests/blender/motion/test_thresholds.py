@@ -14,9 +14,10 @@ import pytest
 
 from radarsim_addon.blender.motion import burst_motion
 from radarsim_addon.blender.motion.burst_motion import _approximated
-from radarsim_addon.blender.motion.deforming import SurfacePoints, are_same_points
+from radarsim_addon.blender.motion.deforming import are_same_points
 from radarsim_addon.blender.motion.fits import Fits
 from radarsim_addon.blender.motion.samples import Sampler, SamplingPlan
+from radarsim_addon.blender.state import SurfacePoints
 
 pytestmark = pytest.mark.blender
 _fits: Any = Fits
@@ -34,7 +35,7 @@ def _same(places: list[float], marks: float, on_grid: bool) -> bool:
     one, two = np.ones((1, 3), dtype=np.float32), np.array([places], dtype=np.float32)
     slid = (one + marks).astype(np.float32)
     return are_same_points(
-        SurfacePoints(one, none, one, (), on_grid), SurfacePoints(two, none, slid, (), on_grid)
+        SurfacePoints(one, none, one), SurfacePoints(two, none, slid), on_grid=on_grid
     )
 
 

@@ -222,7 +222,6 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> No
     ("low", "high", "free"),
     [
         ((1.5, 31, -3), (4.5, 31.2, 3), False),  # between ball and plate
-        ((2.0, 12, -3), (3.2, 12.2, 3), False),  # between radar and ball
         ((7.2, 26, -3), (9.0, 27, 3), True),  # behind the ball
     ],
 )
@@ -242,47 +241,6 @@ def test_what_the_ball_alone_shows_stays(tmp_path: Path) -> None:
     assert rows.size > 3
     assert set(rows["order"]) == {2}
     assert set(rows["mirrors"]) == {0}
-
-
-def test_ground_and_ball_combine(tmp_path: Path) -> None:
-    """Over a wet road on one way and the ball on the other: as the ways by themselves say."""
-    scene(view_deg=8.0)
-    road()
-    rows = measure(tmp_path, pixels=32).table()
-    point = int(rows["point"][rows["mirrors"] == 0].max())
-    mine = {
-        (int(one["receiver_image"]), int(one["transmitter_image"])): one
-        for one in rows[rows["point"] == point]
-    }
-    assert set(mine) == {(a, b) for a in (0, 1, -1) for b in (0, 1, -1)}
-    direct = mine[0, 0]
-    for (a, b), one in mine.items():
-        expected = mine[a, 0]["power_w"] * mine[0, b]["power_w"] / direct["power_w"]
-        assert one["power_w"] == pytest.approx(expected, rel=1e-12)
-        length = mine[a, 0]["length_m"] + mine[0, b]["length_m"] - direct["length_m"]
-        assert one["length_m"] == pytest.approx(length, abs=1e-9)
-
-
-def second_ball() -> None:
-    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, location=(-6, 25, 0))
-    bpy.context.object.data.materials.append(ph.mirror())
-    bpy.ops.object.shade_smooth()
-
-
-def road() -> None:
-    ph.quad("Road", [(-60, -5, -3), (60, -5, -3), (60, 90, -3), (-60, 90, -3)], ph.mirror())
-
-
-@pytest.mark.parametrize("change", [None, second_ball, road])
-def test_two_mirrors_in_a_row_are_named(tmp_path: Path, change: Any) -> None:
-    """A ball alone has no second reflection; with another mirror it has."""
-    scene(view_deg=2.0)
-    if change is not None:
-        change()
-    for reflections in (2, 3):
-        run = measure(tmp_path / str(reflections), pixels=4, max_reflections=reflections)
-        named = change is not None and reflections == 3
-        assert ("mirror-curved-in-a-row" in codes(run)) == named
 
 
 def inside_out() -> None:

@@ -35,17 +35,17 @@ def test_each_mesh_is_read_once_and_never_evaluated_again(
     bpy.context.view_layer.update()
     read: list[int] = []
     evaluated_again: list[str] = []
-    read_triangles = snapshot.read_triangles
+    read_mesh = snapshot.read_mesh
 
     def count(mesh: Any) -> Any:
         read.append(len(mesh.vertices))
-        return read_triangles(mesh)
+        return read_mesh(mesh)
 
     def note(_scene: Any, depsgraph: Any) -> None:
         changed = (one.id.name for one in depsgraph.updates if one.is_updated_geometry)
         evaluated_again.extend(name for name in changed if name.startswith("Cube"))
 
-    monkeypatch.setattr(snapshot, "read_triangles", count)
+    monkeypatch.setattr(snapshot, "read_mesh", count)
     bpy.app.handlers.depsgraph_update_post.append(note)
     try:
         with ph.job_for(tmp_path, width_px=16, height_px=16) as job:

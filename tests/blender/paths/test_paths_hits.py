@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import pytest
 
+from radarsim_addon.blender.state import take_snapshot
 from radarsim_addon.signal import PathFlag
 
 bpy = pytest.importorskip("bpy")
@@ -368,9 +369,9 @@ def test_of_two_sheets_at_one_place_the_first_is_hit() -> None:
     bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 1000.0, 0))
     bpy.context.object.name, bpy.context.object.scale = "Plate", (4.0, 1e-4, 4.0)
     bpy.context.view_layer.update()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    bodies = Bodies(["Plate"], evaluated_poses(depsgraph, 1.0), 1.0)
-    hits = HitPoints(bodies, 1.0, 0.05, True, WeakKeyDictionary())
+    snapshot = take_snapshot(bpy.context.evaluated_depsgraph_get())
+    bodies = Bodies(["Plate"], evaluated_poses(snapshot, 1.0), 1.0)
+    hits = HitPoints(bodies, 0.05, True, WeakKeyDictionary())
     for side in (1.0, -1.0):
         start = np.array([0.3, 1000.0 - side * 1000.0, 0.2])
         points = np.array([[x, 1000.0, z] for x in (-1.0, 0.4) for z in (-0.7, 1.3)])

@@ -14,11 +14,12 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.materials import make_physical_material
-from radarsim_addon.blender.materials.wall_faces import find_walls
 from radarsim_addon.blender.nodes import attributes
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.physics.fresnel import slab_power
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
+from tests.blender.slab_scene import walls_of
 
 pytestmark = [pytest.mark.blender, pytest.mark.slow]
 
@@ -256,7 +257,7 @@ def test_what_is_a_shell() -> None:
     def walls(*scale: float) -> Any:
         hollow.scale = scale
         bpy.context.view_layer.update()
-        found = find_walls(hollow, bpy.context.evaluated_depsgraph_get())
+        found = walls_of(hollow, evaluated_snapshot(bpy.context.view_layer))
         assert found is not None
         return found
 

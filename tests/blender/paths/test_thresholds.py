@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from unittest import mock
@@ -15,27 +14,20 @@ import pytest
 
 pytest.importorskip("bpy")
 
+
 from radarsim_addon.blender.paths import (
     clutter_weights,
-    curved_mirrors,
     error_budget,
     glints,
-    mirror_paths,
-    mirrors,
 )
-from radarsim_addon.blender.paths.curved_mirrors import CurvedMirrors
 from radarsim_addon.blender.paths.frame import FrameWork
 from radarsim_addon.blender.paths.hit_points import BodyMeshes, HitPoints
 from radarsim_addon.blender.paths.measured_tiles import QualitySums
-from radarsim_addon.blender.paths.mirror_paths import MirrorPaths
 from radarsim_addon.blender.paths.tiles import Area, Tile, ViewBoxes, lay_in_steps
 from radarsim_addon.blender.paths.view_tracer import ViewTracer
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.views import ViewWindow
-from radarsim_addon.contract import ImageRecord
-from radarsim_addon.physics.mirrors import Reflected
-from radarsim_addon.physics.specular_points import SpecularPoints
-from radarsim_addon.signal.paths import CURVED_IMAGE_DTYPE, PathFlag, PathRows
+from radarsim_addon.signal.paths import PathFlag, PathRows
 
 pytestmark = pytest.mark.blender
 
@@ -74,36 +66,6 @@ def curves_away(part: float) -> bool:
     return bool(
         clutter_weights._curvature(lobe, np.array([0.1]), np.array([2 * EARTH_M * 0.1 * part]))
     )
-
-
-def turns(fraction: float, apart: float = 0.0) -> mirrors.MirrorPolarisation:
-    found = mirrors.MirrorPolarisation()
-    columns = (np.array([one]) for one in (1.0, 0.0, fraction, apart))
-    found.add(("Mirror",), np.ones(1), Reflected(*columns))
-    return found
-
-
-def mirror(size_m: float) -> mirrors.Mirror:
-    corners_m = size_m * np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
-    normal = np.array([0.0, 0.0, 1.0])
-    return mirrors.Mirror(normal, 0.0, corners_m, np.ones(1, int), [], ("Mirror",), 1.0)
-
-
-def is_above(height: float) -> bool:
-    """A point 1 km from an image 1 m below the plane."""
-    chain = mirrors.first_images([mirror(5e3)], np.array([1.0, 1.0, 1.0]))[0]
-    return bool(mirrors.ways_over(chain, np.array([[1001.0, 1.0, 1e3 * height]])).rows.size)
-
-
-def is_outside(off: float) -> bool:
-    return bool(mirror(1.0).triangle_at(np.array([[-off, 0.3, 0.0]]))[0] < 0)
-
-
-def is_rounded(wavelengths: float) -> bool:
-    one, none = np.ones(1, int), np.zeros(1)
-    patches: Any = None
-    mirrors_ = CurvedMirrors(patches, one, none, np.array([wavelengths]), one, (), {1: "Ball"})
-    return bool(mirrors_.rounded(1.0))
 
 
 def box(pixels: float) -> ViewBoxes:
@@ -198,67 +160,10 @@ def misses_the_specular_point(slopes: float) -> bool:
     return not list(glints._faces(search(window), bent, [np.zeros(3)] * 2, 0.1))
 
 
-def is_bent_little(radius: float, *, sphere: bool = False) -> bool:
-    """A small triangle on a cylinder, or a sphere, of so many wavelengths."""
-    angle, z = np.array([0.0, 0.02, 0.01]), np.array([0.0, 0.0, 0.02])
-    normals = np.column_stack([np.cos(angle), np.sin(angle), z if sphere else 0 * z])
-    normals = (normals / np.linalg.norm(normals, axis=1)[:, None])[None]
-    corners_m = radius * normals
-    if not sphere:
-        corners_m[..., 2] = z
-    mesh = SimpleNamespace(corner_normals=normals, triangles=np.array([[0, 1, 2]]))
-    across = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    own: Any = SimpleNamespace(mesh=mesh, pose=np.eye(4), corners_m=corners_m, across_m2=across)
-    return bool(curved_mirrors._patches(own, np.array([0]), 1.0)[1][0])
-
-
-def specular_point() -> SpecularPoints:
-    none = np.zeros(1, int)
-    point = np.array([[0.0, 0.0, -1.0]])
-    return SpecularPoints(none, none, np.full((1, 3), 1 / 3), point, -point)
-
-
-def is_wide(width: float) -> bool:
-    """A bowl 1 m from both ends narrows the beam to this width over that behind a plane."""
-    curvature = (width - 1) * np.eye(2)[None]
-    patches = SimpleNamespace(select=lambda _: SimpleNamespace(curvature=lambda *_: curvature))
-    paths = SimpleNamespace(
-        _search=SimpleNamespace(find=lambda _: specular_point()),
-        _antenna_m=np.zeros(3),
-        mirrors=SimpleNamespace(patches=patches, body=np.ones(1, int)),
-        focusing=set(),
-    )
-    ways = curved_mirrors.CurvedPaths._ways(paths, np.zeros((1, 3)))  # type: ignore[arg-type]
-    assert bool(ways.cosine.size) != bool(paths.focusing)
-    return bool(ways.cosine.size)
-
-
-def has_curved_path(power: float) -> bool:
-    """A path over a curved mirror of this power over that of the direct path."""
-    one = np.ones(1)
-    found = specular_point()
-    ways = curved_mirrors._Ways(found, -found.normals, one, one, one, one)
-    paths = SimpleNamespace(
-        _ways=lambda _: ways,
-        _hits=SimpleNamespace(normals=lambda *_: np.array([[0.0, 0.0, -1.0]])),
-        _receiver_m=np.array([0.0, 0.0, -1.0]),
-        _reflection=lambda _: Reflected(power * one, 0 * one, 0 * one, 0 * one),
-        _blocked=lambda ways, places, body, seen: (~seen, np.zeros(1, bool)),
-        mirrors=SimpleNamespace(body=np.ones(1, int), names={1: "Ball"}),
-        turned=mirrors.MirrorPolarisation(),
-        alike=lambda rows, points: np.ones(rows.size, bool),
-        narrow=set(),
-    )
-    rows = PathRows.zeros(1, CURVED_IMAGE_DTYPE)
-    return bool(
-        curved_mirrors.CurvedPaths.over(paths, rows, 0, np.array([0.0, 0.0, -1.0]))[0].size  # type: ignore[arg-type]
-    )
-
-
 def refined(order: int, away_m: float, sigma_m: float) -> bool:
     """Whether a path is computed again for a wavelength of 1 m."""
     anything: Any = None
-    hits = HitPoints(anything, 1.0, 1.0, True, anything)
+    hits = HitPoints(anything, 1.0, True, anything)
     hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
         hit=lambda bodies, *_: (np.full(bodies.size, np.nan), np.full((bodies.size, 3), np.nan))
     )
@@ -272,7 +177,7 @@ def refined(order: int, away_m: float, sigma_m: float) -> bool:
 def is_delayed(order: int, sigmas: float) -> bool:
     """Whether the encoded length of a path from the origin stays: of so many deviations more."""
     anything: Any = None
-    hits = HitPoints(anything, 1.0, 1e-3, True, anything)
+    hits = HitPoints(anything, 1e-3, True, anything)
     hits._surfaces = SimpleNamespace(  # type: ignore[assignment]
         hit=lambda bodies, *_: (
             np.where(bodies > 0, 1.0, np.nan),
@@ -297,7 +202,7 @@ def is_another_mesh(fraction: float) -> bool:
     mesh = SimpleNamespace(hit=lambda *_: (np.where(lost, np.nan, 1.0), normals.copy()))
     bodies: Any = SimpleNamespace(pose=np.eye(4)[None], shape=np.zeros(1, int))
     anything: Any = None
-    meshes: Any = BodyMeshes(bodies, 1.0, anything)
+    meshes: Any = BodyMeshes(bodies, anything)
     meshes._meshes_of = lambda *_: [(mesh, np.zeros(1, int))]
     found, _ = meshes.hit(np.ones(1000, int), np.zeros(3), normals, normals, np.ones(1000))
     return bool(np.isnan(found).all())
@@ -311,25 +216,6 @@ def are_apart(fraction: float) -> bool:
         run=run, receiver=camera(), transmitter_m=np.array([fraction, 0.0, 0.0])
     )
     return ViewTracer._polarised_from(own) == 0
-
-
-def has_ways_back(fraction: float) -> bool:
-    """Antennas this far from one another, over the reach of paths: are both imaged?"""
-    anything: Any = mock.MagicMock()
-    anything.waveform.wavelength_m = 1.0
-    with (
-        mock.patch.multiple(mirror_paths, Obstacles=mock.DEFAULT, VertexView=mock.DEFAULT),
-        mock.patch.multiple(
-            MirrorPaths,
-            _read_materials=mock.DEFAULT,
-            _find_mirrors=mock.Mock(return_value=None),
-            _find_ways_back=mock.DEFAULT,
-        ) as patched,
-    ):
-        place_m, options = np.array([fraction, 0.0, 0.0]), PathOptions(max_reflections=2)
-        MirrorPaths(anything, anything, 1.0, camera(), place_m, 1.0, anything, options, anything)
-    called: bool = patched["_find_ways_back"].called
-    return called
 
 
 def is_halved(pitch: float) -> bool:
@@ -349,46 +235,6 @@ def is_halved(pitch: float) -> bool:
     )
     halves = next(FrameWork._refine(own), None)
     return halves is not None
-
-
-def has_more_planes(count: float) -> bool:
-    """As many mirrors above one another, of which one gets an image: is one not looked for?"""
-    many = int(count)
-    corners_m = np.zeros((many, 3, 3)) + np.arange(many)[:, None, None]
-    normals = np.tile([0.0, 0.0, 1.0], (many, 1))
-    names = [f"Mirror {n}" for n in range(many)]
-    faces = mirrors._Faces(
-        corners_m, normals, np.ones(many), np.ones(many, int), [None] * many, names  # type: ignore[list-item]
-    )  # fmt: skip
-    anything: Any = SimpleNamespace(bodies=SimpleNamespace(originals={}))
-    with mock.patch.object(mirrors, "_faces", return_value=faces):
-        (said,) = mirrors.find_mirrors(anything, np.zeros(3), 1.0, 1)[1]
-    assert said.numbers["count"] == many - 1
-    return len(said.subjects) < many - 1
-
-
-def is_another_way(off: float, turned: float) -> bool:
-    """A row whose length and direction are off those over the mirror 1 m below, as fractions."""
-    rows = PathRows.zeros(1, CURVED_IMAGE_DTYPE)
-    rows["order"], rows["last_body"] = 2, 1
-    rows["last_scatterer_m"] = [[0, 1, -8]]
-    way = np.array([0.0, -3.0, -8.0])  # the image of the scatterer is 3 m below
-    length_m = np.linalg.norm(way) + np.linalg.norm([0, 1, 8])
-    # the distance from the ray is a fraction of the whole length
-    away = np.array([turned * length_m / np.linalg.norm(way), 0.0, 0.0])
-    rows["direction"] = way / np.linalg.norm(way) + away
-    rows["length_m"] = length_m * (1 + off)
-    paths: Any = SimpleNamespace(
-        _back=None,
-        _curved_back=None,
-        images=[SimpleNamespace(mirrors=[None])],
-        records=[ImageRecord([[0.0, 1.0, 0.0]], [-1.0], ["Mirror"])],
-        _receiver_m=np.zeros(3),
-        _transmitter_m=np.zeros(3),
-        _alike=lambda rows, _: np.ones(rows.size, bool),
-        _view=SimpleNamespace(sees=lambda rows, _: np.ones(rows.size, bool)),
-    )
-    return not MirrorPaths._seen_directly(paths, rows)[0]
 
 
 def is_poor(width: float, end: str) -> bool:
@@ -426,12 +272,6 @@ def is_divided(pitch: float) -> bool:
         pytest.param(echoes, 0.5e-12, 2e-12, id="faintest-echo"),
         pytest.param(lambda a: not is_mirrored(a), 3e-5, 7e-5, id="mirrored-ray"),
         pytest.param(curves_away, 0.08, 0.15, id="flat-earth-0.5-dB"),
-        pytest.param(lambda t: bool(turns(t).finding()), 0.05, 0.07, id="turned-0.5-dB"),
-        # 1 + 2 sqrt(apart) is 0.5 dB at 8.8e-4
-        pytest.param(lambda a: bool(turns(0, a).phases()), 7e-4, 1.1e-3, id="apart-0.5-dB"),
-        pytest.param(is_above, 0.5e-6, 2e-6, id="least-height"),
-        pytest.param(is_outside, 0.5e-9, 2e-9, id="edge-of-triangle"),
-        pytest.param(is_rounded, 0.015, 0.03, id="flat"),
         pytest.param(is_large, 7.0, 9.0, id="small-object"),
         pytest.param(is_surely_hit, 1.5, 2.5, id="surely-hit"),
         pytest.param(differs, 0.8, 1.2, id="level-of-a-curved-face"),
@@ -441,10 +281,6 @@ def is_divided(pitch: float) -> bool:
         pytest.param(is_facet_resolved, 15.0, 17.0, id="large-facets"),
         pytest.param(is_aside, 1.7, 2.3, id="face-aside"),
         pytest.param(misses_the_specular_point, 0.7e-3, 1.4e-3, id="specular-point"),
-        pytest.param(is_bent_little, 1.5, 1.7, id="radius-of-curvature"),
-        pytest.param(partial(is_bent_little, sphere=True), 1.5, 1.7, id="radius-of-a-sphere"),
-        pytest.param(is_wide, 0.45, 0.55, id="focus"),
-        pytest.param(has_curved_path, 0.7e-6, 1.4e-6, id="faint-mirror-path"),
         # 4 * 4 * 2^-24 * 2 r is 1e-3 at 524 m
         pytest.param(lambda r: refined(1, r, 0.0), 450.0, 600.0, id="length-over-point"),
         pytest.param(lambda s: refined(2, 1.0, s), 4e-5, 6e-5, id="sigmas"),
@@ -452,11 +288,7 @@ def is_divided(pitch: float) -> bool:
         pytest.param(lambda x: is_delayed(2, x), 19.0, 21.0, id="delay-between"),
         pytest.param(is_another_mesh, 0.045, 0.055, id="another-mesh"),
         pytest.param(are_apart, 0.009, 0.011, id="one-place"),
-        pytest.param(has_ways_back, 0.009, 0.011, id="one-place-of-mirror-paths"),
         pytest.param(is_halved, 0.9e-6, 1.1e-6, id="finest-pitch-of-halves"),
-        pytest.param(has_more_planes, 64, 65, id="planes"),
-        pytest.param(lambda x: is_another_way(x, 0.0), 1.7e-5, 2.3e-5, id="mirrored-length"),
-        pytest.param(lambda x: is_another_way(0.0, x), 1.7e-5, 2.3e-5, id="mirrored-direction"),
         pytest.param(lambda w: is_poor(w, "first"), 1.8, 2.2, id="from-a-wide-lobe"),
         pytest.param(lambda w: is_poor(w, "last"), 1.8, 2.2, id="to-a-wide-lobe"),
         pytest.param(spoils_phases, 0.045, 0.055, id="length-error"),

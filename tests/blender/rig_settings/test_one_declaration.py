@@ -73,50 +73,53 @@ def test_there_are_many() -> None:
     assert set(RADAR_SETTINGS) >= {"carrier_hz", "adc_rate_hz", "max_standard_error", "seed"}
 
 
-@pytest.mark.parametrize(("kind", "item"), ALL, ids=IDS)
-def test_words_and_names(kind: Any, item: Declared) -> None:
+def test_words_and_names(subtests: pytest.Subtests) -> None:
     """Verb first, no full stop; the option's stem is that of the name."""
-    assert item.of.help[0].isupper() and not item.of.help.endswith(".")
-    assert item.of.label[0].isupper() and not item.of.label.endswith("]")
-    assert item.name in {field.name for field in dataclasses.fields(kind)}
-    assert item.of.help in (kind.__doc__ or "")
-    stem = item.flag.removeprefix("--").replace("-", "_")
-    assert item.flag in OTHER_FLAGS or item.shown_name.startswith(stem)
-    if item.of.unit in ("Hz", "s", "m", "dB", "dBi", "deg", "K", "W"):
-        assert item.name.endswith(f"_{item.of.unit.lower()}")
-    initial = item.initial
-    if initial is not None and initial is not dataclasses.MISSING and item.number:
-        item.check(initial)
+    for kind, item in ALL:
+        with subtests.test(f"{kind.__name__}.{item.name}"):
+            assert item.of.help[0].isupper() and not item.of.help.endswith(".")
+            assert item.of.label[0].isupper() and not item.of.label.endswith("]")
+            assert item.name in {field.name for field in dataclasses.fields(kind)}
+            assert item.of.help in (kind.__doc__ or "")
+            stem = item.flag.removeprefix("--").replace("-", "_")
+            assert item.flag in OTHER_FLAGS or item.shown_name.startswith(stem)
+            if item.of.unit in ("Hz", "s", "m", "dB", "dBi", "deg", "K", "W"):
+                assert item.name.endswith(f"_{item.of.unit.lower()}")
+            initial = item.initial
+            if initial is not None and initial is not dataclasses.MISSING and item.number:
+                item.check(initial)
 
 
-@pytest.mark.parametrize("name", RADAR_SETTINGS)
-def test_window_and_python(radar: Any, name: str) -> None:
-    item = RADAR_SETTINGS[name]
-    group, view = radar.radarsim, settings(radar)
-    shown = group.bl_rna.properties[item.shown_name]
-    assert (shown.name, shown.description) == (item.shown_label, item.of.help)
-    value = other_value(item)
-    setattr(view, name, value)
-    assert getattr(view, name) == value
-    in_window = getattr(group, item.shown_name)
-    if item.kind is float:
-        assert in_window == pytest.approx(item.to_shown(value), rel=1e-6)
-        setattr(group, item.shown_name, item.to_shown(value))  # through float32
-        assert getattr(view, name) == value
-    else:
-        assert in_window == (str(value) if item.of.choices else value)
+def test_window_and_python(radar: Any, subtests: pytest.Subtests) -> None:
+    for name in RADAR_SETTINGS:
+        with subtests.test(name):
+            item = RADAR_SETTINGS[name]
+            group, view = radar.radarsim, settings(radar)
+            shown = group.bl_rna.properties[item.shown_name]
+            assert (shown.name, shown.description) == (item.shown_label, item.of.help)
+            value = other_value(item)
+            setattr(view, name, value)
+            assert getattr(view, name) == value
+            in_window = getattr(group, item.shown_name)
+            if item.kind is float:
+                assert in_window == pytest.approx(item.to_shown(value), rel=1e-6)
+                setattr(group, item.shown_name, item.to_shown(value))  # through float32
+                assert getattr(view, name) == value
+            else:
+                assert in_window == (str(value) if item.of.choices else value)
 
 
-@pytest.mark.parametrize("name", render_settings())
-def test_render_option(name: str) -> None:
-    item = render_settings()[name]
-    value = other_value(item)
-    shown = item.to_shown(value) if item.kind is float else value
-    words = [item.flag.replace("--", "--no-", 1)] if value is False else [item.flag]
-    words += [] if item.kind is bool else [repr(shown) if item.number else str(shown)]
-    found = given_settings(parse_render_arguments(["a.blend", *words]))
-    found.pop("sampling_mode", None) if name != "sampling_mode" else None
-    assert found == {name: value}
+def test_render_option(subtests: pytest.Subtests) -> None:
+    for name in render_settings():
+        with subtests.test(name):
+            item = render_settings()[name]
+            value = other_value(item)
+            shown = item.to_shown(value) if item.kind is float else value
+            words = [item.flag.replace("--", "--no-", 1)] if value is False else [item.flag]
+            words += [] if item.kind is bool else [repr(shown) if item.number else str(shown)]
+            found = given_settings(parse_render_arguments(["a.blend", *words]))
+            found.pop("sampling_mode", None) if name != "sampling_mode" else None
+            assert found == {name: value}
 
 
 @pytest.mark.parametrize("kind", [ProcessOptions, Receiver, Cfar])

@@ -11,7 +11,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.nodes import groups
-from radarsim_addon.blender.paths import mirrors
+from radarsim_addon.physics import mirrors
 from scripts.make_canyon import add_box
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs

@@ -13,6 +13,7 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.paths import PathJob
 from radarsim_addon.blender.plan import PathOptions
 from radarsim_addon.blender.scene import echoing_boxes, find_rig, keyed_speeds
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.findings import Finding
 from radarsim_addon.signal.radar import Burst, FmcwWaveform
 from tests.blender import radar_scenes as rs
@@ -145,8 +146,8 @@ def test_speeds_of_keyed_objects_need_no_evaluation(tmp_path: Path) -> None:
     bound.name = "Bound"
     bound.constraints.new("COPY_LOCATION").target = car
     scene.frame_set(1)
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    found = echoing_boxes(depsgraph, any_material=False)
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    found = echoing_boxes(snapshot, any_material=False)
     rig = find_rig(scene)
     span_s = 64 / 1000.0
     speeds = keyed_speeds(found, (rig.camera, rig.emitter), 1.0, scene.render.fps, span_s)

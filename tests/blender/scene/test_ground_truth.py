@@ -18,6 +18,7 @@ from mathutils import Matrix
 from radarsim_addon import contract
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.scene import echoing_boxes, measure_pixel_spans
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.signal import open_run
 from radarsim_addon.typed_json import read_record
 from tests.blender import path_helpers as ph
@@ -277,7 +278,7 @@ def test_pixels_are_of_objects_ahead_and_within_the_frame() -> None:
         bpy.ops.mesh.primitive_cube_add(size=0.2, location=place)
         bpy.context.object.name = name
     bpy.context.view_layer.update()
-    boxes = echoing_boxes(bpy.context.evaluated_depsgraph_get(), any_material=True)
+    boxes = echoing_boxes(evaluated_snapshot(bpy.context.view_layer), any_material=True)
     matrix = np.array(bpy.context.scene.camera.matrix_world, dtype=np.float64)
     sizes = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 1.0).sizes
     assert set(sizes) == {"Ahead", "Right", "Above"}
@@ -290,7 +291,7 @@ def test_pixels_on_the_ground_are_long_in_metres() -> None:
     bpy.ops.mesh.primitive_plane_add(size=60.0, location=(0, 40, -2))
     bpy.context.object.name = "Ground"
     bpy.context.view_layer.update()
-    boxes = echoing_boxes(bpy.context.evaluated_depsgraph_get(), any_material=True)
+    boxes = echoing_boxes(evaluated_snapshot(bpy.context.view_layer), any_material=True)
     matrix = np.array(bpy.context.scene.camera.matrix_world, dtype=np.float64)
     found = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 0.5)
     range_m, span_m = found.surfaces["Ground"]

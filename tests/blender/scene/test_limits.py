@@ -16,6 +16,7 @@ from radarsim_addon.blender.plan.render_arguments import parse_axis
 from radarsim_addon.blender.scene.finite_checks import check_pose
 from radarsim_addon.blender.scene.rig import check_scale
 from radarsim_addon.blender.scene.view_checks import ground_below
+from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.errors import ConfigError, SceneError
 from tests.blender import radar_scenes as rs
 
@@ -28,7 +29,7 @@ def antenna(scale: float) -> None:
 
 def ground(tilt_deg: float) -> None:
     rs.add_plate(0.0, 100.0, 90.0 - tilt_deg).location.z = -5.0
-    ground_below(bpy.context.evaluated_depsgraph_get(), np.zeros(3))
+    ground_below(evaluated_snapshot(bpy.context.view_layer), np.zeros(3))
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.physical_materials import READY, suggest_material
 from radarsim_addon.blender.nodes.materials import is_radar_material
 from radarsim_addon.blender.scene import replace_material, suggest_materials
+from radarsim_addon.blender.state import evaluated_snapshot
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
@@ -24,37 +25,30 @@ from tests.blender import render_helpers as rh
 pytestmark = pytest.mark.blender
 
 
-@pytest.mark.parametrize(
-    ("names", "ready"),
-    [
-        (("Asphalt_02",), "Asphalt"),
-        (("CarPaint.001",), "Metal, rough"),
-        (("windshieldGlass",), "Glass"),
-        (("Metallic red",), "Metal, rough"),
-        (("brushed-steel",), "Metal, rough"),
-        (("Tires",), "Rubber"),
-        (("M_Wood_Oak_4K",), "Wood"),
-        (("Skin",), "Skin"),
-        (("Material.003", "Road"), "Asphalt"),
-        (("Material.003", "Cube"), None),
-        (("device",), None),
-        (("Headlight",), None),
-        (("Concrete Wall",), "Concrete, rough"),
-    ],
-)
-def test_names(names: tuple[str, ...], ready: str | None) -> None:
-    assert suggest_material(*names) == ready
+def test_names() -> None:
+    for name, ready in {
+        "Asphalt_02": "Asphalt",
+        "CarPaint.001": "Metal, rough",
+        "windshieldGlass": "Glass",
+        "Metallic red": "Metal, rough",
+        "brushed-steel": "Metal, rough",
+        "Tires": "Rubber",
+        "M_Wood_Oak_4K": "Wood",
+        "Skin": "Skin",
+        "device": None,
+        "Headlight": None,
+        "Concrete Wall": "Concrete, rough",
+    }.items():
+        assert suggest_material(name) == ready
+    assert suggest_material("Material.003", "Road") == "Asphalt"
+    assert suggest_material("Material.003", "Cube") is None
 
 
-@pytest.fixture(scope="module")
-def one_file() -> None:
-    """For all of them: most of the time goes into the shader groups, which they share."""
+def test_every_ready_material_can_be_made(subtests: pytest.Subtests) -> None:
     rh.new_scene()
-
-
-@pytest.mark.parametrize("ready", sorted(READY))
-def test_every_ready_material_can_be_made(one_file: None, ready: str) -> None:
-    assert pm.is_physical(READY[ready].material(ready, 5.3e9))
+    for name, ready in READY.items():
+        with subtests.test(name):
+            assert pm.is_physical(ready.material(name, 5.3e9))
 
 
 def test_skin_is_that_of_the_tables() -> None:
@@ -82,11 +76,11 @@ def street() -> dict[str, Any]:
 def test_suggestions_and_replacement() -> None:
     rs.new_scene()
     made = street()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    found = {item.name: ready for item, ready in suggest_materials(depsgraph).items()}
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    found = {item.name: ready for item, ready in suggest_materials(snapshot).items()}
     assert found == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt", "Misc": None}
     new = {
-        name: replace_material(made[name], ready, 5.3e9, bpy.context.evaluated_depsgraph_get())
+        name: replace_material(made[name], ready, 5.3e9, evaluated_snapshot(bpy.context.view_layer))
         for name, ready in found.items()
         if ready is not None
     }

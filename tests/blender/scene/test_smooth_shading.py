@@ -13,7 +13,7 @@ bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.nodes import attributes
 from radarsim_addon.blender.scene import check_normals, sharpen_walls
-from radarsim_addon.blender.state import SettingsRestorer
+from radarsim_addon.blender.state import SettingsRestorer, evaluated_snapshot
 from tests.blender.slab_scene import physical_material
 
 pytestmark = pytest.mark.blender
@@ -26,7 +26,7 @@ def smooth(item: Any) -> Any:
 
 def named() -> tuple[str, ...]:
     bpy.context.view_layer.update()
-    found = check_normals(bpy.context.evaluated_depsgraph_get())
+    found = check_normals(evaluated_snapshot(bpy.context.view_layer))
     assert [item.code for item in found] in ([], ["smooth-across-edges"])
     return found[0].subjects if found else ()
 
@@ -59,7 +59,7 @@ def test_the_largest_fraction_is_said(empty_scene: Any) -> None:
             bpy.ops.mesh.primitive_cube_add(location=(9, 0, 0))
             smooth(bpy.context.object)
             bpy.context.view_layer.update()
-        (found,) = check_normals(bpy.context.evaluated_depsgraph_get())
+        (found,) = check_normals(evaluated_snapshot(bpy.context.view_layer))
         assert len(found.subjects) == 1 + whole
         assert found.numbers["fraction"] == pytest.approx(expected)
 
@@ -96,10 +96,10 @@ def test_walls_get_sharp_edges_and_stay_round(empty_scene: Any) -> None:
         item.data.materials.append(wall)
     assert named() == (box.name, tank.name)
     before, recorder = list(bpy.data.node_groups), SettingsRestorer()
-    sharpen_walls(recorder, bpy.context.evaluated_depsgraph_get())
+    sharpen_walls(recorder, evaluated_snapshot(bpy.context.view_layer))
     assert named() == ()
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    mesh = tank.evaluated_get(depsgraph).data
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    mesh = snapshot.evaluated(tank).data
     for polygon in mesh.polygons:
         for index in polygon.loop_indices:
             normal, corner = mesh.corner_normals[index].vector, mesh.loops[index].vertex_index
@@ -135,7 +135,7 @@ def test_linked_walls_get_sharp_edges_in_memory(
         bpy.context.scene.collection.objects.link(bpy.data.objects.new("Plain", linked.data))
     before = named()
     recorder = SettingsRestorer()
-    sharpen_walls(recorder, bpy.context.evaluated_depsgraph_get())
+    sharpen_walls(recorder, evaluated_snapshot(bpy.context.view_layer))
     assert named() == (before if shared else ())
     assert recorder.restore() == []
     assert named() == before and "Box" in before[0]

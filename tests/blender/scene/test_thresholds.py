@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from radarsim_addon.blender.scene import finite_checks, mesh_checks, rig, view_checks
+from radarsim_addon.blender.state import evaluated_snapshot, read_mesh
 from radarsim_addon.errors import SceneError
 
 pytestmark = pytest.mark.blender
@@ -33,7 +34,7 @@ def _bent(angle_deg: float) -> bool:
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     angle_rad = np.radians(angle_deg)
     mesh.normals_split_custom_set([(np.sin(angle_rad), 0, np.cos(angle_rad))] * 3)
-    return mesh_checks._bent(mesh) > 0
+    return mesh_checks._bent(read_mesh(mesh)) > 0
 
 
 def _flat(thickness: float) -> bool:
@@ -86,8 +87,8 @@ def test_limit_decides(decides: Any, on: float, off: float) -> None:
 @pytest.mark.parametrize(("tilt_deg", "level"), [(0.9, True), (1.1, False)])
 def test_level_ground(tilt_deg: float, level: bool, empty_scene: Any) -> None:
     bpy.ops.mesh.primitive_plane_add(size=10, rotation=(np.radians(tilt_deg), 0, 0))
-    depsgraph = bpy.context.evaluated_depsgraph_get()
-    assert _refuses(view_checks.ground_below, depsgraph, np.array([0, 0, 5.0])) != level
+    snapshot = evaluated_snapshot(bpy.context.view_layer)
+    assert _refuses(view_checks.ground_below, snapshot, np.array([0, 0, 5.0])) != level
 
 
 @pytest.mark.parametrize(("fraction", "named"), [(0.06, True), (0.04, False)])
@@ -96,5 +97,5 @@ def test_bent_fraction(
 ) -> None:
     bpy.ops.mesh.primitive_plane_add()
     monkeypatch.setattr(mesh_checks, "_bent", lambda mesh: fraction)
-    found = mesh_checks.check_normals(bpy.context.evaluated_depsgraph_get())
+    found = mesh_checks.check_normals(evaluated_snapshot(bpy.context.view_layer))
     assert bool(found) == named

@@ -11,16 +11,46 @@ import numpy as np
 import pytest
 
 from radarsim_addon.blender.state import (
+    Shape,
     Snapshot,
     evaluated_mesh,
     evaluated_objects,
-    read_triangles,
+    read_numbers,
     snapshot,
     take_snapshot,
 )
 from tests.blender import motion_helpers as mh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
+
+
+def compare_meshes(found: Snapshot, shape: Shape, evaluated: Any) -> None:
+    """The mesh of a shape is what Blender gives property by property."""
+    ours = found.mesh(shape)
+    with evaluated_mesh(evaluated) as mesh:
+        assert (ours is None) == (mesh is None)
+        assert found.face_count(shape) == (0 if mesh is None else len(mesh.polygons))
+        if ours is None or mesh is None:
+            return
+        mesh.calc_loop_triangles()
+        faces, polygons, loops = mesh.loop_triangles, mesh.polygons, mesh.loops
+        pairs = [
+            (ours.vertices, read_numbers(mesh.vertices, "co", 3)),
+            (ours.triangles, read_numbers(faces, "vertices", 3, np.int32)),
+            (ours.polygons, read_numbers(faces, "polygon_index", 1, np.int32)[:, 0]),
+            (ours.corner_edges, read_numbers(loops, "edge_index", 1, np.int32)[:, 0]),
+            (ours.sides, read_numbers(polygons, "loop_total", 1, np.int32)[:, 0]),
+            (ours.slots, read_numbers(polygons, "material_index", 1, np.int32)[:, 0]),
+        ]
+        for mine, own in pairs:
+            np.testing.assert_array_equal(mine, own)
+        normals = read_numbers(faces, "split_normals", 9).reshape(-1, 3, 3)
+        np.testing.assert_allclose(ours.triangle_normals, normals, rtol=0, atol=1e-6)
+        own = read_numbers(polygons, "normal", 3)
+        np.testing.assert_allclose(ours.normals, own, rtol=0, atol=1e-6)
+        area, centre = read_numbers(polygons, "area"), read_numbers(polygons, "center", 3)
+        np.testing.assert_allclose(ours.areas, area[:, 0], rtol=1e-5, atol=1e-12)
+        np.testing.assert_allclose(ours.centers, centre, rtol=1e-5, atol=1e-5)
 
 
 def checked() -> Snapshot:
@@ -35,13 +65,7 @@ def checked() -> Snapshot:
         assert found.layout.visible[row] == one.visible
         np.testing.assert_array_equal(found.matrices[row], one.matrix)
         np.testing.assert_array_equal(shape.box, one.box)
-        with evaluated_mesh(one.evaluated) as mesh:
-            faces = 0 if mesh is None else len(mesh.polygons)
-            read = (np.empty((0, 3)),) * 2 if mesh is None else read_triangles(mesh)
-        assert found.face_count(shape) == faces
-        for mine, own in zip(found.triangles(shape), read, strict=True):
-            np.testing.assert_array_equal(mine, own)
-        np.testing.assert_array_equal(found.vertices(shape), read[0])
+        compare_meshes(found, shape, one.evaluated)
         assert (shape.original, shape.kind) == (one.original, one.evaluated.type)
         slots = one.evaluated.material_slots
         assert shape.materials == tuple(s.material and s.material.original for s in slots)
@@ -193,10 +217,30 @@ def test_the_mesh_of_instances_is_found_after_others_were_added() -> None:
     points.data.update()
     found = checked()
     (shape,) = (one for one in found.shapes if not one.own)
-    with found.mesh(shape) as mesh:
-        assert len(mesh.vertices) == 8
-        sizes = np.ptp([vertex.co for vertex in mesh.vertices], axis=0)
-    np.testing.assert_allclose(sizes, 1.0)  # the cube of the nodes
+    mesh = found.mesh(shape)
+    assert mesh is not None
+    assert mesh.vertices.shape == (8, 3)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), 1.0)  # the cube of the nodes
+
+
+def test_meshes_of_all_kinds() -> None:
+    """Custom normals, polygons of many sides, quads with a corner inwards, edges without faces."""
+    rs.new_scene()
+    bpy.ops.mesh.primitive_cone_add(vertices=7, end_fill_type="NGON")
+    bpy.ops.object.shade_smooth()
+    box("Bent")
+    bent = bpy.data.objects["Bent"].data
+    bent.normals_split_custom_set([(0.6, 0.0, 0.8)] * len(bent.loops))
+    places = [(0, 0, 0), (4, 2, 0), (0, 4, 0), (1, 2, 0), (9, 9, 9)]
+    for shift in range(4):
+        mesh = bpy.data.meshes.new("Arrow")
+        corners = np.roll(range(4), shift).tolist()
+        mesh.from_pydata(places, [(0, 4)], [corners, [*corners[:2], 4]])
+        bpy.context.scene.collection.objects.link(bpy.data.objects.new("Arrow", mesh))
+    bpy.data.meshes["Arrow"].materials.append(None)
+    bpy.data.meshes["Arrow"].materials.append(bpy.data.materials.new("Second"))
+    bpy.data.meshes["Arrow"].polygons[1].material_index = 1
+    checked()
 
 
 def test_another_file_has_another_snapshot() -> None:

@@ -18,7 +18,8 @@ from radarsim_addon.blender import nodes
 from radarsim_addon.blender.materials import make_physical_material, set_clutter, set_scattered_lobe
 from radarsim_addon.blender.rig_settings import read_measurement
 from radarsim_addon.blender.ui import live_preview
-from radarsim_addon.blender.ui.live_scene import live_material
+from radarsim_addon.blender.ui.live_scene import LiveReader
+from radarsim_addon.signal.draft.draft import scene_of
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -200,11 +201,11 @@ def test_undo_pauses_it(scene: Any) -> None:
 def test_faults_are_shown(scene: Any) -> None:
     ph.plate_at(10.0, 2.0, ph.lambert(0.5))
     camera = bpy.data.objects["Radar Receiver"].data
-    camera.type = "ORTHO"
+    camera.type, camera.panorama_type = "PANO", "FISHEYE_EQUIDISTANT"
     preview = switched_on()
     while not preview.fault:
         preview.tick(bpy.context)
-    assert "perspective" in preview.lines()[1]
+    assert "projection" in preview.lines()[1]
     camera.type = "PERSP"
     preview.fault = ""
     drafted()
@@ -222,7 +223,10 @@ def test_what_a_draft_leaves_out_is_named(scene: Any) -> None:
     ph.plate_at(16.0, 2.0, wall)
     moved = ph.plate_at(14.0, 2.0, ph.principled("Paint", (0.2, 0.4, 0.6)))
     moved.constraints.new("COPY_LOCATION")
-    bpy.data.objects["Radar Emitter"].location.x = 1.0
+    hidden, finer = ball(3.0, 20.0, ph.lambert(0.5)), ball(6.0, 20.0, ph.lambert(0.5))
+    hidden.modifiers.new("Bevel", "BEVEL")
+    hidden.hide_viewport = True
+    finer.modifiers.new("Finer", "SUBSURF").render_levels = 2
     drafted()
     notes = switched_on().notes
     for words in (
@@ -230,7 +234,8 @@ def test_what_a_draft_leaves_out_is_named(scene: Any) -> None:
         "lobe is left out: 1",
         "diffuse: 1",
         "velocity is left out: 1",
-        "shadows",
+        "viewport hides, which are left out: 1",
+        "not as in renders: 1",
     ):
         assert any(words in note for note in notes), notes
 
@@ -245,7 +250,10 @@ def test_objects_of_all_kinds_are_read(scene: Any) -> None:
     first = drafted()
     caps, sides = 2 * 30, 2 * 32
     assert first["triangles"] > caps + sides
-    assert switched_on().notes == ("hair and point clouds, which are left out: 1",)
+    assert switched_on().notes == (
+        "hair and point clouds, which are left out: 1",
+        "objects drawn as in the viewport, not as in renders: 1",  # metaballs are coarser in it
+    )
     bpy.context.view_layer.objects.active = cylinder = bpy.data.objects["Cylinder"]
     cylinder.modifiers.new("Away", "DISPLACE").strength = 0.0
     bpy.ops.object.mode_set(mode="EDIT")
@@ -263,15 +271,90 @@ def test_objects_of_all_kinds_are_read(scene: Any) -> None:
     assert near_m[1] - near_m[0] == pytest.approx(-5.0, abs=1.3)
 
 
+def read_scene() -> dict[str, Any]:
+    """Fields and arrays of the scene as it is sent, and its notes."""
+    bpy.context.view_layer.update()
+    *_, found = LiveReader().read(bpy.context)
+    return {**vars(scene_of(found.message)), "notes": found.notes}
+
+
+def test_what_did_not_change_is_not_drafted_again(scene: Any) -> None:
+    rs.move_steadily(ball(0.0, 20.0, sea()), (0.0, 8.0, 0.0))
+    reader = LiveReader()
+    first, second = ([*reader.read(bpy.context)][-1] for _ in range(2))
+    assert second.same(first) and not second.same(None)
+    rs.radar().prf_hz *= 2  # a setting that no evaluation reports
+    assert not [*reader.read(bpy.context)][-1].same(first)
+
+
 def test_materials_of_cycles_echo_only_where_all_do(scene: Any) -> None:
-    paint = ph.principled("Paint", (0.2, 0.4, 0.6))
-    how = (CARRIER_HZ, "hold", "average")
-    assert live_material(paint, *how, False).surface.kind == "silent"
-    found = live_material(paint, *how, True)
-    assert found.guessed and found.surface.albedo == pytest.approx(0.4, abs=1e-6)
-    assert live_material(None, *how, True).surface.albedo == 0.8
-    exact = live_material(ph.lambert(0.3), *how, True)
-    assert not exact.guessed and exact.surface.albedo == pytest.approx(0.3)
+    ph.plate_at(10.0, 2.0, ph.principled("Paint", (0.2, 0.4, 0.6)))
+    rs.radar().range_encoding = "materials"
+    found = read_scene()
+    assert (found["surfaces"], found["slots"], found["notes"]) == ([], [[-1]], ())
+    rs.radar().range_encoding = "auto"
+    found = read_scene()
+    assert found["slots"] == [[0]] and found["surfaces"][0].output.kind == "Principled"
+    assert found["notes"] == ("materials taken as diffuse: 1",)
+    ph.plate_at(10.0, 2.0, ph.lambert(0.3)).is_holdout = True
+    assert sorted(read_scene()["slots"]) == [[-1], [0]]
+
+
+def test_instances_move_with_all_that_moves_them(scene: Any) -> None:
+    """A collection within a collection, whose inner instancer may be still."""
+    inner, outer = (bpy.data.collections.new(name) for name in ("Inner", "Outer"))
+    plate = ph.plate_at(10.0, 2.0, ph.lambert(0.5))
+    scene.collection.objects.unlink(plate)
+    inner.objects.link(plate)
+    within = rs.instance_of(inner, (0.0, 0.0, 3.0))
+    within.rotation_euler.z = np.pi / 2
+    scene.collection.objects.unlink(within)
+    outer.objects.link(within)
+    top = rs.instance_of(outer, (1.0, 2.0, 0.0))
+    rs.move_steadily(plate, (0.0, 8.0, 0.0))
+    found = read_scene()
+    rate_mps = (found["moves"][0] @ found["matrices"][0] - found["matrices"][0])[:3, 3]
+    np.testing.assert_allclose(rate_mps / found["interval_s"], [-8.0, 0.0, 0.0], atol=1e-2)
+    assert found["notes"] == ()
+    rs.move_steadily(top, (0.0, 0.0, 5.0))
+    found = read_scene()
+    rate_mps = (found["moves"][0] @ found["matrices"][0] - found["matrices"][0])[:3, 3]
+    np.testing.assert_allclose(rate_mps / found["interval_s"], [-8.0, 0.0, 5.0], atol=1e-2)
+    rs.move_steadily(within, (1.0, 0.0, 0.0))
+    assert read_scene()["notes"] == ("objects whose velocity is left out: 1",)
+    other = ph.plate_at(10.0, 2.0, ph.lambert(0.5))
+    scene.collection.objects.unlink(other)
+    outer.objects.link(other)
+    other.hide_viewport = True
+    assert "objects that the viewport hides, which are left out: 1" in read_scene()["notes"]
+
+
+def test_what_the_viewport_hides_is_read(scene: Any) -> None:
+    """Hidden itself, by its collection, by the layer, and by the eye: also its range counts."""
+    ph.plate_at(10.0, 2.0, nodes.make_material("Metal", 100.0, 0.0, roughness=0.5))
+    rs.radar().range_encoding = "materials"
+    far = ph.plate_at(100.0, 2.0, bpy.data.materials["Metal"])
+    own = bpy.data.collections.new("Own")
+    scene.collection.children.link(own)
+    scene.collection.objects.unlink(far)
+    own.objects.link(far)
+    layer = bpy.context.view_layer.layer_collection.children["Own"]
+    limits = read_scene()["range_limits_m"]
+
+    def check() -> None:
+        found = read_scene()
+        assert (found["range_limits_m"], found["notes"]) == (pytest.approx(limits), ())
+        assert sorted(found["matrices"][:, 1, 3]) == [10.0, 100.0]
+
+    for owner in (far, own, layer):
+        owner.hide_viewport = True
+        check()
+        owner.hide_viewport = False
+        check()
+    far.hide_set(True)
+    check()
+    far.data.materials.clear()
+    assert read_scene()["range_limits_m"][1] < 20.0
 
 
 def test_a_refusal_is_shown_only_where_the_update_is_refused_too(

@@ -473,9 +473,7 @@ def test_numbers_of_a_scene_are_equal_and_small_changes_are_seen(scene: Any) -> 
     plate = bpy.data.objects["Plate"]
 
     def now() -> Any:
-        return scene_copy.evaluated_numbers(
-            scene_copy.take_snapshot(scene_copy.evaluated_depsgraph(layer))
-        )
+        return scene_copy.evaluated_numbers(scene_copy.evaluated_snapshot(layer))
 
     before = now()
     assert scene_copy.differences(before, now()) == []

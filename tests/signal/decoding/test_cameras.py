@@ -10,8 +10,9 @@ import pytest
 
 from radarsim_addon.contract import ReceiverRecord
 from radarsim_addon.errors import SchemaError
-from radarsim_addon.signal.decoding import cameras, pixel_rays
-from radarsim_addon.signal.decoding.cameras import solid_angles_sr
+from radarsim_addon.signal.decoding import in_view, pixel_rays
+from radarsim_addon.signal.decoding import ring_pixels as cameras
+from radarsim_addon.signal.decoding.ring_pixels import solid_angles_sr
 
 
 def camera(
@@ -162,3 +163,13 @@ def test_kept_rays_are_those_of_their_receiver(kind: str, monkeypatch: pytest.Mo
             assert getattr(rays, name).tobytes() == getattr(fresh, name).tobytes()
             with pytest.raises(ValueError, match="read-only"):
                 getattr(rays, name)[...] = 0.0
+
+
+def test_points_in_the_view_of_a_camera_and_of_a_panorama() -> None:
+    pose = np.eye(4)
+    pose[:3, :3] = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=float)
+    points = np.array([[0, 10, 0], [4.9, 10, 0], [5.1, 10, 0], [0, 10, 3], [0, -10, 0.0]])
+    seen = in_view(points, camera("perspective", (-0.5, 0.5, -0.2, 0.2), pose))
+    assert seen.tolist() == [True, True, False, False, False]
+    seen = in_view(points, camera("equirectangular", (-0.47, 3.2, -0.2, 0.2), pose))
+    assert seen.tolist() == [True, True, True, False, True]

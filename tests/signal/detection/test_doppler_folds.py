@@ -32,7 +32,7 @@ from radarsim_addon.signal.detection import (
     velocity_before_folding_mps,
 )
 from radarsim_addon.signal.motion import PathMotion, Rows
-from radarsim_addon.signal.pipeline.console import Digits
+from radarsim_addon.signal.pipeline.cli import Digits
 from tests.signal.oracle import unit_paths
 from tests.signal.pointscenes import WAVEFORMS
 from tests.signal.synthetic import Setup, points, write_run

@@ -26,10 +26,8 @@ from radarsim_addon.signal.detection.detections import mirror_corners
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows
-from radarsim_addon.signal.pipeline.cli import main
-from radarsim_addon.signal.pipeline.console import frame_lines
-from radarsim_addon.signal.products.frame_products import write_detections
-from radarsim_addon.signal.products.hdf5 import write_hdf5
+from radarsim_addon.signal.pipeline.cli import frame_lines, main
+from radarsim_addon.signal.products.frame_products import write_detections, write_hdf5
 from tests.signal import path_runs as pr
 from tests.signal import unequal as u
 

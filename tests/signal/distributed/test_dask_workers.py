@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("distributed")
 
+from radarsim_addon import coordinator as worker_module
+from radarsim_addon.coordinator import DaskWorkers
 from radarsim_addon.errors import WorkerError
-from radarsim_addon.signal.distributed import workers as worker_module
-from radarsim_addon.signal.distributed.workers import DaskWorkers
 from scripts.benchmarks.worker_costs import dask_cluster
 
 #: Ends its process at the first calls, as many as the file "lives" has characters.

@@ -9,10 +9,9 @@ from collections import Counter
 
 import pytest
 
+from radarsim_addon.coordinator import Reply, as_error, scheduled
 from radarsim_addon.errors import OutputError, SceneError, WorkerError
 from radarsim_addon.options import Share, add_share_arguments, share_of
-from radarsim_addon.signal.distributed import Reply
-from radarsim_addon.signal.distributed.workers import as_error, scheduled
 
 
 class Pretended:

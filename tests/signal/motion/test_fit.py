@@ -12,8 +12,8 @@ import pytest
 
 from radarsim_addon.signal.motion import BodyMotion, fit_body, fit_vertices, smooth_poses
 from radarsim_addon.signal.motion.body_motion import (
-    left_jacobian,
     rotation,
+    rotation_and_jacobian,
     rotation_minus_one,
     rotation_vector,
 )
@@ -216,5 +216,5 @@ def test_rotations() -> None:
     np.testing.assert_allclose(tiny[:, 2, 1] - tiny[:, 1, 2], 2e-9 * axis[:, 0], rtol=1e-9)
     step = 1e-7 * rng.normal(size=(400, 3))
     want = rotation_vector(rotation(vectors + step) @ rotation(vectors).transpose(0, 2, 1))
-    got = np.einsum("nij,nj->ni", left_jacobian(vectors), step)
+    got = np.einsum("nij,nj->ni", rotation_and_jacobian(vectors)[1], step)
     np.testing.assert_allclose(got, want, atol=1e-12)

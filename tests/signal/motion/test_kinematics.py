@@ -338,7 +338,7 @@ def test_damaged_files_are_named(tmp_path: Path) -> None:
     data = npz.read_bytes()
     npz.write_bytes(data[:-100])
     with pytest.raises(
-        FrameFileError, match=r"cannot be read as points.*\. Render the run again: "
+        FrameFileError, match=r"cannot be read as deforming.*\. Render the run again: "
     ):
         read_motion(tmp_path, 1, digest)
     npz.unlink()

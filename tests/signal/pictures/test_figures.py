@@ -37,7 +37,7 @@ from radarsim_addon.signal.maps import expected_power_profile, range_process
 from radarsim_addon.signal.pictures import MapFile, animate_maps, common_scale, decimals_for, fixed
 from radarsim_addon.signal.pictures.figure import cell_axis, frequency_unit, range_unit, strongest
 from radarsim_addon.signal.pictures.map import foremost, map_axes, picture_floor_db
-from radarsim_addon.signal.pipeline.console import detection_lines, map_digits
+from radarsim_addon.signal.pipeline.cli import detection_lines, map_digits
 from tests.signal.synthetic import Setup, points, write_run
 
 RADAR = Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64))

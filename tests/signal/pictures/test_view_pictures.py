@@ -27,9 +27,9 @@ from radarsim_addon.signal.pictures import (
 )
 from radarsim_addon.signal.pictures.figure import Sheet
 from radarsim_addon.signal.pictures.map import ColourScale
-from radarsim_addon.signal.pictures.scan import draw_plan_position, draw_range_time
+from radarsim_addon.signal.pictures.view_pictures import draw_plan_position, draw_range_time
 from radarsim_addon.signal.pipeline import ProcessOptions, process_run
-from radarsim_addon.signal.results import FrameResult
+from radarsim_addon.signal.products import FrameResult
 from tests.signal import path_runs
 
 YELLOW = np.array([0.993, 0.906, 0.144])  # the upper end of viridis

@@ -51,7 +51,7 @@ SIZES = [
     ("spectrum.linear_motion", "_MAX_GRID", 1 << 10),
     ("spectrum.linear_motion", "_MAX_TARGETS", 64),
     ("spectrum.nufft", "_MANY_CELLS", 1),
-    ("spectrum.moving", "_MAX_LINEAR", 16),
+    ("spectrum.accumulator", "_MAX_LINEAR", 16),
     ("spectrum.nufft", "_FEW_TERMS", 1),
     ("spectrum.nufft", "_UNSORTED", 1),
     ("spectrum.pulse_sums", "_MOST_THREADS", 1),

@@ -27,7 +27,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.pictures import frame_pictures
 from radarsim_addon.signal.pipeline import cli, main
-from radarsim_addon.signal.pipeline.console import frame_lines
+from radarsim_addon.signal.pipeline.cli import frame_lines
 from tests.signal import path_runs
 from tests.signal.synthetic import Setup, empty, points, write_run
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from radarsim_addon import frame_worker
+from radarsim_addon.coordinator import LocalWorkers
 from radarsim_addon.errors import OutputError, WorkerError
 from radarsim_addon.frame_worker import close, run_frame
 from radarsim_addon.signal import Burst, ProcessOptions, Radar, Waveform, process_run
-from radarsim_addon.signal.distributed.workers import LocalWorkers
 from radarsim_addon.signal.pipeline import main
 from scripts.benchmarks.worker_costs import dask_cluster
 from tests.signal.synthetic import Setup, points, write_run
@@ -79,7 +79,7 @@ def test_a_cluster_that_is_not_there_is_named(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr("radarsim_addon.signal.distributed.workers._TIMEOUT_S", 0.5)
+    monkeypatch.setattr("radarsim_addon.coordinator._TIMEOUT_S", 0.5)
     assert main(["process", str(folder), "--dask", "tcp://127.0.0.1:9"]) == 2
     assert "No Dask scheduler answers at 'tcp://127.0.0.1:9'" in capsys.readouterr().err
 

@@ -14,7 +14,7 @@ from radarsim_addon.contract import AntennaRecord, RenderRecord, RunRecord
 from radarsim_addon.errors import ConfigError, FrameFileError, MissingDependencyError
 from radarsim_addon.signal import Burst, Cfar, ProcessOptions, Radar, Waveform, process_run
 from radarsim_addon.signal.pipeline import main
-from radarsim_addon.signal.radar.antennas import make_antenna
+from radarsim_addon.signal.radar.link_budget import make_antenna
 from radarsim_addon.signal.runs import open_run
 from radarsim_addon.typed_json import read_record
 from tests.signal.synthetic import Setup, points, write_run

@@ -23,7 +23,7 @@ from radarsim_addon.signal.radar import (
     read_system,
     self_contained,
 )
-from radarsim_addon.signal.radar.antennas import PATTERNS, make_antenna
+from radarsim_addon.signal.radar.link_budget import PATTERNS, make_antenna
 from radarsim_addon.typed_json import read_record, write_record
 from tests.signal.synthetic import Setup, points, run_record, write_run
 

@@ -14,7 +14,14 @@ import pytest
 from scipy.special import i0e
 
 from radarsim_addon.errors import ConfigError
-from radarsim_addon.signal.scene import Clutter, RoughSurface, Shader, Surface, is_conductor
+from radarsim_addon.signal.scene import (
+    Angles,
+    Clutter,
+    RoughSurface,
+    Shader,
+    Surface,
+    is_conductor,
+)
 
 METAL = {"n": 1e4, "kappa": 1e4}
 GLASS = {"n": 2.5, "kappa": 0.01}
@@ -244,3 +251,43 @@ def test_a_table_that_changes_is_read_again(tmp_path: Path) -> None:
 def test_surfaces_can_be_sent_to_other_processes() -> None:
     sent = pickle.loads(pickle.dumps(physical(clutter=Clutter("nrl_sea", {"sea_state": 3.0}))))
     assert sent.clutter.parameters == {"sea_state": 3.0} and sent.lobe_width == math.inf
+
+
+#: sigma0 / sin(grazing angle) is 0.1; sin(grazing angle) is 0.5.
+GAMMA = Clutter("constant_gamma", {"gamma_db": -10.0})
+
+
+@pytest.mark.parametrize(
+    ("surface", "brightness", "guessed"),
+    [
+        (light("Diffuse"), 4 * 0.8 * 0.5, False),
+        (light("Principled"), 4 * 0.8 * 0.5, True),
+        (light("Glossy"), 4 * 0.5 * 0.5, True),
+        (EMPTY_SLOT, 4 * 0.8 * 0.5, False),
+        (sheet(), 0.0, False),
+        # F = |(n - 1) / (n + 1)|^2 = 1/9 at normal incidence; a mirror returns nothing
+        (physical(n=2.0, kappa=0.0, roughness=0.0), 0.0, False),
+        (simple(roughness=0.003, specularity=1.0), 0.0, False),
+        (physical(roughness=0.0, clutter=GAMMA), 0.1 * 0.5 / 0.25, False),
+        (physical(roughness=None, unlinked={"roughness": 0.0}, clutter=GAMMA), 0.2, True),
+        # 1e4 (1 + j) reflects all but 1e-4
+        (simple(**METAL, specularity=0.0), 4 * 0.5, False),
+        (simple(**METAL, specularity=None, unlinked={"specularity": 0.0}), 4 * 0.5, True),
+    ],
+)
+def test_brightness(surface: Surface, brightness: float, guessed: bool) -> None:
+    half = np.array([0.5])
+    angles = Angles(half, half, half, np.ones(1), np.array([0.25]))
+    found = surface.brightness(angles, 10e9, "average")
+    np.testing.assert_allclose(found, [brightness], rtol=1e-3)
+    assert surface.is_guessed == guessed
+
+
+def test_rough_facets_are_brightest_where_they_mirror_to_the_receiver() -> None:
+    """At normal incidence on both, pi D F = F / alpha^2: alpha = roughness^2."""
+    ones = np.ones(1)
+    there = Angles(ones, ones, ones, ones, ones)
+    found = physical(n=2.0, kappa=0.0, roughness=0.5).brightness(there, 10e9, "average")
+    np.testing.assert_allclose(found, [1 / 9 / 0.5**4], rtol=1e-6)
+    found = simple(n=2.0, kappa=0.0, roughness=0.5).brightness(there, 10e9, "average")
+    np.testing.assert_allclose(found, [1 / 9 * (0.5 / 0.5**4 + 0.5 * 4)], rtol=1e-6)

@@ -11,7 +11,11 @@ import pytest
 
 from radarsim_addon.arrays import dots, norms
 from radarsim_addon.physics.mirrors import reflected_widths
-from radarsim_addon.physics.specular_points import SmoothPatches, SpecularPoints, SpecularSearch
+from radarsim_addon.signal.tracing.specular_points import (
+    SmoothPatches,
+    SpecularPoints,
+    SpecularSearch,
+)
 
 RADAR_M = np.array([0.0, 0.0, 1.0])
 MIDDLE_M = np.array([2.0, 5.0, 0.3])

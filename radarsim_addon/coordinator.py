@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Workers that do one frame at a time each, and which frame is done when.
+"""A command whose frames are done by workers: processes of this machine, or a Dask cluster.
+
+`run_frames` takes the words of a command and the numbers of frames, shows progress and findings,
+and gives each frame's answer (plain JSON) in the order of completion. What a frame is, and how it
+is done, does not matter here (see `frame_worker`).
 
 `LocalWorkers` are processes of this machine. They read frames from standard input and answer in
 JSON lines. A worker that loses its coordinator reads the end of its input: it ends after its frame.
@@ -16,18 +20,24 @@ import json
 import os
 import queue
 import secrets
+import signal
 import subprocess
+import sys
 import tempfile
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Protocol, TypeAlias
+from typing import IO, Any, Protocol, TextIO, TypeAlias
 
-from ... import errors
-from ...errors import ConfigError, MissingDependencyError, WorkerError
+from . import errors
+from .errors import ConfigError, MissingDependencyError, WorkerError
+from .findings import Finding, finding_lines, from_json, merge
+from .options import Share
+from .terminal import ProgressLine, printable
 
 #: Errors of a frame after which it is set aside.
 MAX_FAILURES = 3
@@ -52,7 +62,8 @@ class Workers(Protocol):
 
 
 def scheduled(workers: Workers, frames: Iterable[int]) -> Generator[Reply, None, dict[int, str]]:
-    """Have all frames done; yield the answers, return those that were set aside with the reason.
+    """Give out all frames and yield the answers. Return the frames that were set aside, with the
+    reason.
 
     A frame whose worker was lost, or that another process holds, comes again after the others. Its
     own errors are counted. OutputError: the output folder cannot be used, which no frame can help.
@@ -105,10 +116,10 @@ _MAX_STARTS = 10
 
 
 class _Child:
-    """A worker process; `frame` is what it is doing: a frame, or None for the run as a whole."""
+    """A worker process. `frame` is the frame that it does now, or None for the run as a whole."""
 
     def __init__(self, command: Sequence[str], replies: queue.Queue[tuple[_Child, str]]) -> None:
-        package_parent = str(Path(__file__).resolve().parents[3])
+        package_parent = str(Path(__file__).resolve().parents[1])
         paths = [package_parent, *filter(None, [os.environ.get("PYTHONPATH")])]
         self._log: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         self.process = subprocess.Popen(
@@ -132,7 +143,7 @@ class _Child:
         replies.put((self, ""))
 
     def ask(self, frame: int | None) -> None:
-        """Have a frame done; None: answer what the run is."""
+        """Send a frame to the worker. None: it answers with a description of the run."""
         self.frame, self.busy = frame, True
         assert self.process.stdin is not None
         with contextlib.suppress(OSError):  # killed meanwhile: its output ends, too
@@ -148,7 +159,7 @@ class _Child:
             self.process.terminate()
 
     def last_words(self) -> str:
-        """Return what it wrote last on standard error."""
+        """Return the end of its standard error."""
         self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - 2000))
         return self._log.read().decode(errors="replace").strip()
 
@@ -171,7 +182,7 @@ class LocalWorkers:
         self._replies: queue.Queue[tuple[_Child, str]] = queue.Queue()
 
     def open(self) -> Reply:
-        """Start the workers; return what one of them answers about the run.
+        """Start the workers. Return the description of the run that one of them gives.
 
         The others load their modules meanwhile.
         """
@@ -292,7 +303,7 @@ class DaskWorkers:
         self._counted_s, self._seen_s = -float("inf"), time.monotonic()
 
     def open(self) -> Reply:
-        """Return what one of the workers answers about the run.
+        """Return the description of the run that one of the workers gives.
 
         Dask gives it to the next worker where one ends without an answer.
         """
@@ -323,7 +334,7 @@ class DaskWorkers:
                 self._seen_s = now_s
 
     def _wait_for(self, ready: Callable[[], bool]) -> None:
-        """Wait; WorkerError where the cluster has no worker for too long."""
+        """Wait until a condition holds. WorkerError: the cluster has no worker for too long."""
         while not ready():
             time.sleep(_POLL_S)
             self._count()
@@ -369,3 +380,117 @@ class DaskWorkers:
     ) -> None:
         self._client.cancel(list(self._frames))
         self._client.close()
+
+
+#: Module of the package that does a frame, and that a worker process runs.
+_WORKER_MODULE = f"{__package__}.frame_worker"
+#: Findings that are kept apart; more become one for each code.
+_MAX_FINDINGS = 1000
+
+
+def run_frames(
+    words: Sequence[str],
+    share: Share,
+    stream: TextIO,
+    show: Callable[[Reply], None] = lambda reply: None,
+    command: Sequence[str] | None = None,
+    about: Reply | None = None,
+) -> Reply:
+    """Do all frames of a command line by workers. Return the description of the run.
+
+    `show` is called with each answer. `command` starts a worker process of this machine; None: by
+    Python. `about` has "frames", all that the command line names; None: the first worker is asked
+    before the others begin. WorkerError after the last frame, where some were set aside.
+    """
+    folder = os.getcwd()
+    local = command or [sys.executable, "-m", _WORKER_MODULE, folder, *words]
+    with ExitStack() as stack:
+        stack.enter_context(stop_signals())
+        workers: LocalWorkers | DaskWorkers
+        if share.dask is not None:
+            workers = DaskWorkers(share.dask, _WORKER_MODULE, folder, words)
+        else:
+            workers = LocalWorkers(local, share.workers or 1)
+        stack.enter_context(workers)
+        about = workers.open() if about is None else about
+        if "error" in about:
+            raise as_error(about)
+        for line in about.get("lines", ()):
+            print(f"radarsim: {line}", file=stream, flush=True)
+        frames = share.part(about["frames"])
+        _Count(frames, stream, show).run(scheduled(workers, frames))
+    return about
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM, with the exit code that shells give it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.exit_code = 128 + number
+
+
+@contextlib.contextmanager
+def stop_signals() -> Iterator[None]:
+    """Raise `Interrupted` at Ctrl-C, SIGTERM and, where there is one, at a closed terminal."""
+
+    def interrupt(number: int, _: object) -> None:
+        raise Interrupted(number)
+
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {name: signal.signal(getattr(signal, name), interrupt) for name in names}
+    try:
+        yield
+    finally:
+        for name, handler in before.items():
+            signal.signal(getattr(signal, name), handler)
+
+
+class _Count:
+    """Counts answers, shows how far they are, and keeps findings and frames set aside."""
+
+    def __init__(
+        self, frames: Sequence[int], stream: TextIO, show: Callable[[Reply], None]
+    ) -> None:
+        self._frames, self._stream, self._show = frames, stream, show
+        self._progress = ProgressLine(stream, "frames")
+        self._findings: list[Finding] = []
+        self._done = self._new = 0
+        self._aside: dict[int, str] = {}
+
+    def run(self, replies: Iterable[Reply]) -> None:
+        """Take all answers; WorkerError in the end where frames were set aside."""
+        start_s = time.monotonic()
+        self._progress.show(0, len(self._frames), None)
+        try:
+            for reply in replies:
+                self._take(reply)
+                left = len(self._frames) - self._done
+                pace_s = (time.monotonic() - start_s) / self._new if self._new else None
+                left_s = None if pace_s is None else pace_s * left
+                self._progress.show(self._done, len(self._frames), left_s)
+        finally:  # of the frames that are done, whatever ended the run
+            for line in finding_lines(self._findings, self._frames):
+                print(f"radarsim: {line}", file=self._stream, flush=True)
+        if self._aside:
+            reasons = "".join(
+                f"\n  frame {frame}: {printable(reason.strip().splitlines()[-1])}"
+                for frame, reason in sorted(self._aside.items())
+            )
+            raise WorkerError(
+                f"{len(self._aside)} of {len(self._frames)} frames failed {MAX_FAILURES} times and "
+                "were set aside; the others are done. Correct what is said here and give the same "
+                f"command again, which does these alone:{reasons}"
+            )
+
+    def _take(self, reply: Reply) -> None:
+        self._done += 1
+        self._new += not reply.get("earlier")
+        if "set_aside" in reply:
+            self._aside[reply["frame"]] = str(reply["set_aside"])
+            return
+        where = f"the answer of frame {reply['frame']}"
+        self._findings += [from_json(item, where) for item in reply.get("findings", ())]
+        if len(self._findings) > _MAX_FINDINGS:
+            self._findings = merge(self._findings)
+        self._show(reply)

@@ -19,14 +19,14 @@ A reflection on an edge is found in both of its triangles, and counted once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, fields, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from ..arrays import Indices, Integers, Mask, Real, distances, dots, norms
+from ...arrays import Indices, Integers, Mask, Real, crosses, distances, dots, norms
+from ..scene import along_curve
 
 #: Largest angle between normals of one triangle, as a cosine: 30 degrees.
 _LEAST_COSINE = np.cos(np.radians(30.0))
@@ -39,15 +39,11 @@ _ARC = 16.0
 
 @dataclass(frozen=True, eq=False)
 class SmoothPatches:
-    """Patches over k triangles.
+    """Patches over k triangles: places [m] and unit normals of their corners, (k, 3, 3).
 
-    Attributes
-    ----------
-    corners_m, normals : places [m] and unit normals of corners, (k, 3, 3)
-    shape
-        Shape operators at corners, (k, 3, 3, 3) [1/m]: they turn a step on the surface into the
-        change of the normal. Positive where the surface is convex.
-    slope_m : how far corner j is below the tangent plane of corner i, (k, i, j) [m]
+    `shape` (k, 3, 3, 3) [1/m] are shape operators at the corners: they turn a step on the surface
+    into the change of the normal, positive where it is convex. `slope_m` (k, i, j) is how far
+    corner j is below the tangent plane of corner i.
     """
 
     corners_m: Real
@@ -63,7 +59,7 @@ class SmoothPatches:
         infinite where normals differ too much to tell the surface.
         """
         own = _corner_shapes(corners_m, normals)
-        area = norms(np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]))
+        area = norms(crosses(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]))
         # Corners of one vertex and one normal have one curvature.
         key = np.column_stack([vertices.reshape(-1), np.round(normals.reshape(-1, 3) * 1e3)])
         _, group = np.unique(key, axis=0, return_inverse=True)
@@ -74,30 +70,19 @@ class SmoothPatches:
         shape = mean[group].reshape(own.shape)
         tangent_m = np.einsum("kij,kij->ki", normals, corners_m)[:, :, None]
         slope = tangent_m - np.einsum("kij,klj->kil", normals, corners_m)
-        patches = cls(corners_m, normals, shape, slope)
         cubic_m = _CUBIC * np.abs(slope - slope.transpose(0, 2, 1)).max(axis=(1, 2))
         edges = corners_m - np.roll(corners_m, 1, axis=1)
         differs_m = np.einsum("kei,kcij,kej->kec", edges, shape - own, edges) / _ARC
         error_m = np.maximum(cubic_m, np.abs(differs_m).max(axis=(1, 2), initial=0.0))
         cosines = np.einsum("kij,klj->kil", normals, normals).min(axis=(1, 2))
-        error_m[~(cosines >= _LEAST_COSINE)] = np.inf
-        return patches, np.where(np.isfinite(error_m), error_m, np.inf)
+        error_m[~((cosines >= _LEAST_COSINE) & np.isfinite(error_m))] = np.inf
+        return cls(corners_m, normals, shape, slope), error_m
 
     def __len__(self) -> int:
         return len(self.corners_m)
 
     def select(self, chosen: Indices) -> Self:
-        """Return some of the patches."""
         return type(self)(*(getattr(self, one.name)[chosen] for one in fields(self)))
-
-    def flipped(self) -> Self:
-        """Return the other sides of the patches."""
-        return type(self)(self.corners_m, -self.normals, -self.shape, -self.slope_m)
-
-    @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the patches of all parts."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
 
     def at(self, weights: Real) -> tuple[Real, Real]:
         """Return the points and unit normals of all patches at barycentric weights, (k, 3) each."""
@@ -141,7 +126,7 @@ class SmoothPatches:
 
 
 def _mean(weights: Real, corners: Real) -> Real:
-    """Means of vectors at corners (k, 3, 3), with weights (k, 3): (k, 3)."""
+    """Return means of vectors at corners (k, 3, 3), with weights (k, 3): (k, 3)."""
     first = weights[:, 0, None] * corners[:, 0]
     return np.asarray(
         first + weights[:, 1, None] * corners[:, 1] + weights[:, 2, None] * corners[:, 2]
@@ -149,7 +134,7 @@ def _mean(weights: Real, corners: Real) -> Real:
 
 
 def _corner_shapes(corners_m: Real, normals: Real) -> Real:
-    """Shape operators at the corners by the triangle alone, (k, 3, 3, 3) [1/m]."""
+    """Return shape operators at the corners by the triangle alone, (k, 3, 3, 3) [1/m]."""
     found = np.empty((len(corners_m), 3, 3, 3))
     for i in range(3):
         others = [(i + 1) % 3, (i + 2) % 3]
@@ -166,8 +151,8 @@ def _corner_shapes(corners_m: Real, normals: Real) -> Real:
     return found
 
 
-#: Patches of a leaf of the tree, and places that are searched for at a time.
-_LEAF, _CHUNK = 4, 4096
+#: Children of a node of the tree, and places that are searched for at a time.
+_BRANCHES, _CHUNK = 2, 4096
 #: How far the origin may lie outside of a triangle of tangential parts: they are not quite linear.
 _OUTSIDE = 0.2
 #: Size of a part of a patch over its distance up to which they are taken for linear, and halvings.
@@ -185,13 +170,8 @@ GRAZING = 0.02
 
 @dataclass(frozen=True)
 class SpecularPoints:
-    """Reflections, sorted by place.
-
-    Attributes
-    ----------
-    place, patch : numbers of the place and of the patch, (n,)
-    weights : barycentric weights on the patch, (n, 3)
-    points_m, normals : points of reflection [m] and unit normals there, (n, 3)
+    """Reflections, sorted by place: numbers of the place and of the patch, (n,), barycentric
+    weights on the patch, points [m] and unit normals there, (n, 3).
     """
 
     place: Indices
@@ -201,18 +181,11 @@ class SpecularPoints:
     normals: Real
 
     def select(self, chosen: Indices | Mask) -> SpecularPoints:
-        """Return some of the reflections."""
         return SpecularPoints(*(getattr(self, one.name)[chosen] for one in fields(self)))
 
 
 class SpecularSearch:
-    """Finds reflections at patches between an antenna and any number of places.
-
-    Parameters
-    ----------
-    patches : surface, on its reflecting side
-    antenna_m : place of the antenna, (3,) [m]
-    """
+    """Finds reflections at the mirroring side of patches between an antenna and places."""
 
     def __init__(self, patches: SmoothPatches, antenna_m: Real) -> None:
         self.patches, self._antenna_m = patches, np.asarray(antenna_m, dtype=np.float64)
@@ -238,21 +211,19 @@ class SpecularSearch:
         weights = self._newton(patch, places_m[place], weights)
         inside = weights.min(axis=1) >= -_EDGE  # NaN is outside
         place, patch, weights = place[inside], patch[inside], weights[inside]
-        ends_m = places_m[place]
         points_m, normals = self.patches.select(patch).at(weights)
-        bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
-        cosine = dots(normals, _towards(ends_m, points_m))
+        onward = _towards(places_m[place], points_m)
+        bisector = onward + _towards(self._antenna_m, points_m)
         along = dots(normals, bisector)
         good = norms(bisector - along[:, None] * normals) <= _ZERO
-        good &= (cosine >= GRAZING) & (along >= 2 * GRAZING * 0.99)
+        good &= (dots(normals, onward) >= GRAZING) & (along >= 2 * GRAZING * 0.99)
         found = SpecularPoints(place, patch, weights, points_m, normals).select(good)
-        order = np.argsort(found.place, kind="stable")
-        found = found.select(order)
+        found = found.select(np.argsort(found.place, kind="stable"))
         found = found.select(_first_of_each(found))
         return replace(found, place=found.place + first)
 
     def _mismatch(self, edges: Real, ends_m: Real, points_m: Real, normals: Real) -> Real:
-        """Part of the bisector that is across the normal, along edges (n, 2, 3): (n, 2)."""
+        """Return the part of the bisector across the normal, along edges (n, 2, 3), (n, 2)."""
         bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
         across = bisector - dots(bisector, normals)[:, None] * normals
         return np.stack([dots(edges[:, 0], across), dots(edges[:, 1], across)], axis=1)
@@ -260,7 +231,9 @@ class SpecularSearch:
     def _guesses(
         self, places_m: Real, place: Indices, patch: Indices
     ) -> tuple[Indices, Indices, Real]:
-        """Pairs of places and patches, and weights from which to search, (n,), (n,), (n, 3)."""
+        """Return pairs of places and patches, (n,) each, and the weights where their search begins,
+        (n, 3).
+        """
         parts = np.broadcast_to(np.eye(3), (patch.size, 3, 3))
         found = []
         for halvings in range(_HALVINGS + 1):
@@ -302,7 +275,7 @@ class SpecularSearch:
         return place, patch, weights
 
     def _newton(self, patch: Indices, ends_m: Real, weights: Real) -> Real:
-        """Weights without a mismatch, (n, 3), from where the search begins."""
+        """Search from these weights for those without a mismatch, (n, 3)."""
         patches, edges = self.patches.select(patch), self._edges[patch]
         weights = weights / weights.sum(axis=1)[:, None]
         moves = np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
@@ -328,72 +301,48 @@ class SpecularSearch:
     # -- the tree ----------------------------------------------------------------------------------
 
     def _build_tree(self) -> None:
-        """Nodes: sphere around patches, cone around normals, two children or a run of patches."""
+        """Levels from single patches to the top: of each node, a sphere around its patches, and a
+        cone around their normals. Node i has nodes 2i and 2i + 1 of the level below.
+        """
         patches = self.patches
-        middle_m = patches.corners_m.mean(axis=1)
-        size_m = float(np.ptp(middle_m, axis=0).max(initial=0.0)) or 1.0
-        # Patches that are close and look alike come together.
-        features = np.hstack([middle_m / size_m, patches.normals.mean(axis=1) / 2])
-        third = np.full((len(patches), 3), 1 / 3)
-        rise_m = np.abs(patches.lift_m(third))
-        self._order = np.arange(len(patches))
-        waiting = [(0, len(patches), -1)]
-        nodes: list[tuple[Any, ...]] = []
-        while waiting:
-            start, stop, parent = waiting.pop()
-            mine = self._order[start:stop]
-            number = len(nodes)
-            if parent >= 0:
-                nodes[parent][-1].append(number)
-            corners_m = patches.corners_m[mine].reshape(-1, 3)
-            centre_m = (corners_m.min(axis=0) + corners_m.max(axis=0)) / 2
-            radius_m = norms(corners_m - centre_m).max() + rise_m[mine].max()
-            normals = patches.normals[mine].reshape(-1, 3)
-            axis = normals.sum(axis=0)
-            size = float(np.linalg.norm(axis))
-            axis = axis / size if size > 0 else axis
-            least = float((normals @ axis).min()) if size > 0 else -1.0
-            spread = float(np.arccos(np.clip(least, -1.0, 1.0)))
-            nodes.append((centre_m, radius_m, axis, spread, start, stop, []))
-            if stop - start > _LEAF:
-                along = features[mine]
-                column = along[:, np.argmax(np.ptp(along, axis=0))]
-                half = (stop - start) // 2
-                self._order[start:stop] = mine[np.argpartition(column, half)]
-                waiting += [(start, start + half, number), (start + half, stop, number)]
-        columns = list(zip(*nodes, strict=True))
-        self._centre_m, self._radius_m, self._axis = (np.array(one) for one in columns[:3])
-        self._spread, self._start, self._stop = (np.array(one) for one in columns[3:6])
-        self._children = np.array([one or (-1, -1) for one in columns[6]])
+        curve = along_curve(patches.corners_m.mean(axis=1))
+        # Patches that look into like directions come together: a sheet has two sides.
+        octant = (patches.normals.mean(axis=1) > 0) @ np.array([1, 2, 4])
+        self._order = curve[np.argsort(octant[curve], kind="stable")]
+        corners_m, normals = patches.corners_m[self._order], patches.normals[self._order]
+        rise_m = np.abs(patches.lift_m(np.full((len(patches), 3), 1 / 3)))[self._order]
+        self._levels: list[tuple[Real, ...]] = []
+        size = 1
+        while not self._levels or len(self._levels[-1][0]) > _BRANCHES:
+            begins, node = np.arange(0, len(rise_m), size), np.arange(len(rise_m)) // size
+            low_m = np.minimum.reduceat(corners_m.min(axis=1), begins)
+            high_m = np.maximum.reduceat(corners_m.max(axis=1), begins)
+            centre_m = (low_m + high_m) / 2
+            away_m = np.linalg.norm(corners_m - centre_m[node, None], axis=2).max(axis=1)
+            radius_m = np.maximum.reduceat(away_m, begins) + np.maximum.reduceat(rise_m, begins)
+            axis = np.add.reduceat(normals.sum(axis=1), begins)
+            axis /= np.maximum(norms(axis), 1e-300)[:, None]
+            cosine = np.einsum("kij,kj->ki", normals, axis[node]).min(axis=1)
+            spread = np.arccos(np.clip(np.minimum.reduceat(cosine, begins), -1.0, 1.0))
+            self._levels.append((centre_m, radius_m, axis, spread))
+            size *= _BRANCHES
 
     def _candidates(self, places_m: Real) -> tuple[Indices, Indices]:
         """Pairs of places and patches that may have a reflection, (n,) each."""
-        place = np.arange(len(places_m))
-        node = np.zeros(len(places_m), dtype=np.intp)
-        places, patches = [np.zeros(0, dtype=np.intp)], [np.zeros(0, dtype=np.intp)]
-        while place.size:
-            kept = self._may_reflect(
-                places_m[place],
-                self._centre_m[node],
-                self._radius_m[node],
-                self._axis[node],
-                self._spread[node],
-            )
+        place, node = np.arange(len(places_m)), np.zeros(len(places_m), dtype=np.intp)
+        for level in reversed(self._levels):
+            place = np.repeat(place, _BRANCHES)
+            node = (_BRANCHES * node[:, None] + np.arange(_BRANCHES)).ravel()
+            there = np.flatnonzero(node < len(level[0]))
+            place, node = place[there], node[there]
+            kept = self._may_reflect(places_m[place], *(one[node] for one in level))
             place, node = place[kept], node[kept]
-            leaf = self._children[node, 0] < 0
-            start, count = self._start[node[leaf]], (self._stop - self._start)[node[leaf]]
-            places.append(np.repeat(place[leaf], count))
-            within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-            patches.append(self._order[np.repeat(start, count) + within])
-            place, node = place[~leaf], node[~leaf]
-            place = np.repeat(place, 2)
-            node = self._children[node].reshape(-1)
-        return np.concatenate(places), np.concatenate(patches)
+        return place, self._order[node]
 
     def _may_reflect(
         self, places_m: Real, centre_m: Real, radius_m: Real, axis: Real, spread: Real
     ) -> Mask:
-        """Whether a normal in cones may halve the angle between places and the antenna, (n,).
+        """Return True where a normal in cones may bisect the angle between place and antenna, (n,).
 
         The cones have a unit axis and half an opening angle; their points lie in spheres.
         """
@@ -403,18 +352,10 @@ class SpecularSearch:
 
 
 def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tuple[Real, Real]:
-    """Return the bisectors of the directions to two places, and how far they turn over spheres.
+    """Return the bisectors of the directions from spheres to two places, and how far they turn.
 
-    Parameters
-    ----------
-    centre_m, radius_m : of the spheres, (n, 3) and (n,) [m]
-    one_m, other_m : places, (3,) or (n, 3) [m]
-
-    Returns
-    -------
-    bisector, turned_rad
-        Unit vectors at the centres, (n, 3), and the largest angle to that of any point of the
-        sphere, (n,) [rad]; pi where any direction is possible.
+    Unit vectors at the centres, (n, 3), and the largest angle to that of any point of the sphere,
+    (n,) [rad]; pi where any direction is possible. Places are (3,) or (n, 3) [m].
     """
     bisector, off = np.zeros_like(centre_m), np.zeros(len(centre_m))
     for end_m in (one_m, other_m):
@@ -429,7 +370,9 @@ def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tup
 
 
 def _first_of_each(found: SpecularPoints) -> Mask:
-    """Which reflections are no repetition, on a common edge, of one before at the same place."""
+    """Return a mask that omits repetitions: reflections on a common edge, at the place of an
+    earlier one.
+    """
     kept = np.ones(found.place.size, dtype=bool)
     apart = 0
     while True:
@@ -444,7 +387,7 @@ def _first_of_each(found: SpecularPoints) -> Mask:
 
 
 def _towards(ends_m: Real, points_m: Real) -> Real:
-    """Unit vectors from points to ends, (n, 3)."""
+    """Return unit vectors from points to ends, (n, 3)."""
     way_m = ends_m - points_m
     return np.asarray(way_m / norms(way_m)[:, None])
 

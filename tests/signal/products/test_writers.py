@@ -9,14 +9,14 @@ import pytest
 
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import FrameResult, ProcessOptions, process_run
-from radarsim_addon.signal.results import (
+from radarsim_addon.signal.products import (
     frame_file,
     frame_result,
     remove_stale,
     result_writer,
     write_result,
 )
-from radarsim_addon.signal.results.frame_result import writer_names
+from radarsim_addon.signal.products.frame_result import writer_names
 from tests.signal.synthetic import Setup, points, write_run
 
 

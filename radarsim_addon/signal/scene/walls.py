@@ -16,19 +16,14 @@ face, so that no ray has to be traced.
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
+from collections.abc import Hashable, Iterator, Sequence
+from typing import NamedTuple
 
-import bpy
 import numpy as np
 
 from ...arrays import Indices, Int32, Mask, Real, crosses, dots, norms
-from ...signal.scene import RayMesh
-from ..state import Snapshot, evaluated_mesh, read_numbers, take_snapshot
-from .physical_materials import assigned_materials
-from .surfaces import surfaces_of
+from .mesh import Mesh
+from .rays import RayMesh
 
 #: Maximum difference of the unit normals of parallel faces.
 PARALLEL = 0.02
@@ -87,30 +82,13 @@ class WallFaces(NamedTuple):
         return float(self.area[other].sum() / max(self.area[self.wall].sum(), 1e-300))
 
 
-def linear_of(evaluated: bpy.types.Object) -> Real:
-    """Return the matrix from the axes of an evaluated object to the world's, (3, 3)."""
-    return np.array(evaluated.matrix_world.to_3x3(), dtype=np.float64)
-
-
-def depths_of(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Depths | None:
-    """Look across the largest triangles of an object into it; None without faces."""
-    evaluated = item.evaluated_get(depsgraph)
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return None
-        return depths_behind(mesh, linear_of(evaluated))
-
-
-def depths_behind(mesh: bpy.types.Mesh, linear: Real, most: int = _LARGEST_TRIANGLES) -> Depths:
+def depths_behind(mesh: Mesh, linear: Real, most: int = _LARGEST_TRIANGLES) -> Depths:
     """Look across the `most` largest triangles of a mesh into it.
 
     `linear` (3, 3) turns its axes to the world's.
     """
-    mesh.calc_loop_triangles()
-    corners = read_numbers(mesh.loop_triangles, "vertices", 3, np.int32)
-    face = read_numbers(mesh.loop_triangles, "polygon_index", 1, np.int32).ravel()
-    points = read_numbers(mesh.vertices, "co", 3).astype(np.float64) @ linear.T
-    triangles = points[corners]
+    points = mesh.vertices @ linear.T
+    triangles = points[mesh.triangles]
     outward = crosses(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     outward *= np.copysign(1.0, np.linalg.det(linear))
     double = np.linalg.norm(outward, axis=1)
@@ -119,32 +97,22 @@ def depths_behind(mesh: bpy.types.Mesh, linear: Real, most: int = _LARGEST_TRIAN
     inward = -outward[chosen] / double[chosen, None]
     place = np.einsum("pk,nkx->npx", TRIANGLE_POINTS, triangles[chosen])
     place, inward = place.reshape(-1, 3), np.repeat(inward, 3, axis=0)
-    found = RayMesh(points, corners)
+    found = RayMesh(points, mesh.triangles)
     behind, depth = found.first(place, inward)
     parallel = np.abs(dots(found.normals_of(behind), inward)) > 1 - PARALLEL**2 / 2
     area = np.repeat(double[chosen] / 6, 3)
-    return Depths(np.repeat(face[chosen], 3), area, place, depth, parallel)
+    return Depths(np.repeat(mesh.polygons[chosen], 3), area, place, depth, parallel)
 
 
-def find_walls(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> WallFaces | None:
-    """Find the walls of an evaluated object.
+def find_walls(mesh: Mesh | None, linear: Real) -> WallFaces | None:
+    """Find the walls of a mesh; `linear` (3, 3) turns its axes to the world's.
 
     None for an object without faces or of no volume. Of a large mesh only some faces are known.
     """
-    evaluated = item.evaluated_get(depsgraph)
-    linear = linear_of(evaluated)
-    if abs(np.linalg.det(linear)) < 1e-30:
+    if mesh is None or not len(mesh.sides) or abs(np.linalg.det(linear)) < 1e-30:
         return None
-    with evaluated_mesh(evaluated) as mesh:
-        if mesh is None or not len(mesh.polygons):
-            return None
-        own = read_numbers(mesh.polygons, "normal", 3).astype(np.float64)
-        pairs = _neighbours(mesh)
-        mesh.calc_loop_triangles()
-        count = len(mesh.loop_triangles)
-        depths = depths_behind(
-            mesh, linear, count if count <= _ALL_TRIANGLES else _LARGEST_TRIANGLES
-        )
+    own, pairs, count = mesh.normals, mesh.neighbours, len(mesh.triangles)
+    depths = depths_behind(mesh, linear, count if count <= _ALL_TRIANGLES else _LARGEST_TRIANGLES)
     outward = own @ np.linalg.inv(linear)
     own_per_world = np.linalg.norm(outward, axis=1)  # own units across, for one of the world's
     normal = outward / np.maximum(own_per_world, 1e-300)[:, None]
@@ -164,16 +132,6 @@ def find_walls(item: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> WallFa
         np.maximum.at(thickness, rim[beside], thickness[next_to[beside]])
     share = float(depths.area[alike].sum() / max(depths.area.sum(), 1e-300))
     return WallFaces(wall, normal, area, thickness, share)
-
-
-def _neighbours(mesh: bpy.types.Mesh) -> Indices:
-    """Return the pairs of polygons that share an edge, (2, n)."""
-    edge = read_numbers(mesh.loops, "edge_index", dtype=np.int32).ravel()
-    sides = read_numbers(mesh.polygons, "loop_total", dtype=np.int32).ravel()
-    face = np.repeat(np.arange(len(sides)), sides)
-    order = np.argsort(edge, kind="stable")
-    same = edge[order][1:] == edge[order][:-1]
-    return np.stack([face[order][:-1][same], face[order][1:][same]])
 
 
 def _regions(count: int, pairs: Indices) -> Indices:
@@ -272,7 +230,7 @@ def layer_normals(normals: Real, areas: Real, of: Indices, count: int) -> Real:
 
 
 class LayerFaces(NamedTuple):
-    """Polygons of several evaluated objects: normals, areas and centres in their own axes."""
+    """Polygons of several objects: normals, areas and centres in their own axes."""
 
     #: Number of the object of each polygon.
     of: Indices
@@ -283,23 +241,17 @@ class LayerFaces(NamedTuple):
     linear: Real
 
     @classmethod
-    def read(cls, items: Sequence[Any], depsgraph: bpy.types.Depsgraph) -> LayerFaces:
-        normal, area, center, sizes = [], [], [], []
-        for item in items:
-            with evaluated_mesh(item.evaluated_get(depsgraph)) as mesh:
-                faces = () if mesh is None else mesh.polygons
-                sizes.append(len(faces))
-                if len(faces):
-                    normal.append(read_numbers(faces, "normal", 3))
-                    area.append(read_numbers(faces, "area"))
-                    center.append(read_numbers(faces, "center", 3))
-        poses = [item.evaluated_get(depsgraph).matrix_world.to_3x3() for item in items]
+    def of_meshes(cls, meshes: Sequence[Mesh | None], linear: Real) -> LayerFaces:
+        known = [(n, mesh) for n, mesh in enumerate(meshes) if mesh is not None]
+        none = [np.empty((0, 3))]
         return cls(
-            np.repeat(np.arange(len(items)), sizes),
-            np.concatenate([np.empty((0, 3)), *normal], dtype=np.float64),
-            np.concatenate([np.empty((0, 1)), *area], dtype=np.float64)[:, 0],
-            np.concatenate([np.empty((0, 3)), *center], dtype=np.float64),
-            np.array(poses, dtype=np.float64).reshape(-1, 3, 3),
+            np.concatenate(
+                [np.full(len(mesh.sides), n) for n, mesh in known] or [np.empty(0, int)]
+            ),
+            np.concatenate([mesh.normals for _, mesh in known] or none),
+            np.concatenate([mesh.areas for _, mesh in known] or [np.empty(0)]),
+            np.concatenate([mesh.centers for _, mesh in known] or none),
+            linear,
         )
 
     def layer_normals(self) -> Real:
@@ -359,7 +311,7 @@ class LayerFaces(NamedTuple):
 # Small convex meshes.
 
 #: Triangles of a small mesh, at most.
-_MOST_TRIANGLES = 64
+MOST_TRIANGLES = 64
 #: How far a vertex may lie outside a plane, relative to the size of the object.
 _OUTSIDE = 1e-6
 #: Difference of two normals, and of heights relative to the size, up to which planes are one.
@@ -375,7 +327,7 @@ class ConvexBodies(NamedTuple):
     """
 
     #: Their objects.
-    items: list[Any]
+    items: list[Hashable]
     #: Their places, (n, 3).
     origin: Real
     #: (n, t, 3, 3)
@@ -404,7 +356,7 @@ class ConvexBodies(NamedTuple):
         per_way = self.across(body) @ onward * self.per_height(body, starts.reshape(onward.shape))
         return np.asarray((1 / per_way.max(axis=1)).min(axis=1, initial=np.inf))
 
-    def without_walls(self) -> list[Any]:
+    def without_walls(self) -> list[Hashable]:
         """Return the objects in which no face is near enough behind another for a wall.
 
         A face behind, parallel up to `PARALLEL`, is at least as far as the vertex farthest behind,
@@ -433,67 +385,34 @@ class ConvexBodies(NamedTuple):
         return np.divide(1.0, below, out=below)
 
 
-#: By snapshot.
-_of_snapshots: WeakKeyDictionary[Snapshot, list[ConvexBodies]] = WeakKeyDictionary()
+def convex_bodies(
+    bodies: Sequence[tuple[Hashable, Mesh, Real]],
+) -> Iterator[ConvexBodies]:
+    """Yield those of some bodies that are small closed convex meshes, in several parts.
 
-
-def convex_parts(depsgraph: bpy.types.Depsgraph) -> list[ConvexBodies]:
-    """Find the objects with an interior that are small closed convex meshes, in several parts."""
-    snapshot = take_snapshot(depsgraph)
-    if snapshot not in _of_snapshots:
-        _of_snapshots[snapshot] = list(_find(depsgraph))
-    return _of_snapshots[snapshot]
-
-
-def convex_objects(depsgraph: bpy.types.Depsgraph) -> set[Any]:
-    """Return the original objects that have an interior and are small closed convex meshes."""
-    return {item for part in convex_parts(depsgraph) for item in part.items}
-
-
-def least_depths(depsgraph: bpy.types.Depsgraph) -> dict[Any, float]:
-    """Return the least depth behind a face of each object of `convex_parts` [Blender units]."""
-    found: dict[Any, float] = {}
-    for bodies in convex_parts(depsgraph):
-        found.update(zip(bodies.items, bodies.thinnest().tolist(), strict=True))
-    return found
-
-
-def _find(depsgraph: bpy.types.Depsgraph) -> Iterable[ConvexBodies]:
-    alike: defaultdict[tuple[int, int], list[Any]] = defaultdict(list)
-    snapshot = take_snapshot(depsgraph)
-    surfaces = surfaces_of(snapshot)
-    own = {shape.original: shape for shape in snapshot.shapes if shape.own and shape.kind == "MESH"}
-    row_of = snapshot.layout.row_of
-    for item, materials in assigned_materials(depsgraph):
-        if item not in own or not any(one.has_interior for one in surfaces.of(materials)):
-            continue
-        if (
-            own[item].triangles is None
-            and not 3 < snapshot.face_count(own[item]) <= _MOST_TRIANGLES
-        ):
-            continue
-        points, corners = snapshot.triangles(own[item])
-        if 3 < len(corners) <= _MOST_TRIANGLES:
-            if item in row_of:
-                matrix = snapshot.matrices[row_of[item]]
-            else:  # only instances of it are there
-                matrix = np.array(item.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
-            alike[len(points), len(corners)].append((item, points, corners, matrix))
+    Each of `bodies` has what names it, its mesh and its world matrix, (4, 4).
+    """
+    alike: dict[tuple[int, int], list[tuple[Hashable, Real, Int32, Real]]] = {}
+    for item, mesh, matrix in bodies:
+        points, corners = mesh.vertices, mesh.triangles
+        if 3 < len(corners) <= MOST_TRIANGLES:
+            of_size = alike.setdefault((len(points), len(corners)), [])
+            of_size.append((item, points, corners, matrix))
     for (_, count), found in alike.items():
         step = max(1, _PART // count)
         for start in range(0, len(found), step):
             items, *arrays = zip(*found[start : start + step], strict=True)
-            shaped = ((len(items), *array[0].shape) for array in arrays)
-            joined = [np.concatenate(a).reshape(s) for a, s in zip(arrays, shaped, strict=True)]
-            bodies = _stacked(items, *joined)
-            if bodies.items:
-                yield bodies
+            convex = _stacked(items, *map(np.stack, arrays))
+            if convex.items:
+                yield convex
 
 
-def _stacked(items: tuple[Any, ...], points: Real, corners: Int32, matrices: Real) -> ConvexBodies:
+def _stacked(
+    items: tuple[Hashable, ...], points: Real, corners: Int32, matrices: Real
+) -> ConvexBodies:
     """Return those of the meshes (n, v, 3), (n, t, 3) that are closed and convex."""
     linear = matrices[:, :3, :3]
-    points = points.astype(np.float64) @ linear.transpose(0, 2, 1)
+    points = points @ linear.transpose(0, 2, 1)
     corners = np.where(np.linalg.det(linear)[:, None, None] < 0, corners[:, :, ::-1], corners)
     triangles = np.take_along_axis(points[:, None], corners.reshape(len(corners), 1, -1, 1), axis=2)
     triangles = triangles.reshape(*corners.shape, 3)
