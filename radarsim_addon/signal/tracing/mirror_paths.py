@@ -93,8 +93,8 @@ class MirrorPolarisation:
             most = max(turned.values())
             level = {"higher_db": 20 * math.log10(1 + most)}
             level["lower_db"] = -20 * math.log10(max(1 - most, 1e-3))
-            code = "mirror-turns-polarisation"
-            found.append(finding(code, *_each_once(turned), fraction=most, **level))
+            names = _each_once(turned)
+            found.append(finding("mirror-turns-polarisation", *names, fraction=most, **level))
         return found
 
 
@@ -208,8 +208,12 @@ class MirrorPaths:
         if curved is None:
             return found
         if not most or self._flat_view:
-            code = "mirror-curved-orthographic" if most else "mirror-curved-off"
-            return [*found, finding(code, *curved.objects)]
+            return [
+                *found,
+                finding(
+                    "mirror-curved-orthographic" if most else "mirror-curved-off", *curved.objects
+                ),
+            ]
         found += curved.rounded(self.wavelength_m)
         others = set(faces.names.values()).difference(curved.objects)
         if self.most_reflections > 2 and (others or curved.see_each_other):
@@ -251,15 +255,17 @@ class MirrorPaths:
         found = self._findings + self._turned.findings(self.most_reflections > 2)
         model = self.obstacles.model
         focusing = set() if self._curved is None else self._curved.focusing
-        for code, bodies in (
-            ("mirror-lobe-narrow", self._narrow[False]),
-            ("mirror-curved-target", self._narrow[True]),
-            ("mirror-focuses", focusing),
-        ):
-            if bodies:
-                numbers = model.number[np.array(sorted(bodies)) - 1].tolist()
-                names = dict.fromkeys(map(model.name, numbers))
-                found.append(finding(code, *names))
+
+        def names(bodies: set[int]) -> list[str]:
+            numbers = model.number[np.array(sorted(bodies)) - 1].tolist()
+            return list(dict.fromkeys(map(model.name, numbers)))
+
+        if self._narrow[False]:
+            found.append(finding("mirror-lobe-narrow", *names(self._narrow[False])))
+        if self._narrow[True]:
+            found.append(finding("mirror-curved-target", *names(self._narrow[True])))
+        if focusing:
+            found.append(finding("mirror-focuses", *names(focusing)))
         return found
 
     @property
