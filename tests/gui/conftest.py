@@ -15,7 +15,7 @@ import pytest
 
 #: The chroot's packages are fetched the first time.
 MAKE_TIMEOUT_S = 1200
-RUN_TIMEOUT_S = 2400
+RUN_TIMEOUT_S = 600
 SCREEN = (1600, 1000)
 
 

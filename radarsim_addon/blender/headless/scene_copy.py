@@ -40,7 +40,7 @@ _UNSAVED = "unsaved.blend"
 #: Room on the disk that is left free [bytes].
 _SPARE_BYTES = 1 << 26
 #: Bytes of a .blend file without data, and of each vertex, edge, corner and face of a mesh.
-_FILE_BYTES, _MESH_BYTES = 1 << 20, (12, 8, 16, 8)
+_FILE_BYTES, _MESH_BYTES = 1 << 20, (12, 8, 8, 4)
 
 
 @dataclass(frozen=True)
@@ -264,12 +264,12 @@ def _simulates() -> bool:
 
 
 #: Columns: rows of an object, sum and sum of magnitudes of their matrices; number of vertices of
-#: its mesh (-1: not compared), weighted sum of their coordinates, and sum of magnitudes.
-_COLUMNS = 1 + 2 * 16 + 1 + 2 * 3
+#: its mesh (-1: not compared), weighted sum of their coordinates, and bound of that sum.
+_COLUMNS = 1 + 2 * 16 + 1 + 3 + 1
 #: Largest difference of sums, over the sum of magnitudes.
 _SAME = 1e-6
-#: Number of weights, which repeat; vertices that are read at a time.
-_WEIGHTS, _CHUNK = 4093, 4093 << 8
+#: Weights of vertices, which repeat.
+_WEIGHTS = np.random.default_rng(1).uniform(0.5, 1.5, 4093).astype(np.float32)
 
 
 def evaluated_numbers(snapshot: Snapshot) -> tuple[list[str], NDArray[np.float64]]:
@@ -285,13 +285,12 @@ def evaluated_numbers(snapshot: Snapshot) -> tuple[list[str], NDArray[np.float64
         values = matrices[:, column]
         numbers[:, 1 + column] = np.bincount(shape, values, count)
         numbers[:, 17 + column] = np.bincount(shape, np.abs(values), count)
-    weights = np.random.default_rng(1).uniform(0.5, 1.5, _WEIGHTS)
     for row, one in enumerate(snapshot.shapes):
         if not one.own or one.original.type != "MESH" or _shown_otherwise(one.original):
             numbers[row, 33] = -1
         else:
             places = vertex_positions(snapshot.evaluated(one.original))
-            numbers[row, 33:] = _mesh_numbers(places, weights)
+            numbers[row, 33:] = _mesh_numbers(places)
     return [one.original.name_full for one in snapshot.shapes], numbers
 
 
@@ -304,13 +303,14 @@ def _shown_otherwise(item: bpy.types.Object) -> bool:
     return subdivided or item.mode == "EDIT"
 
 
-def _mesh_numbers(places: Single, weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    found = np.zeros(7)
-    found[0] = len(places)
-    for start in range(0, len(places), _CHUNK):
-        part = places[start : start + _CHUNK].astype(np.float64)
-        found[1:4] += np.resize(weights, len(part)) @ part
-        found[4:] += np.abs(part).sum(axis=0)
+def _mesh_numbers(places: Single) -> NDArray[np.float64]:
+    found, count = np.zeros(5), len(places)
+    if count:
+        whole = count - count % len(_WEIGHTS)
+        sums = _WEIGHTS @ places[:whole].reshape(-1, len(_WEIGHTS), 3)
+        found[0] = count
+        found[1:4] = sums.sum(axis=0, dtype=float) + _WEIGHTS[: count - whole] @ places[whole:]
+        found[4] = count * max(-float(places.min()), float(places.max()), 0.0)
     return found
 
 
@@ -321,18 +321,18 @@ def differences(
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(here[0]):
         rows.setdefault(name, []).append(row)
-    found = {}
+    found: list[str] = []
     for name, numbers in zip(*window, strict=True):
-        row = rows[name].pop(0) if rows.get(name) else None
-        if row is None or not _same(numbers, here[1][row]):
-            found[name] = None
-    return list(found)
+        left = rows.get(name)
+        if not left or not _same(numbers, here[1][left.pop(0)]):
+            found.append(name)
+    return list(dict.fromkeys(found))
 
 
 def _same(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
     if one[0] != other[0] or one[33] not in (-1, other[33]):
         return False
-    parts = [(slice(1, 17), slice(17, 33)), (slice(34, 37), slice(37, 40))]
+    parts = [(slice(1, 17), slice(17, 33)), (slice(34, 37), slice(37, 38))]
     for sums, sizes in parts[: 1 if one[33] < 0 else 2]:
         with np.errstate(invalid="ignore"):
             apart = np.abs(one[sums] - other[sums]) > _SAME * one[sizes].sum()

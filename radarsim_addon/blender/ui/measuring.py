@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import threading
 import time
 from pathlib import Path
 
@@ -49,7 +50,7 @@ class WindowRun:
         self.seconds_left: float | None = None
         #: Time per ray and reflection, where the run says what it costs.
         self.seconds_per_ray: float | None = None
-        self.began = False
+        self.began = self._closed = False
         self._worker: WorkerProcess | None = None
         #: When a stopped process is killed; 0 for one that is not stopped.
         self._kill_at_s = 0.0
@@ -62,6 +63,8 @@ class WindowRun:
             self._look()
         except RadarSimError as error:
             self.error = error
+        except OSError as error:
+            self.error = RenderError(f"The process that measures cannot start: {error}.")
         if self.error is not None or self.stopped:
             self._end()
 
@@ -92,6 +95,8 @@ class WindowRun:
 
         It ends at once if it has not begun, or the second time.
         """
+        if self.ended:
+            return
         if self._worker is None or not self.began or self._kill_at_s:
             self.stopped = True
             self._end()
@@ -99,17 +104,24 @@ class WindowRun:
             self._kill_at_s = time.monotonic() + _GRACE_S
             self._worker.send(Message({"kind": "stop"}, {}))
 
-    def close(self) -> None:
-        """End the process and remove the copy; a second call changes nothing."""
+    def close(self, wait: bool = True) -> None:
+        """End the process and remove the copy; a second call changes nothing.
+
+        It takes time to free gigabytes of memory and files; a thread does it without `wait`.
+        """
         self.ended = True
         worker, self._worker = self._worker, None
-        if worker is not None:
-            worker.close()
-            remove_abandoned_folders()  # what a killed process had in the temporary folder
-        self.copy.close()
+        if not self._closed:
+            self._closed = True
+            if wait:
+                _clean(worker, self.copy)
+                return
+            _cleaners[:] = [one for one in _cleaners if one.is_alive()]
+            _cleaners.append(threading.Thread(target=_clean, args=(worker, self.copy)))
+            _cleaners[-1].start()
 
     def _end(self) -> None:
-        self.close()
+        self.close(wait=False)
         if self.stopped:
             self.text = tr(
                 "{done} of {total} {unit} done, stopped; the next run measures all again",
@@ -150,6 +162,13 @@ class WindowRun:
             self._end()
 
 
+def _clean(worker: WorkerProcess | None, copy: SceneCopy) -> None:
+    if worker is not None:
+        worker.close()
+        remove_abandoned_folders()  # what a killed process had in the temporary folder
+    copy.close()
+
+
 def _ended_by_itself(code: int, words: str | None) -> RenderError:
     """Error for a process that ended without a last message."""
     if code < 0:
@@ -166,6 +185,8 @@ def _ended_by_itself(code: int, words: str | None) -> RenderError:
 # -- the runs of the session -----------------------------------------------------------------------
 
 _runs: list[WindowRun] = []
+#: Threads that remove what runs have left.
+_cleaners: list[threading.Thread] = []
 
 
 def add_run(run: WindowRun) -> None:
@@ -218,6 +239,8 @@ def end_runs() -> None:
     """End all runs: Blender quits, or the add-on is disabled. A second call changes nothing."""
     while _runs:
         _runs.pop().close()
+    while _cleaners:
+        _cleaners.pop().join()
     with contextlib.suppress(ValueError):
         bpy.app.timers.unregister(_tick)
 

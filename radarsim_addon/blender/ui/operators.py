@@ -32,7 +32,7 @@ from ..rig_settings import (
 )
 from ..scene import active_radar, setup_rig
 from .fields import findings_text, report_findings, reported, tr
-from .measuring import WindowRun, add_run, advance, current_run
+from .measuring import WindowRun, add_run, advance, current_run, end_runs
 from .panels import preset_choice
 from .picture_images import COVERAGE_IMAGE, draw_image, show_images, start_drawing
 from .results_panel import chosen_processing
@@ -222,7 +222,7 @@ class RADARSIM_OT_render_frames(bpy.types.Operator):
                         line.show(run.done, run.total, run.seconds_left)
                     time.sleep(_TICK_S)
             finally:
-                run.close()
+                end_runs()
             found = self._report_end(run)
             report_findings(self, run.findings, run.frames)
             return found

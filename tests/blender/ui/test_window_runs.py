@@ -170,6 +170,7 @@ def test_a_stop_ends_the_process_and_the_next_run_measures_all(scene: Any, tmp_p
     worker = run._worker._process
     run.stop()
     wait(lambda: run.ended)
+    measuring.end_runs()
     assert run.stopped and 2 <= run.done < run.total and "stopped" in run.text
     assert worker.poll() is not None
     assert not list((tmp_path / "run").rglob("*.part*"))
@@ -199,6 +200,7 @@ def test_esc_in_the_operator_stops_its_run(scene: Any, tmp_path: Path) -> None:
     run = operator._run
     assert run.copy.folder.is_dir()
     assert step("ESC") == {"RUNNING_MODAL"}
+    measuring.end_runs()
     assert run.ended and not run.copy.folder.exists()
     assert step("TIMER") == {"CANCELLED"} and "stopped" in said[-1]
     assert not (tmp_path / "run").exists()
@@ -209,6 +211,7 @@ def test_a_stop_before_the_run_has_begun_leaves_nothing(scene: Any, tmp_path: Pa
     measuring.advance()
     worker = run._worker._process
     run.stop()
+    measuring.end_runs()
     assert run.ended and run.stopped and worker.poll() is not None
     assert not (tmp_path / "run").exists()
 
