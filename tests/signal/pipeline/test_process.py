@@ -264,22 +264,15 @@ def test_exit_code_of_bad_numbers_and_arguments(
     assert stop.value.code == 2
 
 
-@pytest.mark.parametrize(
-    ("error", "code"),
-    [
-        (errors.ConfigError("x"), 2),
-        (errors.SettingNameError("x"), 2),
-        (errors.SceneError("x"), 1),
-        (errors.OutputError("x"), 1),
-        (errors.FrameFileError("x"), 1),
-        (errors.SchemaError("x"), 1),
-        (errors.MissingDependencyError("x"), 1),
-        (errors.PathDataError("x"), 1),
-        (errors.WorkerError("x"), 1),
-        (MemoryError("x"), 1),
-        (KeyboardInterrupt(), 130),
-    ],
-)
+#: As docs/headless.md has them.
+CODES = {
+    errors.ConfigError: 2, errors.SettingNameError: 2, errors.SceneError: 1,
+    errors.OutputError: 1, errors.FrameFileError: 1, errors.SchemaError: 1,
+    errors.MissingDependencyError: 1, errors.PathDataError: 1, errors.WorkerError: 1,
+    MemoryError: 1, KeyboardInterrupt: 130,
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("words", "function"),
     [
@@ -291,20 +284,19 @@ def test_exit_code_of_bad_numbers_and_arguments(
     ],
 )
 def test_exit_codes_of_all_commands_and_errors(
-    words: list[str], function: str, error: BaseException, code: int,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture,
-) -> None:  # fmt: skip
-    """As docs/headless.md has them."""
+    words: list[str], function: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    for error, code in CODES.items():
 
-    def fail(*_: object) -> None:
-        raise error
+        def fail(*_: object, error: type[BaseException] = error) -> None:
+            raise error("x")
 
-    monkeypatch.setattr(cli, function, fail)
-    assert main(words) == code
-    said = capsys.readouterr().err
-    assert said.startswith("radarsim: ") and said.count("\n") == 1
-    if code != 130:
-        assert type(error).__name__ in said
+        monkeypatch.setattr(cli, function, fail)
+        assert main(words) == code, error
+        said = capsys.readouterr().err
+        assert said.startswith("radarsim: ") and said.count("\n") == 1
+        if code != 130:
+            assert error.__name__ in said
 
 
 def test_a_detectors_options_without_a_detector_are_refused(
