@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, NoReturn, cast
+from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
 
@@ -170,7 +170,8 @@ _RECORDS: dict[str, type] = {
 
 
 def scene_of(message: Message) -> DraftScene:
-    fields = {item.name: message.fields.get(item.name) for item in dataclasses.fields(DraftScene)}
+    names = [item.name for item in dataclasses.fields(DraftScene) if item.name in message.fields]
+    fields: dict[str, Any] = {name: message.fields[name] for name in names} | message.arrays
     for name, kind in _RECORDS.items():
         if fields[name] is not None:
             fields[name] = from_json(kind, fields[name], name)
@@ -178,7 +179,7 @@ def scene_of(message: Message) -> DraftScene:
     fields["radar"] = Radar(waveform, burst_from_dict(message.fields["radar"][1], waveform))
     fields["surfaces"] = [from_json(Surface, one, "Surface") for one in message.fields["surfaces"]]
     fields["range_limits_m"] = tuple(message.fields["range_limits_m"])
-    return DraftScene(**{**fields, **message.arrays})
+    return DraftScene(**fields)
 
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:
