@@ -265,9 +265,7 @@ class PathFinder:
                 range_m = range_m + burst_s / 2 * rate
             columns.append(np.stack([range_m, rate, power]).astype(np.float32))
         joined = np.concatenate(columns, axis=1) if columns else np.zeros((3, 0), np.float32)
-        period_m = self._radar.burst.unambiguous_range_m
-        if waveform.family == "line":
-            period_m = waveform.unambiguous_range_m
+        period_m = self._radar.range_period_m
         self._range_m = joined[0] % np.float32(period_m) if np.isfinite(period_m) else joined[0]
         self._rate_mps, self._power_w = joined[1], joined[2]
         self._order = np.argsort(self._range_m, kind="stable")

@@ -436,9 +436,7 @@ class DopplerFolds:
         self._radar = radar
         self._rows = radar.burst.pulses
         self._interval_mps = 2 * radar.max_unambiguous_velocity_mps
-        # FMCW filters out what is beyond its range, all others repeat
-        fmcw = radar.waveform.kind == "fmcw"
-        self._period_m = math.inf if fmcw else radar.unambiguous_range_m
+        self._period_m = radar.range_period_m
         self._cell_m = radar.waveform.range_resolution_m
         #: Both cells in one number (a sort of pairs takes ten times as long), and of each the
         #: power, power times range rate, and power of what moves because the radar does.

@@ -121,9 +121,9 @@ class StatisticsSum:
         reach_m = waveform.range_resolution_m + speed_mps * burst.pulses / burst.prf_hz
         start_m, stop_m = self._limits_m
         found = range_m - reach_m < self._radar.unambiguous_range_m
-        if waveform.kind != "fmcw" and np.isfinite(self._radar.unambiguous_range_m):
+        period_m = self._radar.range_period_m
+        if np.isfinite(period_m):
             # An ambiguous echo is shown at the largest of its ranges that the maps contain.
-            period_m = self._radar.unambiguous_range_m
             beyond_m = np.maximum(range_m - stop_m - reach_m, 0.0)
             range_m = range_m - np.ceil(beyond_m / period_m) * period_m
             found = np.ones(range_m.size, dtype=bool)

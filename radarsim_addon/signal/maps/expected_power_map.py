@@ -45,7 +45,7 @@ from ..paths import (
     usable,
     views_by_replicate,
 )
-from ..radar import FmcwWaveform, LineWaveform, Radar, slow_time_window
+from ..radar import Radar, slow_time_window
 from ..runs import RadarFrame
 from ..scattering import STILL_PLANE, ClutterSurfaces, Link, interference_factors, reverse_factors
 from ..spectrum import check_finite, repeat_orders, smooth_size
@@ -351,11 +351,7 @@ class PowerCells:
         self._given, self._per_bin = (radar, range_limits_m, per_sample), per_bin
         self._start_m, waveform = range_limits_m[0], radar.waveform
         self.step_m = waveform.sample_spacing_m / per_sample
-        # it repeats with the pulses or the frequency steps; FMCW filters out what is beyond
-        fold_m = radar.burst.unambiguous_range_m
-        if isinstance(waveform, LineWaveform):
-            fold_m = math.inf if isinstance(waveform, FmcwWaveform) else waveform.range_period_m
-        self._period = fold_m / self.step_m
+        self._period = radar.range_period_m / self.step_m
         stop_m = min(range_limits_m[1], radar.waveform.unambiguous_range_m)
         self.ranges = int((stop_m - range_limits_m[0]) / self.step_m) + 1
         self.pulses = radar.burst.pulses

@@ -113,7 +113,7 @@ def write_view(result: Any, folder: Path) -> None:
     finder = PathFinder(source, FrameBudget(source).link) if source.tables else None
     interval_mps = 2 * radar.max_unambiguous_velocity_mps
     later_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
-    period_m = radar.unambiguous_range_m if radar.waveform.kind != "fmcw" else math.inf
+    period_m = radar.range_period_m
 
     errors = {echo.name: echo.power_error for echo in result.budget.objects}
 

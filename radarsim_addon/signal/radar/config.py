@@ -369,6 +369,16 @@ class Radar:
         return min(self.burst.unambiguous_range_m, self.waveform.unambiguous_range_m)
 
     @property
+    def range_period_m(self) -> float:
+        """Range with which echoes repeat: c / 2 PRF of pulses, that of the waveform of stepped
+        frequency and PMCW, infinite of FMCW, whose filter takes away what is beyond [m].
+        """
+        if self.waveform.kind == "fmcw":
+            return math.inf
+        limit: Burst | AnyWaveform = self.waveform if self.waveform.family == "line" else self.burst
+        return limit.unambiguous_range_m
+
+    @property
     def max_unambiguous_velocity_mps(self) -> float:
         """Largest unambiguous |range rate|, lambda PRF / 4 [m/s]."""
         return self.waveform.wavelength_m * self.burst.prf_hz / 4

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,13 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.contract import ImageRecord
+from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal import (
     Burst,
+    FmcwWaveform,
     ProcessOptions,
     Radar,
+    SteppedWaveform,
     open_frame,
     open_run,
     process_frame,
@@ -73,6 +77,29 @@ def test_velocity_decides_too_and_folds(finder: PathFinder) -> None:
     assert folded.name == "Near"
     assert finder.of_target(360.0, 0.0).name == ""
     assert finder.of_object("Nothing").lines_m == []
+
+
+@pytest.mark.parametrize("kind", ["pulse", "stepped", "fmcw"])
+def test_a_target_has_the_paths_that_fold_to_its_range(finder: PathFinder, kind: str) -> None:
+    """The far plate is 1.4 periods away; FMCW filters it out, so that nothing is where it would
+    be.
+    """
+    period_m = 319.0
+    prf_hz = SPEED_OF_LIGHT_MPS / (2 * period_m)
+    if kind == "pulse":
+        short = dataclasses.replace(pr.WAVEFORM, chirp_duration_s=1e-6)
+        radar = Radar(short, Burst(prf_hz, 16))
+    elif kind == "stepped":
+        radar = Radar(SteppedWaveform(pr.WAVEFORM.carrier_hz, prf_hz, 64, 1e-6), Burst(1e3, 16))
+    else:
+        waveform = FmcwWaveform(pr.WAVEFORM.carrier_hz, 512 * prf_hz, 512, 10e6)
+        assert waveform.unambiguous_range_m == pytest.approx(period_m)
+        radar = Radar(waveform, Burst(1e3, 16))
+    frame_input = dataclasses.replace(finder._input, radar=radar)
+    far_m = math.hypot(120, 430)
+    found = PathFinder(frame_input).of_target(far_m - period_m, 0.0)
+    assert found.name == ("" if kind == "fmcw" else "Far")
+    assert bool(found.lines_m) == (kind != "fmcw")
 
 
 def test_a_target_is_where_its_object_is_in_the_middle_of_the_burst(tmp_path: Path) -> None:
