@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import bpy
 
 from ...contract import AntennaRecord, LinkBudget
-from ...errors import ConfigError, OutputError, SceneError, SettingNameError
+from ...errors import ConfigError, OutputError, RadarSimError, SceneError, SettingNameError
 from ...options import Declared, declared
 from ...signal.radar import (
     PATTERNS,
@@ -276,8 +276,10 @@ def beyond_band(scene: bpy.types.Scene) -> str:
 
 def _refresh_for_carrier(_: Any, __: Any = None) -> None:
     """Evaluate physical materials at the carrier of the active radar, and show them."""
-    # What cannot be evaluated there, or lies beyond its band, is told by the panels and by the run.
-    refresh_materials(carrier_hz(bpy.context.scene), beyond_band(bpy.context.scene))
+    # What cannot be evaluated there, lies beyond its band, or has no carrier yet (a waveform file
+    # that was not chosen), is told by the panels and by the run.
+    with contextlib.suppress(RadarSimError):
+        refresh_materials(carrier_hz(bpy.context.scene), beyond_band(bpy.context.scene))
     manager = bpy.context.window_manager
     for window in () if manager is None else manager.windows:
         for area in window.screen.areas:

@@ -68,13 +68,16 @@ def test_each_kind_becomes_its_waveform(scene: Any) -> None:
         properties.read_measurement(scene, chirp_duration_s=3e-6)
 
 
-def test_a_radar_file_in_the_panel_and_on_the_command_line(scene: Any, tmp_path: Path) -> None:
+def test_a_radar_file_in_the_panel_and_on_the_command_line(
+    scene: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "radar é.json"
     waveform = FmcwWaveform(77e9, 1e9, 256, 10e6)
     file.write_text(json.dumps({"waveform": waveform_to_dict(waveform), "burst": {"pulses": 9}}))
     found = properties.read_measurement(scene, waveform_file=file)
     assert found.radar == Radar(waveform, Burst(1 / waveform.duration_s, 9))
     rs.radar().waveform_kind = "file"
+    assert "Traceback" not in "".join(capfd.readouterr())
     with pytest.raises(ConfigError, match="No waveform file"):
         properties.read_measurement(scene)
     rs.radar().waveform_file = str(file)
