@@ -114,7 +114,7 @@ def expected_size() -> int:
 
 def check_room(folder: Path) -> None:
     """Check that a disk has room for a copy; OutputError if not."""
-    needed, free = expected_size() + _SPARE_BYTES, shutil.disk_usage(folder).free
+    needed, free = 1.1 * expected_size() + _SPARE_BYTES, shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
             f"The copy of the scene that is measured needs about {needed / 1e6:.0f} MB in the "
