@@ -85,7 +85,7 @@ def measured() -> measuring.WindowRun:
 
 def numbers(folder: Path) -> dict[str, np.ndarray]:
     """All that a run has measured: images of rings, or columns of paths."""
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))
         if path.suffix == ".npz":
@@ -183,7 +183,7 @@ def test_a_stop_ends_the_process_and_the_next_run_measures_all(scene: Any, tmp_p
 def test_esc_in_the_operator_stops_its_run(scene: Any, tmp_path: Path) -> None:
     """The steps of the operator by hand. Esc that comes while the copy is saved is the next one."""
     said: list[str] = []
-    operator = SimpleNamespace(
+    operator: Any = SimpleNamespace(
         _run=None, _announced=False, _timer=None,
         report=lambda kind, text: said.append(text), _leave=lambda context, result: result,
     )  # fmt: skip
@@ -489,6 +489,24 @@ def test_numbers_of_a_scene_are_equal_and_small_changes_are_seen(scene: Any) -> 
     plate.data.vertices[2].co.x += 1e-4
     plate.data.update()
     assert scene_copy.differences(before, now()) == ["Plate"]
+
+
+def test_the_copy_is_no_save_for_add_ons_and_packs_nothing(scene: Any) -> None:
+    called: list[Any] = []
+    hooks = bpy.app.handlers.save_pre, bpy.app.handlers.save_post
+    for hook in hooks:
+        hook.append(called.append)
+    bpy.data.use_autopack = True
+    image = saved_image("png")
+    image.use_fake_user = True
+    try:
+        operators._copied(bpy.context).close()
+        assert called == [] and image.packed_file is None and bpy.data.use_autopack
+        assert all(hook[-1] == called.append for hook in hooks)
+    finally:
+        bpy.data.use_autopack = False
+        for hook in hooks:
+            hook.remove(called.append)
 
 
 # -- the disk --------------------------------------------------------------------------------------
