@@ -589,7 +589,8 @@ def test_baked_caches_on_the_disk_are_those_of_the_original(scene: Any, tmp_path
     measured()
     finished("render", tmp_path / "scene.blend", "--out", tmp_path / "cli")
     assert equal(tmp_path / "run", tmp_path / "cli")
-    assert _linked_files() == [tmp_path / "blendcache_scene"]
+    linked = _linked_files()
+    assert tmp_path / "blendcache_scene" in linked and Path.cwd() not in linked
     files = sorted((tmp_path / "blendcache_scene").iterdir())
     assert [(path.name, path.read_bytes(), path.stat().st_mtime_ns) for path in files] == before
     for path in files:  # the window keeps the pose that it has read from them
