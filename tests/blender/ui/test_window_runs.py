@@ -258,7 +258,7 @@ print("child", run._worker._process.pid, flush=True)
 def test_a_crash_or_the_end_of_the_window_leaves_no_process_and_no_copy(
     scene: Any, tmp_path: Path, end: str
 ) -> None:
-    rs.radar().ring_step_m = 0.1
+    rs.radar().ring_step_m = 0.01  # thousands of renders
     bpy.ops.wm.save_mainfile()
     done = subprocess.run(
         [sys.executable, "-c", _CRASH.format(end=end), str(tmp_path / "scene.blend")],
