@@ -20,6 +20,7 @@ import struct
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,6 @@ from ..run.scene_state import Device, choose_device, chosen_device
 from ..scene import frame_handlers, simulation_frames, writes_disk_caches
 from ..state import SettingsRestorer, Snapshot, evaluated_snapshot, vertex_positions
 
-#: Name of the copy of a file that was never saved.
-_UNSAVED = "unsaved.blend"
 #: Room on the disk that is left free [bytes].
 _SPARE_BYTES = 1 << 26
 #: Bytes of a .blend file without data, and of each vertex, edge, corner and face of a mesh.
@@ -69,7 +68,7 @@ def save_copy(
     try:
         check_room(folder)
         names, numbers = evaluated_numbers(evaluated_snapshot(view_layer))
-        file = folder / (Path(bpy.data.filepath).name or _UNSAVED)
+        file = folder / "scene.blend"
         _save(file)
         if bpy.data.filepath:
             _note_original(file, bpy.data.filepath)
@@ -88,8 +87,10 @@ def save_copy(
             "images": list(_save_painted(folder)),
         }
         size_bytes = sum(part.stat().st_size for part in folder.iterdir())
-    except BaseException:
+    except BaseException as error:
         shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise OutputError(f"A copy of the scene could not be saved: {error}.") from error
         raise
     took_s = time.monotonic() - began_s
     return SceneCopy(folder, Message(fields, {"numbers": numbers}), size_bytes, took_s)
@@ -115,7 +116,7 @@ def expected_size() -> int:
 
 def check_room(folder: Path) -> None:
     """Check that a disk has room for a copy; OutputError if not."""
-    needed, free = expected_size() + _SPARE_BYTES, shutil.disk_usage(folder).free
+    needed, free = 1.1 * expected_size() + _SPARE_BYTES, shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
             f"The copy of the scene that is measured needs about {needed / 1e6:.0f} MB in the "
@@ -130,6 +131,9 @@ def _save(file: Path) -> None:
     kept.keep(preferences, "is_dirty")
     kept.set(preferences.filepaths, "file_preview_type", "NONE")  # drawing one takes time
     kept.set(bpy.data, "use_autopack", False)  # it would pack files into the user's data
+    for hooks in (bpy.app.handlers.save_pre, bpy.app.handlers.save_post):
+        kept.on_restore("handlers", partial(hooks.extend, list(hooks)))
+        hooks.clear()  # for add-ons, nothing is saved
     try:
         bpy.ops.wm.save_as_mainfile(
             filepath=str(file), copy=True, compress=False, relative_remap=False
@@ -230,7 +234,7 @@ def open_copy(order: Message) -> None:
         bpy.ops.wm.recover_auto_save(filepath=str(file), use_scripts=False)
     except RuntimeError as error:
         raise SceneError(f"The copy of the scene cannot be opened: {str(error).strip()}") from error
-    if fields["original"] and bpy.data.filepath != fields["original"]:
+    if fields["original"] and Path(bpy.data.filepath) != Path(fields["original"]):
         raise SceneError(
             f"The copy of {fields['original']} opens as {bpy.data.filepath}, so its relative paths "
             "would not be found. Measure the saved file with `radarsim render`."

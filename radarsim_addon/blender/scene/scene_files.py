@@ -59,7 +59,11 @@ def foreign_handlers() -> list[str]:
 def frame_handlers() -> list[str]:
     """Return the names of functions of add-ons and scripts that Blender calls at each frame."""
     called = *bpy.app.handlers.frame_change_pre, *bpy.app.handlers.frame_change_post
-    return [f"{one.__module__}.{one.__qualname__}" for one in handlers_of_others() if one in called]
+    return [
+        f"{getattr(one, '__module__', '?')}.{getattr(one, '__qualname__', repr(one))}"
+        for one in handlers_of_others()
+        if one in called
+    ]
 
 
 def unreadable_files() -> list[Finding]:
@@ -244,7 +248,7 @@ def moved_by_scripts() -> bool:
 
 def _of_others(handler: Any) -> bool:
     own = __name__.rpartition(".blender.")[0]
-    return not getattr(handler, "__module__", "").startswith(own)
+    return not (getattr(handler, "__module__", None) or "").startswith(own)
 
 
 def _drivers() -> Iterator[tuple[Any, Any]]:

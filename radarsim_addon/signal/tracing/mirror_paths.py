@@ -93,8 +93,8 @@ class MirrorPolarisation:
             most = max(turned.values())
             level = {"higher_db": 20 * math.log10(1 + most)}
             level["lower_db"] = -20 * math.log10(max(1 - most, 1e-3))
-            names = _each_once(turned)
-            found.append(finding("mirror-turns-polarisation", *names, fraction=most, **level))
+            turning = _each_once(turned)
+            found.append(finding("mirror-turns-polarisation", *turning, fraction=most, **level))
         return found
 
 

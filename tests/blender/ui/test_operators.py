@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Registration, operators, settings, pictures; the interactive job driven by hand."""
+"""Registration, operators, settings, pictures; runs to their end."""
 
 from __future__ import annotations
 

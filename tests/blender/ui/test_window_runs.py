@@ -85,7 +85,7 @@ def measured() -> measuring.WindowRun:
 
 def numbers(folder: Path) -> dict[str, np.ndarray]:
     """All that a run has measured: images of rings, or columns of paths."""
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for path in sorted(folder.rglob("*")):
         name = str(path.relative_to(folder))
         if path.suffix == ".npz":
@@ -183,7 +183,7 @@ def test_a_stop_ends_the_process_and_the_next_run_measures_all(scene: Any, tmp_p
 def test_esc_in_the_operator_stops_its_run(scene: Any, tmp_path: Path) -> None:
     """The steps of the operator by hand. Esc that comes while the copy is saved is the next one."""
     said: list[str] = []
-    operator = SimpleNamespace(
+    operator: Any = SimpleNamespace(
         _run=None, _announced=False, _timer=None,
         report=lambda kind, text: said.append(text), _leave=lambda context, result: result,
     )  # fmt: skip
@@ -258,7 +258,7 @@ print("child", run._worker._process.pid, flush=True)
 def test_a_crash_or_the_end_of_the_window_leaves_no_process_and_no_copy(
     scene: Any, tmp_path: Path, end: str
 ) -> None:
-    rs.radar().ring_step_m = 0.1
+    rs.radar().ring_step_m = 0.01  # thousands of renders
     bpy.ops.wm.save_mainfile()
     done = subprocess.run(
         [sys.executable, "-c", _CRASH.format(end=end), str(tmp_path / "scene.blend")],
@@ -489,6 +489,24 @@ def test_numbers_of_a_scene_are_equal_and_small_changes_are_seen(scene: Any) -> 
     assert scene_copy.differences(before, now()) == ["Plate"]
 
 
+def test_the_copy_is_no_save_for_add_ons_and_packs_nothing(scene: Any) -> None:
+    called: list[Any] = []
+    hooks = bpy.app.handlers.save_pre, bpy.app.handlers.save_post
+    for hook in hooks:
+        hook.append(called.append)
+    bpy.data.use_autopack = True
+    image = saved_image("png")
+    image.use_fake_user = True
+    try:
+        operators._copied(bpy.context).close()
+        assert called == [] and image.packed_file is None and bpy.data.use_autopack
+        assert all(hook[-1] == called.append for hook in hooks)
+    finally:
+        bpy.data.use_autopack = False
+        for hook in hooks:
+            hook.remove(called.append)
+
+
 # -- the disk --------------------------------------------------------------------------------------
 
 
@@ -569,7 +587,8 @@ def test_baked_caches_on_the_disk_are_those_of_the_original(scene: Any, tmp_path
     measured()
     finished("render", tmp_path / "scene.blend", "--out", tmp_path / "cli")
     assert equal(tmp_path / "run", tmp_path / "cli")
-    assert _linked_files() == [tmp_path / "blendcache_scene"]
+    linked = _linked_files()
+    assert tmp_path / "blendcache_scene" in linked and Path.cwd() not in linked
     files = sorted((tmp_path / "blendcache_scene").iterdir())
     assert [(path.name, path.read_bytes(), path.stat().st_mtime_ns) for path in files] == before
     for path in files:  # the window keeps the pose that it has read from them
