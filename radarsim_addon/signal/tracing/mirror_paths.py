@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...arrays import Indices, Mask, Real, are_finite, distances, dots, norms
+from ...arrays import Indices, Mask, Real, are_finite, crosses, distances, dots, norms
 from ...contract import ImageRecord, ReceiverRecord
 from ...findings import Finding, finding
 from ...physics.mirrors import Reflected
@@ -512,8 +512,11 @@ class MirrorPaths:
             last_m, towards_m = some["last_scatterer_m"], ways.stations_m[0]
             length_m = ways.length_m + distances(last_m, self._lit_from(some))
             room_m = ways.room_m + _MIRRORED * some["length_m"]
-            same = distances(ways.stations_m[-2], some["first_scatterer_m"]) <= room_m
-            same &= np.abs(length_m - some["length_m"]) <= room_m
+            same = np.abs(length_m - some["length_m"]) <= room_m
+            # across the ray: along the mirror, the same error is larger at grazing incidence
+            seen_m = ways.stations_m[-2] - self._receiver_m
+            room_m = ways.room_m + _MIRRORED * some["length_m"] * norms(seen_m) / ways.length_m
+            same &= norms(crosses(seen_m, some["direction"])) <= room_m
             lobe = self._lobes[number < 0][some["last_body"]]
             same &= alike_in_both(last_m, self._receiver_m, towards_m, lobe)
             same[same] = self._sees(some[same], towards_m[same])

@@ -143,18 +143,20 @@ def has_more_planes(count: float) -> bool:
     return len(said.subjects) < many - 1
 
 
-def is_another_way(off: float, aside: float) -> bool:
-    """A row whose length and first vertex are off those over the mirror 1 m below, as fractions."""
+def is_another_way(off: float, turned: float) -> bool:
+    """A row whose length and direction are off those over the mirror 1 m below, as fractions."""
     ground = mesh([(-9, -1, -9), (-9, -1, 9), (9, -1, 9), (9, -1, -9)])
     target = mesh([(-2, -0.5, -8), (2, -0.5, -8), (2, 2, -8), (-2, 2, -8)])
     paths = paths_in({"Mirror": (ground, METAL), "Target": (target, ROUGH)}, ORIGIN, ORIGIN)
     rows = PathRows.zeros(1, IMAGE_DTYPE)
-    rows["order"], rows["last_body"], rows["first_body"] = 2, 2, 1
+    rows["order"], rows["last_body"] = 2, 2
     rows["last_scatterer_m"] = [[0, 1, -8]]
     way = np.array([0.0, -3.0, -8.0])  # the image of the scatterer is 3 m below
-    rows["length_m"] = np.linalg.norm(way) + np.linalg.norm([0, 1, 8])
-    rows["first_scatterer_m"] = way / 3 + [aside * rows["length_m"][0], 0, 0]
-    rows["length_m"] *= 1 + off
+    length_m = np.linalg.norm(way) + np.linalg.norm([0, 1, 8])
+    # the distance from the ray is a fraction of the whole length
+    away = np.array([turned * length_m / np.linalg.norm(way), 0.0, 0.0])
+    rows["direction"] = way / np.linalg.norm(way) + away
+    rows["length_m"] = length_m * (1 + off)
     return not paths._seen_directly(rows)[0]
 
 
@@ -175,7 +177,7 @@ def is_another_way(off: float, aside: float) -> bool:
         pytest.param(are_apart, 0.009, 0.011, id="one-place"),
         pytest.param(has_more_planes, 64, 65, id="planes"),
         pytest.param(lambda x: is_another_way(x, 0.0), 1.7e-5, 2.3e-5, id="mirrored-length"),
-        pytest.param(lambda x: is_another_way(0.0, x), 1.7e-5, 2.3e-5, id="mirrored-point"),
+        pytest.param(lambda x: is_another_way(0.0, x), 1.7e-5, 2.3e-5, id="mirrored-direction"),
     ],
 )
 def test_limit_is_crossed(crossed: Callable[[float], bool], below: float, above: float) -> None:

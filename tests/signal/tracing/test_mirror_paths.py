@@ -294,6 +294,22 @@ def test_two_mirrors_in_a_row_are_named(other: str | None) -> None:
         assert ("mirror-curved-in-a-row" in {item.code for item in said}) == named
 
 
+def test_a_point_that_is_seen_in_a_mirror_at_grazing_incidence() -> None:
+    """Its place is known to a millionth of the length, which moves the reflection much more."""
+    floor = mesh([(-9, -9, -0.5), (9, -9, -0.5), (9, 60, -0.5), (-9, 60, -0.5)])
+    plate = mesh([(-1, 40, -0.4), (1, 40, -0.4), (1, 40, 1), (-1, 40, 1)])
+    paths = paths_in({"Floor": (floor, METAL), "Plate": (plate, ROUGH)}, np.zeros(3), np.zeros(3))
+    point, image = np.array([0.3, 40.0, -0.3]), np.array([0.3, 40.0, -0.7])
+    rows = PathRows.zeros(2, IMAGE_DTYPE)
+    rows["order"], rows["last_body"], rows["first_body"] = 2, 2, 1
+    rows["direction"] = image / np.linalg.norm(image)
+    rows["first_scatterer_m"] = image * 0.5 / 0.7
+    rows["length_m"] = np.linalg.norm(image) + np.linalg.norm(point)
+    rows["last_scatterer_m"] = point + np.array([[0, 0, 8e-5], [0, 0, -8e-5]])
+    every, _ = paths.with_both_ways(rows)
+    assert every.size == 0
+
+
 def test_fewer_reflections() -> None:
     """Of two at most, paths go over one mirror; of one, none."""
     places = (street.RADAR, street.RADAR)
