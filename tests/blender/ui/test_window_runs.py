@@ -197,7 +197,7 @@ def test_esc_in_the_operator_stops_its_run(scene: Any, tmp_path: Path) -> None:
 
     assert step("TIMER") == step("G") == {"PASS_THROUGH"} and operator._run is None
     assert step("TIMER") == {"PASS_THROUGH"}
-    run = operator._run
+    run: Any = operator._run
     assert run.copy.folder.is_dir()
     assert step("ESC") == {"RUNNING_MODAL"}
     measuring.end_runs()

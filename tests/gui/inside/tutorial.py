@@ -56,7 +56,7 @@ def script(robot: Any) -> Any:
     result["radar_m"] = list(radar.matrix_world.translation)
     result["output_folder"] = radar.radarsim.output_folder
     yield from robot.click_until(
-        "radarsim.render_frames", lambda: (FOLDER / "radar_run/run.json").exists(), "the run"
+        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run"
     )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield 1.0

@@ -222,7 +222,7 @@ def script(robot: Any) -> Any:
     yield from robot.settle()
     before = snapshot_module.snapshot(scene)
     yield from robot.click_until(
-        "radarsim.render_frames", lambda: (third / "run.json").exists(), "the run's start"
+        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
     )
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield from robot.settle()
