@@ -135,7 +135,7 @@ def test_blender_uses_few_rooms_of_signal() -> None:
 
 
 #: Attributes by which Blender's objects and meshes are read.
-READING = {"object_instances", "loop_triangles", "loops", "evaluated_get", "to_mesh_clear"}
+READING = {"object_instances", "loop_triangles", "evaluated_get", "to_mesh_clear"}
 
 
 def test_only_one_room_reads_evaluated_objects() -> None:
