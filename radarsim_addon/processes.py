@@ -118,13 +118,14 @@ def own_folder(folder: Path) -> None:
         json.dump(identity(), stream)
 
 
-def remove_abandoned_folders() -> None:
+def remove_abandoned_folders(*, now: bool = False) -> None:
     """Remove temporary folders whose process was killed. Those of other users stay.
 
-    At most once a minute: in a long list of temporary files, a search takes as long as a render.
+    At most once a minute, but `now`: in a long list of temporary files, a search takes as long as a
+    render.
     """
     place, now_s = tempfile.gettempdir(), time.monotonic()
-    if now_s - _searched_s.get(place, -math.inf) < _SEARCHES_S:
+    if not now and now_s - _searched_s.get(place, -math.inf) < _SEARCHES_S:
         return
     _searched_s[place] = now_s
     names: list[str] = []

@@ -67,7 +67,7 @@ class RingJob(MeasurementJob):
             return []
         moments = (first, *later, instant_at(first.frame + 1.0, self._fps()))
         then, soon, next_frame = (
-            {one.name: one.matrix_world.copy() for one in self._time.show(at).objects}
+            {one.name: one.matrix_world.copy() for one in self._time.show(at).depsgraph.objects}
             for at in moments
         )
         return [n for n, at in then.items() if at == soon.get(n) and at != next_frame.get(n, at)]

@@ -468,7 +468,7 @@ class SceneTime:
         self._shown: Instant | None = None
         self._hiding_moves = True
 
-    def show(self, instant: Instant) -> Any:
+    def show(self, instant: Instant) -> Snapshot:
         """Bring the scene to a moment; return the snapshot at it."""
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:

@@ -165,7 +165,7 @@ class WindowRun:
 def _clean(worker: WorkerProcess | None, copy: SceneCopy) -> None:
     if worker is not None:
         worker.close()
-        remove_abandoned_folders()  # what a killed process had in the temporary folder
+        remove_abandoned_folders(now=True)  # what a killed process had in the temporary folder
     copy.close()
 
 

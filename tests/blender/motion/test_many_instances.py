@@ -12,11 +12,12 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.motion import bodies, samples
+from radarsim_addon.blender.motion import bodies
 from radarsim_addon.blender.paths.path_job import StillFrames
 from radarsim_addon.blender.plan import Extent
+from radarsim_addon.blender.run import run_job
 from radarsim_addon.blender.scene.ground_truth import Boxes, extent_of_boxes
-from radarsim_addon.blender.state import take_snapshot
+from radarsim_addon.blender.state import Snapshot, take_snapshot
 from radarsim_addon.blender.state.snapshot import walk
 from radarsim_addon.contract import MOTION_FILE, STILL_BODIES_FILE, MotionRecord, frame_dir
 from radarsim_addon.signal.motion import FrameMotion, read_motion
@@ -70,6 +71,12 @@ def alike(one: ph.PathRun, other: ph.PathRun) -> None:
             assert repr(mine) == repr(own)
 
 
+def walk_again(view_layer: bpy.types.ViewLayer) -> Snapshot:
+    """The snapshot of a view layer, of which nothing is known from before."""
+    view_layer.update()
+    return walk(view_layer.depsgraph)
+
+
 @pytest.mark.parametrize("instances_move", [False, True])
 def test_samples_are_those_of_a_walk_each_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, instances_move: bool
@@ -79,7 +86,7 @@ def test_samples_are_those_of_a_walk_each_time(
     moving = [one.moving for one in motion_of(run, 1).bodies]
     assert sum(moving) == (len(moving) if instances_move else 1)
     field(instances_move=instances_move)
-    monkeypatch.setattr(samples, "take_snapshot", walk)
+    monkeypatch.setattr(run_job, "evaluated_snapshot", walk_again)
     alike(run, measured(tmp_path / "walks"))
 
 

@@ -81,17 +81,16 @@ def _off_line(fraction: float) -> bool:
 def _leads_away(wavelengths: float) -> bool:
     """Whether a surface that changes is that far from where its matrix leads."""
     surface = SimpleNamespace(apart_m=lambda *_: wavelengths, rounding_m=0.0)
-    item = SimpleNamespace(
-        evaluated_get=lambda _: SimpleNamespace(
-            matrix_world=SimpleNamespace(to_scale=lambda: (1.0, 1.0, 1.0))
-        )
-    )
+    scale = SimpleNamespace(to_scale=lambda: (1.0, 1.0, 1.0))
+    shown = SimpleNamespace(evaluated=lambda _: SimpleNamespace(matrix_world=scale))
     plan = SimpleNamespace(
         rendered=(0.0, 0), rendered_fraction=0.0, at=lambda _: (1.0, 1), wavelength_m=1.0
     )
-    burst = SimpleNamespace(_plan=plan, _show=abs, _units=1.0, _apart_m=0.0, findings=[])
+    burst = SimpleNamespace(
+        _plan=plan, _show=lambda _: shown, _units=1.0, _apart_m=0.0, findings=[]
+    )
     with mock.patch.object(burst_motion, "DeformingSurface", return_value=surface):
-        _burst._say_not_followed(burst, {"Box": item})
+        _burst._say_not_followed(burst, {"Box": None})
     return bool(burst.findings[0].code == "surface-not-followed")
 
 

@@ -306,7 +306,7 @@ def test_operators_are_found_by_search_and_undone_in_one_step(addon: Any) -> Non
         item.bl_idname for item in operators if "INTERNAL" in getattr(item, "bl_options", ())
     }
     assert internal == {
-        "radarsim.watch_escape", "radarsim.set_values", "radarsim.select_subjects",
+        "radarsim.set_values", "radarsim.select_subjects",
         "radarsim.recalculate_normals", "radarsim.explain",
     }  # fmt: skip
     changing = {item.bl_idname for item in operators if "UNDO" in getattr(item, "bl_options", ())}

@@ -269,7 +269,7 @@ def test_a_crash_or_the_end_of_the_window_leaves_no_process_and_no_copy(
     while runs(pid):
         assert time.monotonic() < end_s
         time.sleep(0.1)
-    remove_abandoned_folders()  # of the window's own session, as the next one does
+    remove_abandoned_folders(now=True)  # of the window's own session, as the next one does
 
 
 def test_runs_wait_for_one_another_each_with_its_copy(scene: Any, tmp_path: Path) -> None:
