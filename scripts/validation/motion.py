@@ -358,7 +358,7 @@ GROUP = Group(
         Case("rigid bodies", rigid_body, 10.0),
         Case("caches", caches, 10.0),
         Case("snapshots of rings", snapshots, 20.0),
-        Case("rotor", rotor, 20.0),
+        Case("rotor", rotor, 10.0),
         Case("changing vertices", changing_vertices, 10.0),
         Case("jumps", jumps, 5.0),
     ),

@@ -191,6 +191,6 @@ GROUP = Group(
     (
         Case("tables", against_table, 10.0, quick=True),
         Case("echo of rain", rain_volume, 15.0),
-        Case("rain through the chain", rain_chain, 60.0),
+        Case("rain through the chain", rain_chain, 30.0),
     ),
 )

@@ -280,12 +280,12 @@ def test_codes_are_declared_once_and_have_texts() -> None:
             assert not set("\n\t") & set(text)
 
 
-_ONE = "\n# Old\n\n## one (info)\n\nText\ngoes on.\n\nCause.\n\nRemedy.\n\n# New\n\n## "
+_ONE = "\n# Old\n\n## one (info)\n\nText\nresumes.\n\nCause.\n\nRemedy.\n\n# New\n\n## "
 
 
 def test_a_catalogue_is_read() -> None:
     topics = read_topics(f"{_ONE}two (error)\n\nText.\n\nCause.\n\nRemedy.\n")
-    assert topics["Old"] == {"one": Kind("info", "Text goes on.", "Cause.", "Remedy.")}
+    assert topics["Old"] == {"one": Kind("info", "Text resumes.", "Cause.", "Remedy.")}
     assert topics["New"] == {"two": Kind("error", "Text.", "Cause.", "Remedy.")}
 
 

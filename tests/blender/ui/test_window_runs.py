@@ -437,16 +437,16 @@ def test_meshes_that_differ_are_refused_by_name(scene: Any) -> None:
 
 
 def test_functions_that_blender_calls_at_each_frame_are_named(scene: Any) -> None:
-    def mover(*_: Any) -> None:
+    def carrier(*_: Any) -> None:
         bpy.data.objects["Plate"].scale.x = 1.0 + bpy.context.scene.frame_current
 
-    bpy.app.handlers.frame_change_post.append(mover)
+    bpy.app.handlers.frame_change_post.append(carrier)
     try:
         run = measured()
     finally:
-        bpy.app.handlers.frame_change_post.remove(mover)
+        bpy.app.handlers.frame_change_post.remove(carrier)
     (found,) = [one for one in run.findings if one.code == "handlers-not-run"]
-    assert "mover" in found.message and "frame 1" in found.message
+    assert "carrier" in found.message and "frame 1" in found.message
 
 
 def test_a_device_that_is_not_there_is_named(scene: Any) -> None:

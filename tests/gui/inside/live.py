@@ -113,7 +113,7 @@ def script(robot: Robot) -> Any:
     yield 1.0
     # A mesh that changes is read again.
     reset(found)
-    for number in range(100):  # drafts take longer where other work goes on
+    for number in range(100):  # drafts take longer where other work is done
         ball.data.vertices[0].co.z = 1.5 + 0.001 * number
         ball.data.update()
         yield 0.3
