@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,10 +30,6 @@ from .furnace import Radiance, look_down, radiance, sky_scene
 from .scenes import CARRIER_HZ, add_box, add_plate, facing_plate, wavelength
 
 SLAB_ANGLES_DEG = (0.0, 30.0, 60.0)
-#: In addition, of library materials in 'average'.
-GRAZING_DEG = 80.0
-#: Of rough materials, whose largest share alone is asked for.
-FACE_ANGLES_DEG = (0.0, 30.0, 60.0, 75.0, 85.0)
 #: In the order of the numbers that shaders get.
 POLARISATIONS = ("average", "vertical", "horizontal")
 #: Nothing may send back more than it gets, but for sampling noise.
@@ -50,15 +45,12 @@ SUM_BOUND = 1e-3
 #: either has a standard error of 6e-4; their sum has not.
 PART_BOUND = 3e-3
 SUM = "reflected + transmitted + absorbed"
-#: Names of the smooth materials of the library.
-SMOOTH = tuple(asset.name for asset in ASSETS if not asset.rms_height_m)
 
 
-def simple_slabs(bench: Bench, whole: Sequence[str] = tuple(nodes.PRESETS)) -> list[Check]:
+def simple_slabs(bench: Bench) -> list[Check]:
     """Presets of the simple material in a closed white furnace, smooth, in every polarisation.
 
-    Their model is unpolarised: F at both faces, straight on inside. A conductor is opaque. Presets
-    that are not `whole` are seen at 60 degrees alone, in 'average'.
+    Their model is unpolarised: F at both faces, straight on inside. A conductor is opaque.
     """
     checks, brightest = [], []
     for key, preset in nodes.PRESETS.items():
@@ -72,13 +64,13 @@ def simple_slabs(bench: Bench, whole: Sequence[str] = tuple(nodes.PRESETS)) -> l
         )
         add_box("Slab", (-501.0, -499.0, -depth), (497.0, 503.0, 0.0), material)
         furnace = _Furnace(bench, scene)
-        for angle_deg in SLAB_ANGLES_DEG if key in whole else SLAB_ANGLES_DEG[-1:]:
+        for angle_deg in SLAB_ANGLES_DEG:
             faces = float(textbook_reflectance(index, angle_deg))
             sent = faces
             if preset.penetrable:
                 cosine = math.cos(math.radians(angle_deg))
                 sent = _series(faces, (1 - faces) ** 2, 4 * math.pi * preset.kappa * depth / cosine)
-            for number, name in enumerate(POLARISATIONS if key in whole else POLARISATIONS[:1]):
+            for number, name in enumerate(POLARISATIONS):
                 total, spread = furnace(angle_deg, number).both
                 brightest.append(total)
                 found.append(_sum_check(angle_deg, name, total, sent, spread))
@@ -87,24 +79,25 @@ def simple_slabs(bench: Bench, whole: Sequence[str] = tuple(nodes.PRESETS)) -> l
     return [*checks, not_above("slabs of presets", brightest)]
 
 
-def library_slabs(bench: Bench, whole: Sequence[str] = SMOOTH) -> list[Check]:
+def library_slabs(bench: Bench) -> list[Check]:
     """Every smooth material of the asset library, each polarisation against its own series.
 
     In *average* reflected and transmitted power are measured apart, too, and so is 80 degrees.
-    Materials that are not `whole` are seen at 30 and 80 degrees alone, in 'average'.
     """
     checks, parts, brightest = [], [], []
     table = ["", f"Slabs of {SLAB_M * 1e3:g} mm at 5.3 GHz, *average*: measured less the mean of"]
     table[1] += " both polarisations' series, reflected / transmitted / both:"
-    angles = (*SLAB_ANGLES_DEG, GRAZING_DEG)
+    angles = (*SLAB_ANGLES_DEG, 80.0)
     table += ["", "| material | " + " | ".join(f"{a:g}°" for a in angles) + " |"]
     table += ["| --- " * (1 + len(angles)) + "|"]
-    for asset in (asset for asset in ASSETS if asset.name in SMOOTH):
+    for asset in ASSETS:
+        if asset.rms_height_m:
+            continue
         index = Medium(asset.medium, asset.parameters).index(CARRIER_HZ)
         furnace = _library_furnace(bench, asset.name, SLAB_M)
         opaque = read_surface(bpy.data.materials[asset.name]).is_opaque
         found, row = [], []
-        for angle_deg in angles if asset.name in whole else (SLAB_ANGLES_DEG[1], GRAZING_DEG):
+        for angle_deg in angles:
             expected = _library_series(index, opaque, angle_deg)
             mean = np.mean(expected, axis=0)
             average = furnace(angle_deg)
@@ -123,7 +116,7 @@ def library_slabs(bench: Bench, whole: Sequence[str] = SMOOTH) -> list[Check]:
                     )
                 )
             for number, name in enumerate(POLARISATIONS):
-                if number and (angle_deg == GRAZING_DEG or asset.name not in whole):
+                if number and angle_deg > SLAB_ANGLES_DEG[-1]:
                     continue
                 # The plane of incidence holds world Z: vertical is p.
                 sent = float(np.sum((mean, expected[1], expected[0])[number]))
@@ -141,11 +134,12 @@ def library_slabs(bench: Bench, whole: Sequence[str] = SMOOTH) -> list[Check]:
     ]
 
 
-def library_faces(bench: Bench, angles: Sequence[float] = FACE_ANGLES_DEG) -> list[Check]:
+def library_faces(bench: Bench) -> list[Check]:
     """Every material of the asset library as users get it, rough or smooth, at all angles."""
     values = []
     for asset in ASSETS:
         furnace = _library_furnace(bench, asset.name, 0.0)
+        angles = (0.0, 30.0, 60.0, 75.0, 85.0)
         values += [furnace(angle_deg, 0, FACE_SAMPLES).both[0] for angle_deg in angles]
     return [not_above("materials of the library", values)]
 

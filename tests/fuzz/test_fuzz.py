@@ -30,7 +30,7 @@ from tests.fuzz.mutations import change_file
 
 pytestmark = pytest.mark.slow
 
-CASES, SEED = 60, 2
+CASES, SEED = 100, 2
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ def test_measured(bpy: Any, tmp_path: Path) -> None:
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     radar = make_road.build()
-    frames = {11: 40.0, 15: 48.0}  # above the level of free space, and in a null
+    frames = {1: 20.0, 7: 32.0, 11: 40.0, 15: 48.0}
     # Pixels of half the size, and no more of them than the plate needs.
     bpy.data.objects["Radar Receiver"].data.angle /= 4
     run = radarsim.measure(radar, tmp_path / "run", frames=frames, width_px=80, height_px=44)

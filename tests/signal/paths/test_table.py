@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import itertools
 import threading
 import tracemalloc
 import zipfile
@@ -260,14 +259,14 @@ def test_no_damage_of_a_header_escapes(tmp_path: Path) -> None:
     members = table._members(PATH_DTYPE, 3)
     places = [*range(members[0].start), *range(members[-1].start + members[-1].size, len(whole))]
     rng = np.random.default_rng(1)
-    values = itertools.cycle((*b"\0'(}#9", -1))
-    for place, value in zip(places[::2], values):
-        damaged = bytearray(whole)
-        damaged[place] = value if value >= 0 else int(rng.integers(256))
-        path.write_bytes(damaged)
-        try:
-            found = open_table(path)
-        except FrameFileError:
-            continue
-        assert found.dtype == PATH_DTYPE
-        assert found.equals(rows) or not has_digests(found, written.column_sha256)
+    for place in places[::2]:
+        for value in (*b"\0'(}#9", int(rng.integers(256))):
+            damaged = bytearray(whole)
+            damaged[place] = value
+            path.write_bytes(damaged)
+            try:
+                found = open_table(path)
+            except FrameFileError:
+                continue
+            assert found.dtype == PATH_DTYPE
+            assert found.equals(rows) or not has_digests(found, written.column_sha256)
