@@ -164,13 +164,13 @@ class Declared:
         return self.default if self.of.initial is None else self.of.initial
 
     def from_shown(self, value: float) -> float:
-        """Convert a number from the shown unit to SI, to the last decimal digit."""
+        """Convert a number from the shown unit to SI; no decimal digit is changed by rounding."""
         if not self.exponent or not math.isfinite(value):
             return float(value)
         return float(Decimal(repr(float(value))).scaleb(self.exponent))
 
     def to_shown(self, value: float) -> float:
-        """Convert a number from SI to the shown unit, to the last decimal digit."""
+        """Convert a number from SI to the shown unit; no decimal digit is changed by rounding."""
         return float(Decimal(repr(float(value))).scaleb(-self.exponent))
 
     @property

@@ -42,8 +42,8 @@ def _caches(scene: bpy.types.Scene) -> Iterator[Any]:
 
 
 def writes_disk_caches() -> list[str]:
-    """Return the names of objects whose simulations write files when they are played: a cache on
-    the disk that is not baked, or a fluid.
+    """Return the names of the objects, and of the scenes with rigid bodies, whose simulation writes
+    files during playback. Caches on the disk that are not baked do, and fluids.
     """
     found = [
         scene.name

@@ -76,7 +76,7 @@ class DraftScene:
         )
 
     def _moving(self, index: int, pose: Real) -> BodyMotion:
-        """Return the motion of what moves, on straight lines."""
+        """Return the motion of a body over the interval: its axes and place change linearly."""
         move = self.moves[index]
         ends = np.array([pose[:3, 3], (move @ pose)[:3, 3]]), np.array([np.eye(3), move[:3, :3]])
         place, turn = (np.stack([(a + b) / 2, (b - a) / 2]) for a, b in ends)

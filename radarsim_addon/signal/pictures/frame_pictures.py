@@ -108,7 +108,7 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
 
 @dataclass(frozen=True)
 class MapFile:
-    """A frame's ``_map.npz``, with the numbers that its picture needs before the file is read."""
+    """The file ``_map.npz`` of a frame, and numbers for its picture that are known without it."""
 
     path: Path
     frame: int

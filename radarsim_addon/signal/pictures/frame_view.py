@@ -179,7 +179,9 @@ def write_view(result: Any, folder: Path) -> None:
 
 
 def _spectrogram_rows(result: Any, targets: list[Target]) -> list[int]:
-    """Return numbers of the targets in the ranges, and on the objects, of the spectrogram."""
+    """Return the indices of the targets that lie within the ranges of the spectrogram and, if it
+    shows some objects only, belong to these.
+    """
     shown = result.spectrogram
     if shown is None:
         return []

@@ -348,9 +348,10 @@ class ClutterSurfaces:
 #     dP = EIRP lambda^2 / (4 pi)^3  eta dOmega dr / r_t^2
 #
 # with eta the reflectivity of rain and r_t the distance to the transmitter; the link budget adds
-# gains and extinction, as to other paths. Drops fall with the speeds that eta weighs, and drift
-# with the wind. A direction is blocked from the nearest surface on whose echoes cover half of it;
-# one without echoes (sky, mirrors) is open.
+# gains and extinction, as to other paths. Drops have the distribution of fall speeds that
+# is weighted by eta, and drift with the wind. In each direction, rain counts up to the nearest
+# range from which on echoes of surfaces cover half of its cell, and without limit where there are
+# no echoes (sky, mirrors).
 # -------------------------------------------------------------------------------------------------
 
 #: Directions along the longer side of the field of view, and points of a frame, at most.

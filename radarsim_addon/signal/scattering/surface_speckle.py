@@ -222,7 +222,10 @@ class SurfaceCells:
         self._starts = hash_step(self._starts)
 
     def of(self, rows: PathRows, first: bool) -> Cells:
-        """Return cells of the first or last vertex of rows whose vertices are all known."""
+        """Return for each row the cell of the surface in which its first or last vertex lies.
+
+        The body and place of each vertex must be known.
+        """
         body = np.clip(rows[self._columns[0 if first else 1]], 0, self._most)
         length_m = self._lengths_m[rows["first_object" if first else "last_object"]]
         edge_m = np.maximum(self._edges_m[body], length_m)

@@ -531,7 +531,9 @@ class Surface:
 
     @property
     def _albedo(self) -> float | None:
-        """Albedo of a material made for light, as that of a Lambert surface; None if unknown."""
+        """Albedo of a material that is no Radar Material, which is taken as a Lambert surface; None
+        if it is not known.
+        """
         if self.is_default:
             return _DEFAULT_ALBEDO
         if self.output is None or self.output.kind not in ("Principled", "Diffuse"):

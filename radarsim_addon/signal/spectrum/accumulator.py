@@ -332,8 +332,10 @@ class MovingPathAccumulator(PulseSums):
         history: AmplitudeHistory,
         first: int,
     ) -> None:
-        """Add rows of a motion whose amplitudes vary; `history` is of all its rows, `first` the
-        number of its row 0 in errors.
+        """Add rows of a motion whose amplitudes vary with time.
+
+        `history` has the amplitudes of all rows of the motion. `first` is the number by which error
+        messages name row 0 of the motion.
         """
         basis, times_s = self._amplitude_basis, self._times_s
         follows = np.zeros(rows.size, dtype=bool)

@@ -548,8 +548,10 @@ class BurstBasis:
         return np.concatenate([self.nodes_s, self.checks_s])
 
     def interpolate(self, values: Values) -> tuple[Values, Real]:
-        """Return coefficients c_k (rows, count) of values (rows, times) at `sample_times_s`, and
-        their largest departure at the checks, (rows,).
+        """Fit values (rows, times) that are given at `sample_times_s`.
+
+        Return the coefficients c_k of the Chebyshev polynomials, (rows, count), and the largest
+        error of the fit at the last of these times, which serve as checks, (rows,).
         """
         coefficients = np.ascontiguousarray(values[:, : self.count]) @ self._inverse
         left = np.abs(coefficients @ self._at_checks - values[:, self.count :]).max(axis=1)

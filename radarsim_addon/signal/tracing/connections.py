@@ -23,7 +23,8 @@ from .mirrors import FLAT, MirrorFaces, Plane
 from .obstacles import Obstacles
 from .specular_points import SmoothPatches, SpecularSearch
 
-#: Height over a mirror, relative to the way to it, below which a point is on its plane.
+#: A point lies in the plane of a mirror if its height over the plane, divided by the length of the
+#: way to it, is below this.
 _LEAST_HEIGHT = 1e-6
 #: Least radius of curvature for rays, over the wavelength: k a = 10.
 _LEAST_RADIUS = 10 / (2 * math.pi)

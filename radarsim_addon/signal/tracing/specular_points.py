@@ -231,8 +231,8 @@ class SpecularSearch:
     def _guesses(
         self, places_m: Real, place: Indices, patch: Indices
     ) -> tuple[Indices, Indices, Real]:
-        """Return pairs of places and patches, (n,) each, and the weights where their search begins,
-        (n, 3).
+        """Return the numbers of the place (n,) and of the patch (n,) of each pair, and the weights
+        of the patch's corners (n, 3) from which the search for the specular point starts.
         """
         parts = np.broadcast_to(np.eye(3), (patch.size, 3, 3))
         found = []

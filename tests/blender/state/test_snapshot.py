@@ -243,6 +243,81 @@ def test_meshes_of_all_kinds() -> None:
     checked()
 
 
+def changing_grids() -> None:
+    """Meshes that modifiers, shape keys, textures, drivers and nodes change from frame to frame."""
+    scene, holder = bpy.context.scene, mh.empty("Holder", (0, 0, 0))
+    mh.key(holder, "location", (1, (0, 0, 0)), (20, (3, 1, 2)))
+    texture = bpy.data.textures.new("Texture", "CLOUDS")
+    mh.key(texture, "noise_scale", (1, 0.1), (20, 1.0))
+
+    def grid(name: str, kind: str = "", **values: Any) -> Any:
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=20, y_subdivisions=20)
+        bpy.context.object.name = name
+        if not kind:
+            return bpy.context.object
+        modifier = bpy.context.object.modifiers.new(name, kind)
+        for key, value in values.items():
+            setattr(modifier, key, value)
+        return modifier
+
+    grid("Wave", "WAVE", height=1.0)
+    grid("Build", "BUILD", frame_duration=20)
+    grid("Texture", "DISPLACE", texture=texture)
+    object_texture = bpy.data.textures.new("Of object", "CLOUDS")
+    settings = {"texture_coords": "OBJECT", "texture_coords_object": holder}
+    grid("Place", "DISPLACE", texture=object_texture, **settings)
+    grid("Hook", "HOOK", object=holder).vertex_indices_set(range(200))
+    keyed = grid("Keys")
+    keyed.shape_key_add(name="Basis")
+    shape = keyed.shape_key_add(name="Up")
+    shape.data[5].co.z = 3.0
+    mh.key(shape, "value", (1, 0.0), (20, 1.0))
+    driver = grid("Driver", "SIMPLE_DEFORM").driver_add("angle").driver
+    variable = driver.variables.new()
+    variable.type, variable.targets[0].id_type = "SINGLE_PROP", "SCENE"
+    variable.targets[0].id, variable.targets[0].data_path = scene, "frame_current"
+    driver.expression = f"{variable.name} / 10"
+    tree = bpy.data.node_groups.new("Time", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = (
+        "NodeGroupInput", "GeometryNodeInputSceneTime", "ShaderNodeCombineXYZ",
+        "GeometryNodeSetPosition", "NodeGroupOutput",
+    )  # fmt: skip
+    begin, time, vector, place, end = map(tree.nodes.new, kinds)
+    for source, target in (
+        (begin.outputs[0], place.inputs[0]),
+        (time.outputs[0], vector.inputs[2]),
+        (vector.outputs[0], place.inputs["Offset"]),
+        (place.outputs[0], end.inputs[0]),
+    ):
+        tree.links.new(source, target)
+    grid("Nodes", "NODES", node_group=tree)
+
+
+def test_meshes_that_change_with_time_are_read_again() -> None:
+    """Of each object, what is kept is what Blender evaluates at the frame."""
+    rs.new_scene()
+    changing_grids()
+    before: dict[str, Any] = {}
+    changed = set()
+    for frame in (1, 5, 14):
+        bpy.context.scene.frame_set(frame)
+        found = take_snapshot(bpy.context.evaluated_depsgraph_get())
+        for shape in found.shapes:
+            mesh, name = found.mesh(shape), shape.original.name
+            if mesh is None:
+                continue
+            with evaluated_mesh(found.evaluated(shape.original)) as shown:
+                assert shown is not None
+                own = read_numbers(shown.vertices, "co", 3)
+            np.testing.assert_array_equal(mesh.vertices, own, name)
+            if not np.array_equal(before.get(name, own), own):
+                changed.add(name)
+            before[name] = own
+    assert changed == {"Wave", "Build", "Texture", "Place", "Hook", "Keys", "Driver", "Nodes"}
+
+
 def test_another_file_has_another_snapshot() -> None:
     rs.new_scene()
     box("One")
