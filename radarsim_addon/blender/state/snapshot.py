@@ -445,9 +445,10 @@ def _same(last: Snapshot, layout: Layout, shapes: list[Shape]) -> bool:
 
 def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
     """Return a snapshot with some objects read again, which neither make nor have instances."""
+    layout, shapes = last.layout, last.shapes
+    changed = {item: other for item, other in changed.items() if item in layout.row_of}
     if not changed:
         return dataclasses.replace(last)
-    layout, shapes = last.layout, last.shapes
     if any(changed.values()):
         shapes = shapes.copy()
     now = dict(zip(last.moved.tolist(), last.moved_matrices, strict=True))
@@ -495,15 +496,15 @@ class _Latest:
                 self.scene_changed = True
             elif isinstance(evaluated, _Object):
                 item = evaluated.original
-                geometry, there = update.is_updated_geometry, item in layout.row_of
+                geometry = update.is_updated_geometry
                 # A change of the scene reports all its objects, as shaded again.
                 if geometry or update.is_updated_transform:
                     self.layout_changed |= item in layout.instanced
-                    if there:
-                        self.changed[item] = geometry or self.changed.get(item, False)
+                    # Also where only instances are there: a new mesh may be where an old one was.
+                    self.changed[item] = geometry or self.changed.get(item, False)
                 if update.is_updated_shading:
                     self.shaded.add(item)
-                self.scene_changed |= item in layout.instanced or not there
+                self.scene_changed |= item in layout.instanced or item not in layout.row_of
 
     def take(self, depsgraph: bpy.types.Depsgraph) -> Snapshot:
         last = self.snapshot

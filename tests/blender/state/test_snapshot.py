@@ -318,6 +318,28 @@ def test_meshes_that_change_with_time_are_read_again() -> None:
     assert changed == {"Wave", "Build", "Texture", "Place", "Hook", "Keys", "Driver", "Nodes"}
 
 
+def test_a_mesh_of_which_only_instances_are_there_is_read_again() -> None:
+    """Blender puts a new mesh where it has freed another one, so its address tells nothing."""
+    rs.new_scene()
+    holder = bpy.data.collections.new("Holder")
+    bpy.ops.mesh.primitive_cube_add()
+    cube = bpy.context.object
+    holder.objects.link(cube)
+    bpy.context.scene.collection.objects.unlink(cube)
+    rs.instance_of(holder)
+    smoother = cube.modifiers.new("Smoother", "SUBSURF")
+    seen, addresses = 0, set()
+    for step in range(40):
+        smoother.levels = 1 + step % 3
+        (shape,) = (one for one in checked().shapes if one.original == cube)
+        mesh = checked().mesh(shape)
+        assert mesh is not None
+        assert len(mesh.sides) == 6 * 4**smoother.levels, step
+        seen += shape.address in addresses
+        addresses.add(shape.address)
+    assert seen, "no address came twice, so nothing was tested"
+
+
 def test_another_file_has_another_snapshot() -> None:
     rs.new_scene()
     box("One")
