@@ -81,7 +81,10 @@ def run_demo(out: Path) -> dict[str, Any]:
             "fig8_matched_filter",
             plot_range_profile(result.compressed, result.profile, result.edges, unit=unit),
         ),
-        ("fig9_range_doppler", plot_range_doppler(result.rd_map, result.moving_targets, unit=unit)),
+        (
+            "fig9_range_doppler",
+            plot_range_doppler(result.rd_map, result.moving_targets, unit=unit, paper_axes=True),
+        ),
     ):
         save_figure(figure, out / f"{name}.png")
     done = time.perf_counter()

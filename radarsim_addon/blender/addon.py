@@ -14,6 +14,7 @@ from .ui import (
     live_preview,
     material_panel,
     measuring,
+    menus,
     operators,
     overlays,
     panels,
@@ -43,6 +44,7 @@ CLASSES: tuple[type, ...] = (
     *material_panel.CLASSES,
     *material_panel.CLUTTER_CLASSES,
     *material_panel.ASSET_CLASSES,
+    *menus.CLASSES,
 )
 
 
@@ -66,12 +68,14 @@ def register() -> None:
     overlays.show_overlays()
     picture_images.follow_zoom()
     results_panel.follow_clicks()
+    menus.show_menus()
 
 
 def unregister() -> None:
     """Take all of it back. A second call changes nothing."""
     measuring.end_runs()
     live_preview.unregister_live()
+    menus.hide_menus()
     results_panel.ignore_clicks()
     picture_images.stop_drawing()
     overlays.hide_overlays()

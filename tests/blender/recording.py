@@ -62,6 +62,9 @@ class Layout:
         assert value in data.bl_rna.properties[name].enum_items, value
         self.fields.append(f"{name}={value}")
 
+    def menu(self, name: str, *, text: str | None = None, icon: str = "NONE") -> None:
+        assert hasattr(bpy.types, name), name
+
     def popover(self, *, panel: str, **_: Any) -> None:
         assert hasattr(bpy.types, panel), panel
 

@@ -111,7 +111,12 @@ class RadarProgress(bpy.types.PropertyGroup):
         name="Status", options={"SKIP_SAVE"}, description="State of the last job"
     )
     findings: bpy.props.StringProperty(
-        name="Findings", options={"SKIP_SAVE"}, description="Findings of the last job, as JSON"
+        name="Findings", options={"SKIP_SAVE"}, description="Findings of the last run, as JSON"
+    )
+    processed: bpy.props.StringProperty(
+        name="Processing Findings",
+        options={"SKIP_SAVE"},
+        description="Findings of the last processing, as JSON",
     )
 
 

@@ -228,6 +228,8 @@ def show(run: WindowRun) -> None:
         return
     progress.running, progress.fraction, progress.text = not run.ended, run.fraction, text
     progress.findings = findings_text(run.findings)
+    if not run.ended:
+        progress.processed = ""
     if run.seconds_per_ray is not None:
         progress.seconds_per_ray = run.seconds_per_ray
     for window in manager.windows:

@@ -32,7 +32,8 @@ from ..rig_settings import (
 )
 from ..scene import active_radar, setup_rig
 from .fields import findings_text, report_findings, reported, tr
-from .measuring import WindowRun, add_run, advance, current_run, end_runs
+from .live_preview import LIVE_PROPERTY
+from .measuring import WindowRun, add_run, advance, current_run, end_runs, show
 from .panels import preset_choice
 from .picture_images import COVERAGE_IMAGE, draw_image, show_images, start_drawing
 from .results_panel import chosen_processing
@@ -95,6 +96,23 @@ def _within(place: Vector, items: list[Any]) -> bool:
     return False
 
 
+def _show_radar(context: bpy.types.Context, radar: Any) -> None:
+    """Move the user's view back until it shows the radar and the scene; switch on the preview."""
+    view = getattr(context.space_data, "region_3d", None)
+    if view is None or bpy.app.background:
+        return
+    chosen = [item for item in context.scene.objects if item.type in SURFACE_TYPES]
+    shown = [item for item in chosen if not item.hide_render and item.visible_get()]
+    for item in shown:
+        item.select_set(True)
+    region = next(one for one in context.area.regions if one.type == "WINDOW")
+    with context.temp_override(region=region):
+        bpy.ops.view3d.view_selected()
+    for item in shown:
+        item.select_set(item == radar)
+    setattr(context.window_manager, LIVE_PROPERTY, True)
+
+
 def _looking(direction: Vector) -> Euler:
     """Rotation of an empty whose -Z points along a direction, +Y up."""
     return direction.to_track_quat("-Z", "Y").to_euler()
@@ -109,6 +127,16 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
 
     preset: preset_choice("Radar to begin with")
 
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """Ask for the preset."""
+
+        def draw(menu: Any, _: bpy.types.Context) -> None:
+            menu.layout.operator_context = "EXEC_REGION_WIN"
+            menu.layout.operator_enum(self.bl_idname, "preset")
+
+        context.window_manager.popup_menu(draw, title=self.bl_label, icon="OUTLINER_OB_CAMERA")
+        return {"FINISHED"}
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
             pose = radar_pose(context)
@@ -120,6 +148,7 @@ class RADARSIM_OT_setup_rig(bpy.types.Operator):
                 item.select_set(False)
             empty.select_set(True)
             context.view_layer.objects.active = empty
+            _show_radar(context, empty)
             return {"FINISHED"}
         return {"CANCELLED"}
 
@@ -148,12 +177,12 @@ class RADARSIM_OT_assign_material(bpy.types.Operator):
         return {"CANCELLED"}
 
 
-class RADARSIM_OT_render_frames(bpy.types.Operator):
-    """Measure every radar frame of a copy of the scene. Replaces the last run of this scene"""
+class _MeasuringOperator(bpy.types.Operator):
+    """An operator that measures a copy of the scene."""
 
-    bl_idname = "radarsim.render_frames"
-    bl_label = "Render Radar Frames"
     bl_options = {"REGISTER"}
+    #: Whether the run is processed and shown at its end.
+    _shows = False
 
     _timer: Any = None
     _run: WindowRun | None = None
@@ -199,9 +228,22 @@ class RADARSIM_OT_render_frames(bpy.types.Operator):
             return self._leave(context, {"CANCELLED"})
         if not self._run.ended:
             return {"PASS_THROUGH"}
+        self._leave(context, set())
         with reported(self):
-            return self._leave(context, self._report_end(self._run))
-        return self._leave(context, {"CANCELLED"})
+            found = self._report_end(self._run)
+            if self._shows and found == {"FINISHED"}:
+                self._show(context)
+            return found
+        return {"CANCELLED"}
+
+    def _show(self, context: bpy.types.Context) -> None:
+        """Process the run, unless another one measures, which may replace it."""
+        advance()
+        if current_run() is None and self._run is not None:
+            show(self._run)
+            bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT")
+        else:
+            self.report({"INFO"}, "Another run measures: its results are shown at its end")
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender closes the window or loads another file: the run continues."""
@@ -225,6 +267,8 @@ class RADARSIM_OT_render_frames(bpy.types.Operator):
                 end_runs()
             found = self._report_end(run)
             report_findings(self, run.findings, run.frames)
+            if self._shows and found == {"FINISHED"}:
+                found = bpy.ops.radarsim.process_last_run()
             return found
         return {"CANCELLED"}
 
@@ -241,20 +285,38 @@ class RADARSIM_OT_render_frames(bpy.types.Operator):
         return result
 
 
+class RADARSIM_OT_render_frames(_MeasuringOperator):
+    """Measure every radar frame of a copy of the scene. Replaces the last run of this scene"""
+
+    bl_idname = "radarsim.render_frames"
+    bl_label = "Render Radar Frames"
+
+
+class RADARSIM_OT_measure_and_show(_MeasuringOperator):
+    """Measure every radar frame, process the run, and show its map beside the scene"""
+
+    bl_idname = "radarsim.measure_and_show"
+    bl_label = "Measure and Show"
+
+    _shows = True
+
+
 class RADARSIM_OT_stop_run(bpy.types.Operator):
-    """Stop the run that measures now"""
+    """Stop what runs now: the run that measures, or its processing"""
 
     bl_idname = "radarsim.stop_run"
     bl_label = "Cancel"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return current_run() is not None
+        return bool(getattr(context.window_manager, PROGRESS_PROPERTY).running)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         run = current_run()
         if run is not None:
             run.stop()
+        else:
+            RADARSIM_OT_process_last_run.stops = True
         return {"FINISHED"}
 
 
@@ -264,6 +326,9 @@ class RADARSIM_OT_process_last_run(bpy.types.Operator):
     bl_idname = "radarsim.process_last_run"
     bl_label = "Process Last Run"
     bl_options = {"REGISTER"}
+
+    #: Whether the user wants the processing to end.
+    stops = False
 
     _job: ProcessingJob
     _images: list[Any]
@@ -281,14 +346,14 @@ class RADARSIM_OT_process_last_run(bpy.types.Operator):
             self._start(context)
             manager = context.window_manager
             progress = getattr(manager, PROGRESS_PROPERTY)
-            progress.running, progress.findings = True, findings_text([])
+            progress.running, progress.fraction, progress.text = True, 0.0, self._job.text
             self._timer = manager.event_timer_add(_TICK_S, window=context.window)
             manager.modal_handler_add(self)
             return {"RUNNING_MODAL"}
         return {"CANCELLED"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS":
+        if (event.type == "ESC" and event.value == "PRESS") or self.stops:
             self._end(context, tr("Processing stopped"))
             return {"CANCELLED"}
         if event.type != "TIMER":
@@ -338,6 +403,8 @@ class RADARSIM_OT_process_last_run(bpy.types.Operator):
         self._job.result.fingerprint = fingerprint
         self._job.result.scene_uid = context.scene.session_uid
         self._images = []
+        RADARSIM_OT_process_last_run.stops = False
+        getattr(context.window_manager, PROGRESS_PROPERTY).processed = ""
         start_drawing()
 
     def _tick(self) -> bool:
@@ -362,6 +429,8 @@ class RADARSIM_OT_process_last_run(bpy.types.Operator):
         redraw_panels(context)
 
     def _report_end(self) -> None:
+        progress = getattr(bpy.context.window_manager, PROGRESS_PROPERTY)
+        progress.processed = findings_text(self._job.findings)
         report_findings(self, self._job.findings, self._job.frames)
         self.report({"INFO"}, self._job.text)
 
@@ -401,6 +470,7 @@ CLASSES: tuple[type, ...] = (
     RADARSIM_OT_setup_rig,
     RADARSIM_OT_assign_material,
     RADARSIM_OT_render_frames,
+    RADARSIM_OT_measure_and_show,
     RADARSIM_OT_stop_run,
     RADARSIM_OT_process_last_run,
     RADARSIM_OT_open_output,

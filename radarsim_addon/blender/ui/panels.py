@@ -42,7 +42,6 @@ from .fields import (
     wrapped,
 )
 from .live_preview import LIVE_PROPERTY
-from .measuring import current_run
 from .results_panel import RADARSIM_PT_results
 from .scene_panel import LONG_S, draw_rows, effort
 from .scene_reading import current_measurement, rig_of
@@ -324,26 +323,18 @@ class RADARSIM_PT_render(ActiveRadarPanel, bpy.types.Panel):
             layout.label(text="No place for the run yet", icon="ERROR")
             layout.operator("wm.save_mainfile", text="Save the File...", icon="FILE_TICK")
         layout.prop(context.window_manager, LIVE_PROPERTY)
-        layout.operator("radarsim.render_frames", icon="RENDER_ANIMATION")
-        _draw_progress(context, layout, measurement)
-
-
-def _draw_progress(
-    context: bpy.types.Context, layout: bpy.types.UILayout, measurement: Measurement | None
-) -> None:
-    """How far the run is, and its findings."""
-    progress = getattr(context.window_manager, PROGRESS_PROPERTY)
-    if progress.running:
-        percent = tr("{percent:.0f} %", percent=progress.fraction * 100)
-        layout.progress(factor=progress.fraction, text=percent)
-        layout.label(text=progress.text, translate=False)
-        row = layout.row()
-        row.label(text="Esc stops", icon="EVENT_ESC")
-        if current_run() is not None:
-            row.operator("radarsim.stop_run", icon="CANCEL")
-    elif progress.text:
-        wrapped(context, layout, progress.text, "INFO")
-    draw_rows(layout, read_findings(progress.findings), measurement)
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        row = layout.row(align=True)
+        row.scale_y = 1.4
+        if progress.running:  # in the button's place, so that nothing moves
+            percent = tr("{percent:.0f} %", percent=progress.fraction * 100)
+            row.progress(factor=progress.fraction, text=percent)
+            row.operator("radarsim.stop_run", text="", icon="CANCEL")
+            layout.label(text=progress.text, translate=False)
+        else:
+            row.operator("radarsim.measure_and_show", icon="RENDER_ANIMATION")
+            wrapped(context, layout, progress.text or tr("Not measured yet"), "INFO")
+        draw_rows(layout, read_findings(progress.findings), measurement)
 
 
 class RADARSIM_PT_advanced(ActiveRadarPanel, bpy.types.Panel):

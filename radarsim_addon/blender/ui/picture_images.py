@@ -216,38 +216,49 @@ def _put(name: str, found: Message) -> Any:
     return image
 
 
-def _new_editors(context: bpy.types.Context, window: Any, count: int) -> list[Any]:
-    """Split the largest area of a window into Image Editors."""
-    area = max(window.screen.areas, key=lambda item: item.width * item.height)
-    area.type = "IMAGE_EDITOR"
-    if count > 1:
-        known = set(window.screen.areas)
-        with context.temp_override(window=window, area=area, region=area.regions[-1]):
-            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
-        return [area, *(item for item in window.screen.areas if item not in known)]
-    return [area]
-
-
 def show_images(context: bpy.types.Context, images: list[Any]) -> None:
-    """Show images in the open Image Editors; without one, in a new window."""
-    editors = [
-        area
-        for window in context.window_manager.windows
-        for area in window.screen.areas
-        if area.type == "IMAGE_EDITOR"
-    ]
+    """Show images in the Image Editors with pictures of ours, else beside the 3D view."""
+    editors = [area for _, area, _ in _editors()] or _free_editors(context)
     if not editors and images:
-        before = list(context.window_manager.windows)
-        with context.temp_override(window=before[0]):  # a timer has none
-            bpy.ops.wm.window_new()
-        new = [window for window in context.window_manager.windows if window not in before]
-        if new:
-            editors = _new_editors(context, new[0], len(images))
+        editors = split_view(context, len(images))
     for area, image in zip(editors, images, strict=False):
         area.spaces.active.image = image
         _undrawn.add(area.as_pointer())
     if not bpy.app.background:
         _fit_soon()
+
+
+def _free_editors(context: bpy.types.Context) -> list[Any]:
+    """Image Editors that show nothing."""
+    areas = [area for window in context.window_manager.windows for area in window.screen.areas]
+    return [one for one in areas if one.type == "IMAGE_EDITOR" and one.spaces.active.image is None]
+
+
+def split_view(context: bpy.types.Context, count: int) -> list[Any]:
+    """Put Image Editors, one above the other, into a new half of a window's largest 3D view.
+
+    Without a 3D view, of its largest editor. The view itself keeps its sidebar.
+    """
+    window = context.window or context.window_manager.windows[0]  # a timer has none
+    areas = window.screen.areas
+    views = [area for area in areas if area.type == "VIEW_3D"] or list(areas)
+    largest = max(views, key=lambda item: item.width * item.height)
+    made = _halves(context, window, largest, "VERTICAL")[1:]
+    for area in made:  # none where there is too little room
+        area.type = "IMAGE_EDITOR"
+        area.spaces.active.show_gizmo = False  # its buttons would hide numbers
+        if count > 1:
+            made = _halves(context, window, area, "HORIZONTAL")
+    return made
+
+
+def _halves(context: bpy.types.Context, window: Any, area: Any, direction: str) -> list[Any]:
+    """Split an area; return its right or upper half, which it is itself, and the new one."""
+    known = set(window.screen.areas)
+    region = next(one for one in area.regions if one.type == "WINDOW")
+    with context.temp_override(window=window, screen=window.screen, area=area, region=region):
+        bpy.ops.screen.area_split(direction=direction, factor=0.5)
+    return [area, *(item for item in window.screen.areas if item not in known)]
 
 
 #: Editors whose image was set and that were not drawn since: their size may not be known.

@@ -19,6 +19,8 @@ from ...findings import to_json
 from ...messages import open_messages, write_message
 from ...signal.pictures import FrameProfile, FrameView, Target
 
+#: Farthest target that a place in a picture means, in a picture of `WIDTH` [px].
+NEAR_PX = 30.0
 #: Size of pictures that are saved, in which distances of clicks are counted [px].
 WIDTH, HEIGHT = 1200, 800
 
@@ -142,6 +144,30 @@ def _values(kind: str, view: FrameView, item: Target) -> tuple[float | None, flo
         "RANGE_TIME": (None, item["range_m"]),
     }
     return values[kind]
+
+
+def read_out(kind: str, axes: PictureAxes, view: FrameView, across: float, up: float) -> str:
+    """Return the values at a place in a picture, and the target that is drawn there; "" outside.
+
+    Arguments as of `nearest_target`. Levels are those of cells as they are drawn.
+    """
+    if not axes.holds(across, up):
+        return ""
+    x, y = axes.value(across, up)
+    parts = []
+    if kind in ("MAP", "SPECTROGRAM"):
+        rate_mps = -view.wavelength_m / 2 * (x if kind == "MAP" else y)
+        first = f"{y:.4g} m" if kind == "MAP" else f"{1e3 * x:.4g} ms"
+        parts = [first, f"{rate_mps:+.3g} m/s"]
+        parts.append(f"{view.level_db(kind.lower(), x, y):.1f} {view.unit}")
+    elif kind == "PROFILE":
+        parts = [f"{x:.4g} m", f"{y:.1f} dB"]
+    elif kind == "RANGE_TIME":
+        parts = [f"{x:.4g} s", f"{y:.4g} m"]
+    row, away_px = nearest_target(kind, axes, view, across, up) if parts else (-1, math.inf)
+    if row >= 0 and away_px <= NEAR_PX and view.targets[row]["name"]:
+        parts.append(view.targets[row]["name"])
+    return "   ".join(parts)
 
 
 def nearest_frame(profiles: Sequence[FrameProfile], time_s: float) -> int:

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
+import blf
 import bpy
 
 from ...signal.pictures import Target
@@ -16,13 +19,15 @@ from .fields import (
     draw_number,
     draw_state,
     may_write,
+    read_findings,
     register_timer_writes,
     split,
     tr,
     unregister_timer_writes,
 )
 from .picture_images import axes_of, fault_of_pictures
-from .result_pictures import KINDS, nearest_frame, nearest_target
+from .result_pictures import KINDS, NEAR_PX, nearest_frame, nearest_target, read_out
+from .scene_panel import draw_rows
 from .shown_results import (
     RESULTS_PROPERTY,
     age_of_results,
@@ -114,7 +119,10 @@ def _shown_frame(_: Any) -> int:
 class TargetRow(bpy.types.PropertyGroup):
     """A row of the list of targets; its name is that of the object."""
 
-    text: bpy.props.StringProperty(name="Numbers", description="Range, range rate, SNR, RCS")
+    range_text: bpy.props.StringProperty(name="Range", description="One-way range [m]")
+    rate_text: bpy.props.StringProperty(name="Range Rate", description="Range rate [m/s]")
+    snr_text: bpy.props.StringProperty(name="SNR", description="SNR in the map [dB]")
+    rcs_text: bpy.props.StringProperty(name="RCS", description="Radar cross section [dBsm]")
 
 
 class RadarResults(bpy.types.PropertyGroup):
@@ -275,16 +283,16 @@ def unregister_results() -> None:
 
 
 # -------------------------------------------------------------------------------------------------
-# A click on a target in a picture of the results selects its object and draws its paths.
+# A click on a target in a picture of the results selects its object and draws its paths. The values
+# under the mouse are written into the picture.
 # -------------------------------------------------------------------------------------------------
 
 
 #: Pictures in which targets have places.
 _KINDS = ("MAP", "PROFILE", "SPECTROGRAM", "RANGE_TIME")
 _ITEMS = tuple((name, KINDS[name].label, KINDS[name].tooltip) for name in _KINDS)
-#: Farthest target that a click means, in a picture of 1200 x 800 [px].
-_REACH_PX = 30.0
 _keys: list[tuple[Any, Any]] = []
+_handles: list[Any] = []
 
 
 def _kind_of(context: bpy.types.Context) -> str:
@@ -344,7 +352,7 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
             time_s, _ = axes.value(self.x, self.y)
             view = run.view(run.frames[nearest_frame(run.profiles, time_s)])
         row, away_px = nearest_target(self.kind, axes, view, self.x, self.y)
-        if away_px > _REACH_PX:
+        if away_px > NEAR_PX:
             self.report({"INFO"}, "No target of the list is near the mouse. Click on a target.")
             return {"CANCELLED"}
         target = choose_row(context, row, view.frame)
@@ -354,7 +362,54 @@ class RADARSIM_OT_pick_target(bpy.types.Operator):
         return {"FINISHED"}
 
 
-PICKING_CLASSES: tuple[type, ...] = (RADARSIM_OT_pick_target,)
+class RADARSIM_OT_read_out(bpy.types.Operator):
+    """Write the values under the mouse into a picture of the results"""
+
+    bl_idname = "radarsim.read_out"
+    bl_label = "Read Radar Picture"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(_kind_of(context)) and shown_view() is not None
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        kind, view = _kind_of(context), shown_view()
+        axes = axes_of(KINDS[kind].image) if kind else None
+        assert view is not None
+        mouse = context.region.view2d.region_to_view(event.mouse_region_x, event.mouse_region_y)
+        text = "" if axes is None else read_out(kind, axes, view, *mouse)
+        pointer = context.area.as_pointer()
+        if _read_out.get(pointer, "") != text:
+            _read_out[pointer] = text
+            context.region.tag_redraw()
+        return {"PASS_THROUGH"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        return {"CANCELLED"}  # there is no mouse
+
+
+#: What is written into the Image Editors, by their addresses.
+_read_out: dict[int, str] = {}
+_READ_OUT_PX = 12
+
+
+def _draw_read_out() -> None:
+    context = bpy.context
+    text = _read_out.get(context.area.as_pointer(), "") if _kind_of(context) else ""
+    if not text:
+        return
+    scale = context.preferences.system.ui_scale
+    blf.size(0, _READ_OUT_PX * scale)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.enable(0, blf.SHADOW)  # readable on the picture and beside it
+    blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
+    blf.position(0, 10 * scale, 10 * scale, 0)
+    blf.draw(0, text)
+    blf.disable(0, blf.SHADOW)
+
+
+PICKING_CLASSES: tuple[type, ...] = (RADARSIM_OT_pick_target, RADARSIM_OT_read_out)
 
 
 def follow_clicks() -> None:
@@ -363,7 +418,12 @@ def follow_clicks() -> None:
     if _keys or keys is None:
         return
     keymap = keys.keymaps.new(name="Image", space_type="IMAGE_EDITOR")
-    _keys.append((keymap, keymap.keymap_items.new("radarsim.pick_target", "LEFTMOUSE", "PRESS")))
+    for operator, kind, value in (
+        ("radarsim.pick_target", "LEFTMOUSE", "PRESS"), ("radarsim.read_out", "MOUSEMOVE", "ANY")
+    ):  # fmt: skip
+        _keys.append((keymap, keymap.keymap_items.new(operator, kind, value)))
+    add = bpy.types.SpaceImageEditor.draw_handler_add
+    _handles.append(add(_draw_read_out, (), "WINDOW", "POST_PIXEL"))
 
 
 def ignore_clicks() -> None:
@@ -371,6 +431,9 @@ def ignore_clicks() -> None:
     while _keys:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)
+    while _handles:
+        bpy.types.SpaceImageEditor.draw_handler_remove(_handles.pop(), "WINDOW")
+    _read_out.clear()
 
 
 class RADARSIM_OT_select_target(bpy.types.Operator):
@@ -452,9 +515,31 @@ class RADARSIM_UL_targets(bpy.types.UIList):
         owner: Any,
         name: str,
     ) -> None:
-        row = layout.split(factor=0.3)
-        row.label(text=item.name, translate=False)
-        row.label(text=item.text, translate=False)
+        texts = [getattr(item, f"{key}_text") for key in _columns_of(data)]
+        _draw_columns(layout, item.name, texts)
+
+
+#: Columns of the list besides the name, and the units in their heads.
+_COLUMNS = {"range": "m", "rate": "m/s", "snr": "dB", "rcs": "dBsm"}
+#: Rows that are looked at for what they have.
+_FIRST_ROWS = 50
+
+
+def _columns_of(state: Any) -> list[str]:
+    """Columns in which a row of the list has something."""
+    rows = list(itertools.islice(state.rows, _FIRST_ROWS))
+    return [key for key in _COLUMNS if any(getattr(row, f"{key}_text") for row in rows)]
+
+
+def _draw_columns(layout: bpy.types.UILayout, name: str, texts: Sequence[str]) -> None:
+    """Draw a row of the list: the name, and numbers that end below each other."""
+    row = layout.split(factor=0.32)
+    row.label(text=name, translate=False)
+    cells = row.grid_flow(row_major=True, columns=len(texts), even_columns=True, align=True)
+    for text in texts:
+        cell = cells.row()
+        cell.alignment = "RIGHT"
+        cell.label(text=text, translate=False)
 
 
 class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
@@ -470,7 +555,9 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = split(self.layout)
-        layout.operator("radarsim.process_last_run", icon="GRAPH")
+        row = layout.row(align=True)
+        row.operator("radarsim.process_last_run", icon="GRAPH")
+        row.operator("radarsim.workspace", text="", icon="WORKSPACE")
         state = getattr(context.window_manager, RESULTS_PROPERTY)
         run, view = shown_run(), shown_view()
         age = age_of_results()
@@ -488,7 +575,10 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
             layout.prop(state, "picture")
             layout.prop(state, "span_db")
         _draw_processing(context, layout, state)
+        progress = getattr(context.window_manager, PROGRESS_PROPERTY)
+        draw_rows(layout, read_findings(progress.processed), None)
         if view is not None and len(state.rows):
+            _draw_columns(layout, tr("Target"), [_COLUMNS[key] for key in _columns_of(state)])
             layout.template_list(
                 "RADARSIM_UL_targets", "", state, "rows", state, "row", rows=min(len(state.rows), 6)
             )

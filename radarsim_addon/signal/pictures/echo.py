@@ -28,7 +28,7 @@ from .figure import (
     range_unit,
     reference_text,
     say_empty,
-    scale_on_top,
+    second_scale,
     strongest,
     time_unit,
 )
@@ -228,7 +228,7 @@ def _label_times(first: Axes, second: Axes, axes: EchoAxes) -> None:
         return
     second.set_xlabel(f"fast time since the middle of the pulse [{axes.time.name}]")
     factor = SPEED_OF_LIGHT_MPS / 2 * axes.time.size / axes.range_unit.size
-    scale_on_top(first, factor, f"one-way range of the echo's middle [{axes.range_unit.name}]")
+    second_scale(first, factor, f"one-way range of the echo's middle [{axes.range_unit.name}]")
 
 
 def plot_rings(frame: RadarFrame, snapshot_index: int = 0, floor_db: float = -60.0) -> Figure:

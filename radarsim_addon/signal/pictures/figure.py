@@ -214,13 +214,13 @@ def _figure_class() -> type[Figure]:
     return type("Figure", (base,), {"_repr_png_": as_png})
 
 
-def scale_on_top(axis: Axes, factor: float, label: str) -> None:
-    """Draw a second scale at the top of axes: the numbers of the lower one times `factor`."""
-    upper = axis.secondary_xaxis(
-        "top", functions=(lambda x: np.multiply(x, factor), lambda x: np.divide(x, factor))
+def second_scale(axis: Axes, factor: float, label: str, side: str = "top") -> None:
+    """Draw a second scale above or below axes: the numbers of the first one times `factor`."""
+    second = axis.secondary_xaxis(
+        side, functions=(lambda x: np.multiply(x, factor), lambda x: np.divide(x, factor))
     )
-    upper.ticklabel_format(axis="x", useOffset=False)
-    upper.set_xlabel(label)
+    second.ticklabel_format(axis="x", useOffset=False)
+    second.set_xlabel(label)
 
 
 def lay_out(figure: Figure) -> None:

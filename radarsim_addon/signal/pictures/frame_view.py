@@ -94,6 +94,22 @@ class FrameView:
         axes: Any = from_json(_AXES[kind], self.axes[kind], "Axes")
         return axes, 10 ** (self.arrays[f"{kind}_db"] / 10)
 
+    def level_db(self, kind: str, right: float, up: float) -> float:
+        """Return the level of the cell of a "map" (Doppler [Hz], range [m]) or a "spectrogram"
+        (time [s], Doppler [Hz]) at a place within its axes [dB].
+        """
+        axes: Any = from_json(_AXES[kind], self.axes[kind], "Axes")
+        if kind == "map":
+            cells = (axes.doppler, axes.doppler_unit, right), (axes.ranges, axes.range_unit, up)
+        else:
+            cells = (axes.across, axes.time_unit, right), (axes.up, axes.doppler_unit, up)
+        levels = self.arrays[f"{kind}_db"]
+        place = []
+        for (axis, unit, value), count in zip(cells, levels.shape, strict=True):
+            part = (value / unit.size - axis.low) / (axis.high - axis.low)
+            place.append(min(max(int(part * count), 0), count - 1))
+        return float(levels[place[0], place[1]])
+
 
 def _file(folder: Path, frame: int, ending: str) -> Path:
     return folder / f"view_{frame:06d}.{ending}"

@@ -40,7 +40,7 @@ from .figure import (
     range_unit,
     reference_text,
     say_empty,
-    scale_on_top,
+    second_scale,
     speed_unit,
     strongest,
     time_unit,
@@ -111,8 +111,9 @@ def plot_range_doppler(
     left_out: int = 0,
     noise_power: float = 0.0,
     unit: str = "",
+    paper_axes: bool = False,
 ) -> Figure:
-    """Draw a map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
+    """Draw a map in decibels: range upwards, range rate to the right, Doppler above.
 
     Parameters
     ----------
@@ -134,6 +135,8 @@ def plot_range_doppler(
         at the colour bar; 0: unknown.
     unit
         Unit of the map's powers in decibels, "dBW" with the amplitude model "radar-equation".
+    paper_axes
+        Doppler to the right, as in the paper's Fig. 9: receding is on the left.
 
     Returns
     -------
@@ -142,7 +145,7 @@ def plot_range_doppler(
     """
     axes, scale = _of_map(rd_map, noise_power, unit, floor_db)
     figure = new_figure(8, 6.5)
-    axis, _ = draw_map(figure, rd_map.plane_power, axes, scale)
+    axis, _ = draw_map(figure, rd_map.plane_power, axes, scale, paper_axes)
     axis.set_title(title, fontsize=10)
     _mark_targets(axis, axes, targets, left_out)
     _number_targets(figure, axis, rd_map, axes, foremost(rd_map, peaks, targets))
@@ -354,21 +357,23 @@ def picture_floor_db(power: Real, noise_power: float = 0.0) -> float:
 
 
 def draw_map(
-    figure: Figure, power: Real, axes: MapAxes, scale: ColourScale
+    figure: Figure, power: Real, axes: MapAxes, scale: ColourScale, paper_axes: bool = False
 ) -> tuple[Axes, AxesImage]:
     """Draw a map (Doppler, ranges) into an empty figure; return its axes and image."""
-    axis, image, bar = empty_map(figure, axes, scale.floor_db)
+    axis, image, bar = empty_map(figure, axes, scale.floor_db, paper_axes)
     image.set_data(joined_level(power, axes, scale))
     label_colours(axis, bar, scale)
     return axis, image
 
 
-def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, AxesImage, Colorbar]:
+def empty_map(
+    figure: Figure, axes: MapAxes, floor_db: float, paper_axes: bool = False
+) -> tuple[Axes, AxesImage, Colorbar]:
     """Draw the axes of a map into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
     image = cell_image(axis, axes.doppler, axes.ranges, cmap="viridis", vmin=floor_db, vmax=0)
     bar = figure.colorbar(image, ax=axis, pad=0.02)
-    _label_axes(axis, axes)
+    _label_axes(axis, axes, paper_axes)
     return axis, image, bar
 
 
@@ -387,23 +392,28 @@ def label_colours(axis: Axes, bar: Colorbar, scale: ColourScale) -> None:
         )  # fmt: skip
 
 
-def _label_axes(axis: Axes, axes: MapAxes) -> None:
-    """Label range, Doppler below and range rate above."""
+def _label_axes(axis: Axes, axes: MapAxes, paper_axes: bool) -> None:
+    """Label range, range rate and Doppler. The data coordinates are range and Doppler."""
     axis.set_ylabel(f"one-way range [{axes.range_unit.name}]")
     axis.ticklabel_format(useOffset=False)
     if axes.pulses == 1:
         axis.set_xticks([])
         axis.set_xlabel("one pulse: Doppler is not resolved")
         return
-    axis.set_xlabel(
-        f"Doppler [{axes.doppler_unit.name}]      $f_D=-2v/\\lambda$: receding ($v>0$) on the left"
-    )
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
+    limit = abs(factor) * (axes.doppler.end - axes.doppler.low) / 2
+    unit = axes.rate_unit.name
+    rate = f"range rate $v$ [{unit}], folds at $\\pm${limit:.3g} {unit}"
+    doppler = f"Doppler [{axes.doppler_unit.name}]      $f_D=-2v/\\lambda$"
+    if paper_axes:
+        axis.set_xlabel(f"{doppler}: receding ($v>0$) on the left")
+    else:
+        axis.invert_xaxis()  # receding is at negative Doppler
+        axis.xaxis.tick_top()
+        axis.xaxis.set_label_position("top")
+        axis.set_xlabel(doppler)
     if factor:
-        limit = abs(factor) * (axes.doppler.end - axes.doppler.low) / 2
-        unit = axes.rate_unit.name
-        label = f"range rate $v$ [{unit}], folds at $\\pm${limit:.3g} {unit}"
-        scale_on_top(axis, factor, label)
+        second_scale(axis, factor, rate, "top" if paper_axes else "bottom")
 
 
 def plot_clutter(

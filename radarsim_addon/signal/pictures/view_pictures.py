@@ -55,6 +55,8 @@ if TYPE_CHECKING:
 #: Size of all pictures [in], and colour of the chosen target in maps and in curves.
 WIDTH_IN, HEIGHT_IN = 9.6, 6.4
 _CHOSEN, _CHOSEN_LINE = "white", "C1"
+#: Maximum number of names in a picture, and the room that each has, as fractions of the axes.
+_MOST_NAMES, _NAME_WIDTH, _NAME_HEIGHT = 8, 0.16, 0.05
 
 
 class _Request(NamedTuple):
@@ -181,7 +183,31 @@ def _levels(request: _Request) -> _Axes:
         size = 8.0 if len(view.detections) <= 20 else 5.0 if len(view.detections) <= 60 else 2.5
         places = [_place_in_map(item, view.wavelength_m, axes) for item in view.detections]
         axes.axis.plot(*zip(*places, strict=True), "o", ls="", mfc="none", mec="C1", ms=size)
+    if kind == "MAP":
+        named = [(one["name"], _place_in_map(one, view.wavelength_m, axes)) for one in view.targets]
+        write_names(axes.axis, named, "white", "black")
     return axes
+
+
+def write_names(
+    axis: Axes, named: Sequence[tuple[str, tuple[float, float]]], colour: str, back: str
+) -> None:
+    """Write the names of the first targets next to their places; none near another one."""
+    taken: list[tuple[float, float]] = []
+    to_axes = axis.transData + axis.transAxes.inverted()
+    for name, place in named:
+        x, y = to_axes.transform(place)
+        near = any(abs(x - a) < _NAME_WIDTH and abs(y - b) < _NAME_HEIGHT for a, b in taken)
+        if len(taken) == _MOST_NAMES or not name or near or not (0 <= x <= 1 and 0 <= y <= 1):
+            continue
+        taken.append((x, y))
+        left = x > 1 - _NAME_WIDTH
+        note = axis.annotate(
+            name, place, xytext=(-7 if left else 7, 6), textcoords="offset points",
+            ha="right" if left else "left", va="bottom", fontsize=8, color=colour, clip_on=True,
+            bbox={"boxstyle": "square,pad=0.1", "fc": back, "ec": "none", "alpha": 0.5},
+        )  # fmt: skip
+        note.set_in_layout(False)  # or the axes would shrink for it
 
 
 def _place_in_map(item: Mapping[str, Any], wavelength_m: float, axes: _Axes) -> tuple[float, float]:
@@ -203,7 +229,13 @@ def _whole(request: _Request) -> _Axes:
     if request.kind == "PROFILE":
         range_m = profiles[0].range_m
         axis = draw_expected_profile(figure, range_m, profiles[0].power, scale)
-        units, title = (range_unit(float(range_m[-1])).size, 1.0), f"Range profile, {view.title}"
+        size = range_unit(float(range_m[-1])).size
+        level = power_to_db(profiles[0].power, scale.reference or 1.0, scale.floor_db)
+        at = [np.argmin(np.abs(range_m - one["range_m"])) for one in view.targets]
+        places = [(float(range_m[n]) / size, float(level[n])) for n in at]
+        names = [one["name"] for one in view.targets]
+        write_names(axis, list(zip(names, places, strict=True)), "black", "white")
+        units, title = (size, 1.0), f"Range profile, {view.title}"
     elif request.kind == "RANGE_TIME":
         axis, units = draw_range_time(figure, profiles, scale)
         title = f"Range profiles, {frames}"

@@ -12,7 +12,7 @@ import pytest
 bpy = pytest.importorskip("bpy")
 
 from radarsim_addon.blender.addon import CLASSES
-from radarsim_addon.blender.ui import scene_panel
+from radarsim_addon.blender.ui import menus, scene_panel
 from radarsim_addon.blender.ui.result_pictures import HEIGHT, KINDS, WIDTH
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
@@ -87,8 +87,25 @@ def test_render_and_process_operators(
         pixels = np.empty(image.size[0] * image.size[1] * 4, dtype=np.float32)
         image.pixels.foreach_get(pixels)
         assert pixels.min() < 0.2 < 0.9 < pixels.max()
-    assert bpy.ops.radarsim.process_last_run() == {"FINISHED"}
+    first = (tmp_path / "run.json").stat().st_mtime_ns
+    assert bpy.ops.radarsim.measure_and_show() == {"FINISHED"}
+    assert (tmp_path / "run.json").stat().st_mtime_ns > first
     assert sum(image.name.startswith("Radar ") for image in bpy.data.images) == 2
+
+
+def test_menus_have_all_that_a_user_looks_for(addon: Any) -> None:
+    """F3 finds what is in a menu. Registered twice, each menu is there once."""
+    addon.register()
+    for menu, function in (
+        (bpy.types.VIEW3D_MT_add, menus.draw_in_add),
+        (bpy.types.VIEW3D_MT_editor_menus, menus.draw_in_header),
+    ):
+        assert menu._dyn_ui_initialize().count(function) == 1
+    drawn = recording.drawn(menus.RADARSIM_MT_radar)
+    found = {button.operator for button in drawn.buttons}
+    assert found >= {f"radarsim.{name}" for name in ("measure_and_show", "render_frames")}
+    addon.unregister()
+    assert menus.draw_in_add not in bpy.types.VIEW3D_MT_add._dyn_ui_initialize()
 
 
 def test_operators_report_named_errors(scene: Any, tmp_path: Path) -> None:

@@ -28,9 +28,11 @@ from radarsim_addon.blender.ui import results_panel as rp
 from radarsim_addon.blender.ui import shown_results as sr
 from radarsim_addon.blender.ui.overlays import overlay_lines
 from radarsim_addon.blender.ui.picture_images import axes_of
-from radarsim_addon.blender.ui.result_pictures import HEIGHT, KINDS, WIDTH, PictureAxes
+from radarsim_addon.blender.ui.result_pictures import HEIGHT, KINDS, WIDTH, PictureAxes, read_out
 from radarsim_addon.messages import Message
 from radarsim_addon.signal.pictures import FrameView, answer_request, read_view, write_view
+from radarsim_addon.signal.pictures.figure import new_figure
+from radarsim_addon.signal.pictures.view_pictures import write_names
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 from tests.signal import path_runs
@@ -295,6 +297,51 @@ def place_of(picture: str, across: float, up: float) -> dict[str, Any]:
     """Arguments of a click, from fractions of the plotting area."""
     left, low, right, high = picture_axes(picture).box
     return {"kind": picture, "x": left + across * (right - left), "y": low + up * (high - low)}
+
+
+def test_values_under_the_mouse_are_those_of_the_cell(state: Any) -> None:
+    """The strongest cell of the wall at rest and of the car, which recedes to the right of it."""
+    view = process()
+    axes, level_db = view.axes["map"], view.arrays["map_db"]
+    doppler_hz = centres(axes["doppler"], level_db.shape[0], axes["doppler_unit"])
+    range_m = centres(axes["ranges"], level_db.shape[1], axes["range_unit"])
+    rates = -view.wavelength_m / 2 * doppler_hz
+    across = {}
+    for name, near in {"Wall": abs(rates) < 2, "Car": abs(rates - CAR_MPS) < 2}.items():
+        levels = np.where(near[:, None], level_db, -np.inf)
+        row, column = np.unravel_index(levels.argmax(), levels.shape)
+        place = picture_axes("MAP").place(doppler_hz[row], range_m[column])
+        text = read_out("MAP", picture_axes("MAP"), view, *place).split("   ")
+        assert text == [
+            f"{range_m[column]:.4g} m", f"{rates[row]:+.3g} m/s",
+            f"{level_db[row, column]:.1f} {view.unit}", name,
+        ]  # fmt: skip
+        across[name] = place[0]
+    assert across["Car"] > across["Wall"]
+    assert read_out("MAP", picture_axes("MAP"), view, 0.01, 0.5) == ""
+    state.picture = "PROFILE"
+    range_m, power = view.arrays["profile_range_m"], view.arrays["profile"]
+    peak = range_m[np.where(abs(range_m - WALL_M) < 5, power, 0.0).argmax()]
+    x, _ = picture_axes("PROFILE").place(peak, -10.0)
+    text = read_out("PROFILE", picture_axes("PROFILE"), view, x, 0.5).split("   ")
+    assert float(text[0].removesuffix(" m")) == pytest.approx(peak, rel=1e-3)
+    assert text[-1] == "Wall"
+
+
+def test_targets_have_their_names_in_pictures() -> None:
+    """The strongest first; none over another one, none outside."""
+    figure = new_figure(9.6, 6.4)
+    axis = figure.subplots()
+    axis.set_xlim(100.0, -100.0)
+    axis.set_ylim(0.0, 50.0)
+    named = [("Car", (0.0, 20.0)), ("Wheel", (1.0, 20.5)), ("", (50.0, 9.0)), ("Far", (0.0, 70.0))]
+    write_names(axis, [*named, ("Wall", (-99.0, 40.0))], "white", "black")
+    assert [(one.get_text(), one.xy) for one in axis.texts] == [
+        ("Car", (0.0, 20.0)), ("Wall", (-99.0, 40.0))
+    ]  # fmt: skip
+    for one in axis.texts:
+        box = one.get_window_extent().transformed(axis.transAxes.inverted())
+        assert box.x0 > 0 and box.x1 < 1
 
 
 def test_a_click_in_the_spectrogram_means_a_target_of_its_echoes(state: Any) -> None:

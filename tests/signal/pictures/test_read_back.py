@@ -81,12 +81,14 @@ def assert_scaled(axis: Any, along: int, doppler_hz: list[float]) -> None:
         assert places[1] == pytest.approx(places[0], abs=0.01)
 
 
-def assert_rates_above(figure: Any) -> None:
-    """The upper scale is -lambda / 2 times the lower one: receding is on the left."""
+def assert_rates(figure: Any, left_hz: float = 450.0) -> None:
+    """The scale of range rates is -lambda / 2 times that of Doppler; receding is on the right."""
     figure.canvas.draw()
     axis = figure.axes[0]
     assert_scaled(axis, 0, [-400.0, 0.0, 300.0])
-    assert axis.get_xlim() == pytest.approx((-450.0, 450.0))
+    assert axis.get_xlim() == pytest.approx((left_hz, -left_hz))
+    rates = axis.child_axes[0].transData
+    assert (rates.transform((5.0, 0.0))[0] > rates.transform((-5.0, 0.0))[0]) == (left_hz > 0)
     assert axis.get_ylim() == pytest.approx((39.0, 53.0))
 
 
@@ -103,7 +105,8 @@ def test_map_and_clutter() -> None:
         )
         assert axis.images[0].get_clim() == (-50.0, 0.0)  # 10 dB below the noise
         assert noise_lines(bar) == pytest.approx([-40.0])
-        assert_rates_above(figure)
+        assert_rates(figure)
+    assert_rates(plot_range_doppler(unequal_map(), paper_axes=True), -450.0)
 
 
 def clutter_of_a_tenth() -> ExpectedPower:
