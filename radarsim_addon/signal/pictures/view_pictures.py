@@ -185,7 +185,7 @@ def _levels(request: _Request) -> _Axes:
         axes.axis.plot(*zip(*places, strict=True), "o", ls="", mfc="none", mec="C1", ms=size)
     if kind == "MAP":
         named = [(one["name"], _place_in_map(one, view.wavelength_m, axes)) for one in view.targets]
-        write_names(axes.axis, named, "white", "black")
+        write_names(axes.axis, named, "0.9", "black")
     return axes
 
 

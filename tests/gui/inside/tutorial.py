@@ -18,7 +18,7 @@ from robot import Robot, pictures_fit
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 #: Letters of the screenshots: readable where the page shows them at half their size.
 UI_SCALE = 1.5
-OPERATOR = "RADARSIM_OT_render_frames"
+OPERATOR = "RADARSIM_OT_measure_and_show"
 
 
 def move_the_cube(cube: Any) -> None:
@@ -41,6 +41,8 @@ def script(robot: Any) -> Any:
     yield from robot.open_tab("Radar")
     yield from robot.shot("tutorial_1_tab")
     yield from robot.click("radarsim.setup_rig")
+    yield from robot.settle()
+    robot.press("Return")  # the first preset of the list
     yield from robot.wait(lambda: "Radar" in bpy.data.objects, "the radar", 20)
     yield 0.5
     yield from robot.shot("tutorial_2_radar")
@@ -55,14 +57,12 @@ def script(robot: Any) -> Any:
     radar = bpy.data.objects["Radar"]
     result["radar_m"] = list(radar.matrix_world.translation)
     result["output_folder"] = radar.radarsim.output_folder
-    yield from robot.click_until(
-        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run"
-    )
-    yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
-    yield 1.0
-    yield from robot.shot("tutorial_4_rendered")
     images = {image.name for image in bpy.data.images}
-    yield from robot.click("radarsim.process_last_run")
+    yield from robot.click_until(
+        "radarsim.measure_and_show", lambda: OPERATOR in robot.modal_operators(), "the run"
+    )
+    yield 1.0
+    yield from robot.shot("tutorial_4_running")
     yield from robot.wait(
         lambda: len({image.name for image in bpy.data.images} - images) >= 2, "the images", 300
     )

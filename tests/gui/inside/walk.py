@@ -34,6 +34,7 @@ scene_module = load("walk_scene")
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 RINGS = 12
 OPERATOR = "RADARSIM_OT_render_frames"
+MEASURE = "RADARSIM_OT_measure_and_show"
 PROCESS = "RADARSIM_OT_process_last_run"
 IMAGES = "IMAGE_EDITOR"
 
@@ -51,12 +52,16 @@ def script(robot: Any) -> Any:
 
     # 2. The rig.
     yield from robot.click("radarsim.setup_rig")
+    yield from robot.settle()
+    robot.press("Return")  # the first preset of the list
     yield from robot.wait(
         lambda: any(item.type == "EMPTY" for item in scene.objects), "the rig", 20
     )
     yield from robot.settle()
     result["rig"] = {item.name: item.type for item in scene.objects if item not in objects}
     yield from robot.shot("02_rig")
+    result["live"] = bpy.context.window_manager.radarsim_live
+    bpy.context.window_manager.radarsim_live = False
 
     # What the scene's materials stand for, by their names.
     yield from robot.click("radarsim.suggest_materials")
@@ -114,6 +119,12 @@ def script(robot: Any) -> Any:
     yield from robot.shot("04_checked")
 
     # 4. Numbers, and a first run.
+    def start(folder: Path) -> None:
+        settings.output_folder = str(folder)
+        region = next(r for r in robot.view.regions if r.type == "WINDOW")
+        with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+            bpy.ops.radarsim.render_frames("INVOKE_DEFAULT")
+
     settings.output_folder = str(FOLDER / "run one")
     settings.frame_mode = "current"
     settings.sampling_mode = "rings"
@@ -127,9 +138,7 @@ def script(robot: Any) -> Any:
 
     before = snapshot_module.snapshot(scene)
     robot.start_watching()
-    yield from robot.click_until(
-        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
-    )
+    start(FOLDER / "run one")
     first = FOLDER / "run one"
     yield from robot.wait(lambda: len(list(first.rglob("*.exr"))) >= 4, "the first files", 120)
     yield from robot.shot("05_rendering")
@@ -155,9 +164,7 @@ def script(robot: Any) -> Any:
     settings.output_folder = str(second)
     yield 0.3
     before = snapshot_module.snapshot(scene)
-    yield from robot.click_until(
-        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
-    )
+    start(second)
     yield from robot.wait(lambda: len(list(second.rglob("*.exr"))) >= 2, "two files", 120)
     robot.press("Escape")
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the stop", 30)
@@ -170,9 +177,7 @@ def script(robot: Any) -> Any:
     yield from robot.shot("07_cancelled")
 
     # 6. Begun again: it replaces the run that was stopped, without a question.
-    yield from robot.click_until(
-        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
-    )
+    start(second)
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield from robot.settle()
     result["continued"] = {
@@ -184,12 +189,6 @@ def script(robot: Any) -> Any:
     }
 
     # Esc at any moment of a render, not only at one that Blender's own render job sees.
-    def start(folder: Path) -> None:
-        settings.output_folder = str(folder)
-        region = next(r for r in robot.view.regions if r.type == "WINDOW")
-        with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
-            bpy.ops.radarsim.render_frames("INVOKE_DEFAULT")
-
     result["escapes"] = []
     for number, delay_s in enumerate((0.0, 0.07, 0.14, 0.21, 0.28, 0.35)):
         folder = FOLDER / f"run escape {number}"
@@ -221,9 +220,7 @@ def script(robot: Any) -> Any:
     robot.view.tag_redraw()
     yield from robot.settle()
     before = snapshot_module.snapshot(scene)
-    yield from robot.click_until(
-        "radarsim.render_frames", lambda: OPERATOR in robot.modal_operators(), "the run's start"
-    )
+    start(third)
     yield from robot.wait(lambda: OPERATOR not in robot.modal_operators(), "the run's end", 300)
     yield from robot.settle()
     yield from robot.shot("07_paths")
@@ -280,10 +277,14 @@ def script(robot: Any) -> Any:
 
     # 8. Processed, and shown.
     images = {image.name for image in bpy.data.images}
+    yield from robot.click_until(
+        "radarsim.measure_and_show", lambda: MEASURE in robot.modal_operators(), "the run's start"
+    )
+    yield from robot.wait(lambda: PROCESS in robot.modal_operators(), "the processing", 300)
     robot.start_watching()
-    yield from robot.click("radarsim.process_last_run")
+    yield from robot.shot("08_processing")
     yield from robot.wait(
-        lambda: {image.name for image in bpy.data.images} - images, "the images", 300
+        lambda: len({image.name for image in bpy.data.images} - images) > 1, "the images", 300
     )
     result["processing"] = robot.stop_watching()
     yield from robot.wait(robot_module.pictures_fit, "the pictures at their size", 60)
@@ -311,17 +312,6 @@ def script(robot: Any) -> Any:
     result["products"] = scene_module.files(second)
 
     # 9. Results of paths: a target of the list, its paths; settings that process again.
-    # An Image Editor to the left of the view, in place of the window that covers all.
-    for window in list(bpy.context.window_manager.windows)[1:]:
-        with bpy.context.temp_override(window=window):
-            bpy.ops.wm.window_close()
-    yield from robot.settle()
-    region = next(region for region in robot.view.regions if region.type == "WINDOW")
-    with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
-        bpy.ops.screen.area_split(direction="VERTICAL", factor=0.45)
-    yield from robot.settle()
-    views = [area for area in robot.window.screen.areas if area.type == "VIEW_3D"]
-    min(views, key=lambda area: area.width).type = "IMAGE_EDITOR"
     settings.sampling_mode, settings.output_folder = "paths", str(third)
     shown = bpy.context.window_manager.radarsim_results
     yield from robot.settle()
