@@ -271,18 +271,22 @@ def finding_about(code: str, found: Mapping[str, Mapping[str, float]]) -> Findin
     return written(_merged(each))
 
 
-def finding_lines(findings: Iterable[Finding], frames: Sequence[int] = ()) -> list[str]:
+def finding_lines(
+    findings: Iterable[Finding], frames: Sequence[int] = (), whole: bool = False
+) -> list[str]:
     """Return the merged findings as lines that are safe to print.
 
-    Such as ``caution: frames 1-3: ... [doppler-ambiguous-paths]``. `frames` are all frames that
-    were looked at, in order; with more than one, a line names its frames.
+    Such as ``caution: frames 1-3: ... [doppler-ambiguous-paths]``: what happened, and with `whole`
+    its cause and remedy. `frames` are all frames that were looked at, in order; with more than one,
+    a line names its frames.
     """
     lines = []
     for item in merge(findings):
         place = ""
         if len(frames) > 1 and item.frames:
             place = f"{frames_text(item.frames, frames)}: "
-        lines.append(printable(f"{item.severity}: {place}{item.message} [{item.code}]"))
+        text = item.message if whole else item.text
+        lines.append(printable(f"{item.severity}: {place}{text} [{item.code}]"))
     return lines
 
 

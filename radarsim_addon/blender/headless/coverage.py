@@ -141,7 +141,7 @@ def _draw(arguments: argparse.Namespace, stream: Any) -> None:
         link_budget_file=arguments.link_budget,
     )
     folder = arguments.out or arguments.blend.absolute().parent
-    for line in finding_lines(list(found.findings), ()):
+    for line in finding_lines(list(found.findings), (), whole=True):
         print(f"radarsim: {line}", file=stream, flush=True)
     for path in write_coverage(found, folder, request.curve_m):
         print(f"radarsim: wrote {path}", file=stream, flush=True)

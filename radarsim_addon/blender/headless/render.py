@@ -110,6 +110,9 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
         elif arguments.process and job.own_frames:
             done = process(job, stream, stop, animate=False if share.shard else None)
         found = [*job.run_findings, *frame_findings(job.folder, job.own_frames)]
+        if found or done:
+            text = f"`radarsim info {job.folder}` gives causes and remedies"
+            print(f"radarsim: {text}", file=stream, flush=True)
         return max(done, exit_code(found, job.own_frames))
 
 
@@ -124,7 +127,7 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool 
     `animate`: whether moving pictures are made; None: the default. Return the exit code.
     """
     # a render alone needs nothing of it
-    from ...signal.pipeline import FrameResult, ProcessOptions, process_run
+    from ...signal.pipeline import FrameResult, ProcessOptions, frame_lines, process_run
 
     options = ProcessOptions(animate=animate)
     printed = {item.code for item in job.findings}
@@ -135,7 +138,7 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool 
             if stop.asked:
                 raise KeyboardInterrupt
             if isinstance(event, FrameResult):
-                print(f"radarsim: frame {event.frame}: {len(event.files)} files", file=stream)
+                print("\n".join(frame_lines(event)), file=stream, flush=True)
                 findings += event.findings
                 frames.append(event.frame)
             elif event.kept is not None:

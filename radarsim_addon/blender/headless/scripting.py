@@ -41,6 +41,7 @@ from ..materials import (  # noqa: F401
     set_mirror,
     set_scattered_lobe,
 )
+from ..materials.physical_materials import READY
 from ..nodes import assign_to, make_material, preset_material
 from ..plan import DEFAULT_PRESET, PathOptions, radar_preset
 from ..rig_settings import (
@@ -54,7 +55,15 @@ from ..rig_settings import (
     unregister,
 )
 from ..rig_settings import settings as settings_of
-from ..scene import antennas_of, find_rig, radars, replace_material, setup_rig, suggest_materials
+from ..scene import (
+    antennas_of,
+    bare_objects,
+    find_rig,
+    radars,
+    replace_material,
+    setup_rig,
+    suggest_materials,
+)
 from ..state import evaluated_snapshot
 from .console import quiet_blender
 from .session import make_job
@@ -223,27 +232,45 @@ def assign_material(objects: Any, material: bpy.types.Material) -> list[Any]:
     return assign_to(chosen, material)
 
 
-def assign_by_name(scene: bpy.types.Scene | None = None) -> dict[str, str]:
+def assign_by_name(
+    scene: bpy.types.Scene | None = None, *, default: str | None = None
+) -> dict[str, str]:
     """Put radar materials in the place of the optical ones whose names are known.
 
     Parameters
     ----------
     scene : bpy.types.Scene, optional
         None: the current one.
+    default
+        Radar material for the optical ones whose names are not known, and for objects without any,
+        such as "Plastic"; None: these are as they were.
 
     Returns
     -------
     dict of str
-        Radar material by optical material; the others are as they were.
+        Radar material by optical material; "" stands for objects without a material.
+
+    Raises
+    ------
+    ConfigError
+        There is no radar material of the name `default`.
     """
+    if default is not None and default not in READY:
+        raise ConfigError(f"Default is {default!r}; expected one of {', '.join(sorted(READY))}.")
     ensure_registered()
     scene = bpy.context.scene if scene is None else scene
     layer = scene.view_layers[0]
     taken = {}
-    for material, ready in suggest_materials(evaluated_snapshot(layer)).items():
+    for material, known in suggest_materials(evaluated_snapshot(layer)).items():
+        ready = known or default
         if ready:
             replace_material(material, ready, carrier_hz(scene), evaluated_snapshot(layer))
             taken[material.name] = ready
+    bare = bare_objects(evaluated_snapshot(layer)) if default else []
+    if default and bare:
+        made = READY[default].material(default, carrier_hz(scene), penetrable=False)
+        assign_to(bare, made)
+        taken[""] = default
     return taken
 
 

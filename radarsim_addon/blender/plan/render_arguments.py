@@ -117,7 +117,6 @@ def parse_render_arguments(
     parser.add_argument("--resolution", metavar="WxH", help="Set the pixels, for example 640x360")
     parser.add_argument(
         "--link-budget",
-        "--system",
         type=Path,
         metavar="FILE",
         help="Read the link budget (JSON); else the radar's own",

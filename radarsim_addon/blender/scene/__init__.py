@@ -79,6 +79,7 @@ from .view_checks import (
 from .visibility import (
     action_curves,
     animation_curves,
+    bare_objects,
     differs_in_viewport,
     echoes,
     hidden_members,
@@ -114,6 +115,7 @@ __all__ = [
     "animation_curves",
     "antenna_positions",
     "antennas_of",
+    "bare_objects",
     "camera_kind",
     "check_meshes",
     "check_normals",

@@ -552,6 +552,11 @@ def suggest_materials(snapshot: Snapshot) -> dict[Any, str | None]:
     }
 
 
+def bare_objects(snapshot: Snapshot) -> list[Any]:
+    """Return the rendered objects that can have a material and have none in any slot."""
+    return [one.item for one in assigned_materials(snapshot) if not any(one.materials)]
+
+
 def replace_material(
     material: bpy.types.Material, ready: str, carrier_hz: float, snapshot: Snapshot
 ) -> Any:

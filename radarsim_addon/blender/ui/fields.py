@@ -113,7 +113,7 @@ def report_findings(
     """Report findings of `frames` in Blender's status bar and Info editor."""
     for item in merge(findings):
         kind = "INFO" if item.severity == "info" else "WARNING"  # ERROR would raise in scripts
-        operator.report({kind}, finding_lines([item], frames)[0])
+        operator.report({kind}, finding_lines([item], frames, whole=True)[0])
 
 
 def draw_findings(

@@ -152,7 +152,7 @@ def process_by_workers(chosen: argparse.Namespace, words: list[str]) -> int:
     findings: list[Finding] = []
 
     def show(reply: Reply) -> None:
-        print("\n".join(reply.get("lines", ())))
+        print("\n".join(reply.get("lines", ())), flush=True)
         findings.extend(from_json(item, "worker") for item in reply.get("findings", ()))
         if "map" in reply:
             path = Path(reply["map"]["path"])
@@ -244,12 +244,15 @@ def _process(chosen: argparse.Namespace) -> int:
                 continue
             if lines:
                 print("\r\x1b[K" if live else "", end="", file=sys.stderr)
-                print("\n".join(lines))
+                print("\n".join(lines), flush=True)
             findings += found
             seen += frames
     finally:  # of the frames that are done, whatever ended the run
-        for line in finding_lines(findings, seen):
+        # `info` looks at the run's own products
+        for line in finding_lines(findings, seen, whole=chosen.out is not None):
             print(line)
+    if findings and chosen.out is None:
+        print(f"`radarsim info {chosen.folder}` gives causes and remedies")
     return exit_code(findings, seen)
 
 

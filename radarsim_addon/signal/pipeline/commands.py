@@ -29,11 +29,11 @@ from ...contract import (
     frame_dir,
 )
 from ...errors import ConfigError, FrameFileError, OutputError, SchemaError
-from ...findings import Finding, finding_lines, frames_text, merge
+from ...findings import Finding, finding_lines, frames_text, from_json, merge
 from ...options import CommandParser
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...terminal import printable
-from ...typed_json import check_digest, file_sha256, write_record
+from ...typed_json import check_digest, file_sha256, read_json, write_record
 from ..decoding import open_frame
 from ..detection import (
     BudgetReport,
@@ -52,9 +52,9 @@ from ..pictures import (
     plot_coverage,
     save_figure,
 )
-from ..products import SUMMARY_ENDING, frame_file, write_coverage_files
+from ..products import MOST_SUMMARY_BYTES, SUMMARY_ENDING, frame_file, write_coverage_files
 from ..radar import Coverage, coverage_curve, half_power_width_rad, make_system, read_system
-from ..runs import FRAME_FIELDS, RadarFrame, Run, open_run, shared_plan
+from ..runs import FRAME_FIELDS, RadarFrame, Run, frame_findings, open_run, shared_plan
 
 #: Where a parser of arguments collects its commands.
 Subcommands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
@@ -95,10 +95,9 @@ def print_run(folder: str) -> int:
         rows += _noise_rows(run)
     for name, text in rows:
         print(f"{name:18} {text}")
-    for line in finding_lines(record.findings):
-        print(line)
     if gaps:
         print(f"incomplete: frame {gaps[0].frame}: {gaps[0].reason}; {len(gaps)} in all")
+    found = [*record.findings, *frame_findings(run.path, record.frames)]
     missing_frames = {gap.frame for gap in gaps}
     whole = next((f for f in run.frames() if f.number not in missing_frames), None)
     if whole is not None:
@@ -112,14 +111,20 @@ def print_run(folder: str) -> int:
         print(f"  mixed pixels     {100 * statistics.mixed_power_fraction:.2f} % of the power")
         if record.sampling_mode == "paths":
             _print_quality(frame_input.table.record)
-            return 0
-        print(
-            f"  snapshots        {counts.crossed_shell} crossed a ring, "
-            f"{counts.range_rate_rejected} too fast, "
-            f"{counts.single_snapshot} in the first only"
-        )
-        for line in finding_lines(statistics_findings(statistics, radar)):
-            print(f"  {line}")
+        else:
+            print(
+                f"  snapshots        {counts.crossed_shell} crossed a ring, "
+                f"{counts.range_rate_rejected} too fast, "
+                f"{counts.single_snapshot} in the first only"
+            )
+            found += statistics_findings(statistics, radar)
+    for number in record.frames:
+        path = frame_file(run.path / PRODUCTS_DIR, number, SUMMARY_ENDING)
+        if path.is_file():
+            summary = read_json(path, MOST_SUMMARY_BYTES, "", FrameFileError)
+            found += (from_json(item, str(path)) for item in summary.get("findings", ()))
+    for line in finding_lines(found, record.frames, whole=True):
+        print(line)
     return 0
 
 
@@ -183,8 +188,6 @@ def _print_quality(record: PathsRecord) -> None:
         f"{100 * record.mixed_power_fraction:.2g} %, range bias at most "
         f"{record.mixed_bias_bound_m:.2g} m"
     )
-    for line in finding_lines(record.findings):
-        print(f"  {line}")
 
 
 def _noise_rows(run: Run) -> list[tuple[str, str]]:
@@ -214,9 +217,7 @@ def add_objects_parser(commands: Subcommands, frame_numbers: Callable[[str], lis
         "[each object by itself]",
     )
     parser.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
-    parser.add_argument(
-        "--link-budget", "--system", metavar="FILE", help="link budget (JSON) [the run's own]"
-    )
+    parser.add_argument("--link-budget", metavar="FILE", help="link budget (JSON) [the run's own]")
 
 
 def print_objects(

@@ -47,7 +47,14 @@ from ..pictures import (
     plot_antennas,
     save_figure,
 )
-from ..products import SUMMARY_ENDING, FrameResult, frame_file, remove_stale, write_result
+from ..products import (
+    MOST_SUMMARY_BYTES,
+    SUMMARY_ENDING,
+    FrameResult,
+    frame_file,
+    remove_stale,
+    write_result,
+)
 from ..radar import make_system
 from ..runs import FRAME_FIELDS, RadarFrame, Run, open_run, shared_plan
 from .frame import frame_steps
@@ -55,7 +62,6 @@ from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
 #: Options that change no file of a frame.
 _OF_NO_FRAME = ("animate", "animation_format")
-_MOST_BYTES = 1 << 26
 #: In a frame's record: no product depends on it, and the record's digest does.
 _RENDER_TIME = re.compile(rb'"(render_time_s|record_sha256)": *[^,}\s]*')
 #: The animation of all frames' maps, in the folder of the products; it ends in its format.
@@ -335,7 +341,7 @@ def kept_frame(folder: Path, frame: RadarFrame, fingerprint: str) -> KeptFrame |
     """
     path = frame_file(folder, frame.number, SUMMARY_ENDING)
     try:
-        summary = read_json(path, _MOST_BYTES, "", FrameFileError)
+        summary = read_json(path, MOST_SUMMARY_BYTES, "", FrameFileError)
         if summary.get("fingerprint") != fingerprint:
             return None
         sizes = {folder / name: size for name, size in summary["files"].items()}

@@ -6,10 +6,11 @@ registry of writers. `frame_products` writes npz, JSON, CSV, EXR, SigMF and HDF5
 registers the writer of pictures. Each file is written whole or not at all.
 """
 
-from .frame_products import SUMMARY_ENDING, write_coverage_files, write_products
+from .frame_products import MOST_SUMMARY_BYTES, SUMMARY_ENDING, write_coverage_files, write_products
 from .frame_result import FrameResult, frame_file, remove_stale, result_writer, write_result
 
 __all__ = [
+    "MOST_SUMMARY_BYTES",
     "SUMMARY_ENDING",
     "FrameResult",
     "frame_file",

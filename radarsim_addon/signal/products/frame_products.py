@@ -90,6 +90,8 @@ def write_profile_and_map(result: FrameResult, folder: Path) -> list[Path]:
 
 #: Ending of the file that is written last: a frame that has one is whole.
 SUMMARY_ENDING = "_summary.json"
+#: Largest summary that is read.
+MOST_SUMMARY_BYTES = 1 << 26
 _QUANTITIES = ("amplitude", "range")
 _COLUMNS = (
     "height_m",

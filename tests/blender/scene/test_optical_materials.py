@@ -18,6 +18,7 @@ from radarsim_addon.blender.materials.physical_materials import READY, suggest_m
 from radarsim_addon.blender.nodes.materials import is_radar_material
 from radarsim_addon.blender.scene import replace_material, suggest_materials
 from radarsim_addon.blender.state import evaluated_snapshot
+from radarsim_addon.errors import ConfigError
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 from tests.blender import render_helpers as rh
@@ -123,6 +124,13 @@ def test_by_a_script() -> None:
     street()
     assert radarsim.assign_by_name() == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt"}
     assert radarsim.assign_by_name() == {}
+    bpy.ops.mesh.primitive_cube_add()
+    bare = bpy.context.object
+    assert radarsim.assign_by_name(default="Plastic") == {"Misc": "Plastic", "": "Plastic"}
+    assert bare.data.materials[0].name == "Plastic"
+    assert radarsim.assign_by_name(default="Plastic") == {}
+    with pytest.raises(ConfigError, match="'Cheese'; expected one of Aluminium, "):
+        radarsim.assign_by_name(default="Cheese")
     rig_settings.unregister()
 
 
