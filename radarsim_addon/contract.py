@@ -65,6 +65,12 @@ class ObjectRecord:
     correlation_length_m: float | None = None
     fluctuation: FluctuationRecord | None = None
     clutter: str | None = None
+    # Centre of the bounding box in the world, its velocity between the snapshots (null with one),
+    # and its direction in the receiver's own axes: to the right and up from the line of sight.
+    centre_m: list[float] = field(default_factory=list)
+    velocity_mps: list[float] | None = None
+    azimuth_deg: float | None = None
+    elevation_deg: float | None = None
 
 
 SCHEMA_VERSION = 2

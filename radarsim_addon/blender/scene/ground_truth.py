@@ -143,6 +143,12 @@ def antenna_positions(snapshot: Snapshot, rig: Rig) -> tuple[Real, Real]:
     return _origin(rig.camera, snapshot), _origin(rig.emitter, snapshot)
 
 
+def _axes_of(item: bpy.types.Object, snapshot: Snapshot) -> Real:
+    """Return the directions of an object's own axes in the world as columns, (3, 3)."""
+    axes = np.array(snapshot.evaluated(item).matrix_world, dtype=np.float64)[:3, :3]
+    return np.asarray(axes / np.linalg.norm(axes, axis=0))
+
+
 def _origin(item: bpy.types.Object, snapshot: Snapshot) -> Real:
     return np.array(snapshot.evaluated(item).matrix_world, dtype=np.float64)[:3, 3]
 
@@ -173,27 +179,36 @@ def object_records(
         after = dict(zip(here.tolist(), there.tolist(), strict=True))
     nearest = _nearest_instances(found, receiver)
     rows = [row for row, _ in nearest]
-    rates: dict[int, float] = {}
-    centres_m = (_centre_ranges(snapshot, rows, receiver) * metres_per_unit).tolist()
+    centres = _centres(snapshot, rows)
+    ranges_m = (distances(centres, receiver) * metres_per_unit).tolist()
+    motion: dict[int, dict[str, Any]] = {}
     if later is not None and interval_s > 0:
-        known = [row for row in rows if row in after]
-        then = _centre_ranges(later[0].snapshot, [after[row] for row in known], later[1])
-        before_m = dict(zip(rows, centres_m, strict=True))
-        rates = {
-            row: (then_m - before_m[row]) / interval_s
-            for row, then_m in zip(known, (then * metres_per_unit).tolist(), strict=True)
-        }
+        known = [number for number, row in enumerate(rows) if row in after]
+        then = _centres(later[0].snapshot, [after[rows[number]] for number in known])
+        then_m = distances(then, later[1]) * metres_per_unit
+        velocity_mps = (then - centres[known]) * metres_per_unit / interval_s
+        for number, range_m, velocity in zip(known, then_m.tolist(), velocity_mps, strict=True):
+            motion[rows[number]] = {
+                "range_rate_mps": (range_m - ranges_m[number]) / interval_s,
+                "velocity_mps": velocity.tolist(),
+            }
+    right, up, back = ((centres - receiver) @ _axes_of(rig.camera, snapshot)).T
+    azimuth_deg = np.degrees(np.arctan2(right, -back)).tolist()
+    elevation_deg = np.degrees(np.arctan2(up, np.hypot(right, back))).tolist()
     records = []
     said_by = cache(_said_by_materials)
-    for (row, distance), centre_m in zip(nearest, centres_m, strict=True):
+    for number, (row, distance) in enumerate(nearest):
         shape = snapshot.shapes[snapshot.layout.shape[row]]
         displaced = any(map(_displaces, shape.materials))
         records.append(
             contract.ObjectRecord(
                 name=snapshot.label(row),
                 nearest_range_m=None if displaced else distance * metres_per_unit,
-                centre_range_m=centre_m,
-                range_rate_mps=rates.get(row),
+                centre_range_m=ranges_m[number],
+                centre_m=(centres[number] * metres_per_unit).tolist(),
+                azimuth_deg=azimuth_deg[number],
+                elevation_deg=elevation_deg[number],
+                **motion.get(row, {"range_rate_mps": None}),
                 collections=collections.get(shape.original.name_full, []),
                 **said_by(shape.materials),
             )
@@ -227,10 +242,10 @@ def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
     return nearest
 
 
-def _centre_ranges(snapshot: Snapshot, rows: Sequence[int], receiver: Real) -> Real:
-    """Return the distances of the centres of boxes from the receiver, (n,) [Blender units]."""
+def _centres(snapshot: Snapshot, rows: Sequence[int]) -> Real:
+    """Return the centres of boxes in the world, (n, 3) [Blender units]."""
     corners = snapshot.corners_of(np.array(rows, dtype=np.intp)).reshape(-1, 8, 3)
-    return distances(corners.mean(axis=1), receiver)
+    return np.asarray(corners.mean(axis=1))
 
 
 def _said_by_materials(materials: tuple[Any, ...]) -> dict[str, Any]:

@@ -209,6 +209,33 @@ def test_centre_and_rate_do_not_depend_on_the_origin(
     assert record.range_rate_mps == pytest.approx(6.0, rel=1e-3)
 
 
+def test_place_velocity_and_direction_of_an_object(tmp_path: Path) -> None:
+    """From a radar at (1, 2, 3) that looks along +X with its top to the side, in centimetres."""
+    rs.new_scene()
+    bpy.context.scene.unit_settings.scale_length = 0.01
+    away_m, azimuth, elevation = 20.0, math.radians(12.0), math.radians(-7.0)
+    forward, up = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    right = np.cross(forward, up)
+    unit = math.cos(elevation) * (math.cos(azimuth) * forward + math.sin(azimuth) * right)
+    place_m = np.array([1.0, 2.0, 3.0]) + away_m * (unit + math.sin(elevation) * up)
+    rig = bpy.data.objects["Radar"]
+    rig.location = (100.0, 200.0, 300.0)
+    rig.rotation_euler = Matrix(np.column_stack([right, up, -forward]).tolist()).to_euler()
+    bpy.ops.mesh.primitive_cube_add(size=100, location=(100 * place_m).tolist())
+    rs.move_steadily(with_material(bpy.context.object), (300.0, -400.0, 50.0))
+    bpy.context.scene.frame_set(1)
+    ph.field_of_view(60)
+    truth, _, _ = measured(tmp_path, snapshots=2, width_px=16, height_px=16)
+    (record,) = truth.values()
+    assert record.centre_m == pytest.approx(place_m.tolist(), abs=1e-5)
+    assert record.velocity_mps == pytest.approx([3.0, -4.0, 0.5], rel=1e-3)
+    angles = record.azimuth_deg, record.elevation_deg
+    assert angles == pytest.approx((12.0, -7.0), abs=1e-4)
+    assert record.range_rate_mps == pytest.approx(
+        float((place_m - [1.0, 2.0, 3.0]) @ [3.0, -4.0, 0.5]) / away_m, rel=1e-3
+    )
+
+
 def restrict(name: str) -> Callable[[Any], None]:
     def set_object(item: Any) -> None:
         setattr(item, name, not getattr(item, name))
