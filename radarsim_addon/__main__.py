@@ -110,11 +110,14 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
 
 def selfcheck_command(words: list[str]) -> int:
     """Check a device; return the exit code."""
+    from .blender.plan import parse_selfcheck_arguments
+
+    kind = parse_selfcheck_arguments(words)  # exits with 0 (--help) or 2
     try:
         from .blender.headless.selfcheck import main as selfcheck
     except ModuleNotFoundError as error:
         return _no_bpy(error)
-    return selfcheck(words)
+    return selfcheck(kind)
 
 
 def coverage_command(words: list[str]) -> int:
