@@ -109,7 +109,8 @@ def main() -> int:
             arrowprops={"arrowstyle": "-", "lw": 0.8},
         )
     mesh = right.pcolormesh(doppler_hz, range_m, level.T, cmap="viridis", shading="nearest")
-    right.set_xlabel("Doppler [Hz], receding on the left")
+    right.invert_xaxis()  # range rates rise to the right, as in all maps
+    right.set_xlabel("Doppler [Hz], receding on the right")
     right.set_ylabel("one-way range [m]")
     top = right.secondary_xaxis(
         "top",

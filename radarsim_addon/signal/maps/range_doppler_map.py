@@ -116,7 +116,7 @@ def range_doppler(compressed: RangeProfiles, doppler_taper: str = "hamming") -> 
 
     Notes
     -----
-    f_D = -2 v / lambda: receding targets are at negative Doppler, on the left. Range rates beyond
+    f_D = -2 v / lambda: receding targets are at negative Doppler. Range rates beyond
     lambda PRF / 4 fold, as in a radar. A target that moves by more than a range cell during the
     burst smears; its peak stands where it was in the middle of the burst.
     """

@@ -114,6 +114,8 @@ def plot_range_doppler(
 ) -> Figure:
     """Draw a map in decibels, Doppler below and range rate above it (the paper's Fig. 9).
 
+    Range rates rise to the right, so Doppler falls.
+
     Parameters
     ----------
     rd_map
@@ -367,6 +369,7 @@ def empty_map(figure: Figure, axes: MapAxes, floor_db: float) -> tuple[Axes, Axe
     """Draw the axes of a map into an empty figure; return them with image and colour bar."""
     axis = figure.subplots()
     image = cell_image(axis, axes.doppler, axes.ranges, cmap="viridis", vmin=floor_db, vmax=0)
+    axis.invert_xaxis()  # range rates rise to the right
     bar = figure.colorbar(image, ax=axis, pad=0.02)
     _label_axes(axis, axes)
     return axis, image, bar
@@ -396,7 +399,7 @@ def _label_axes(axis: Axes, axes: MapAxes) -> None:
         axis.set_xlabel("one pulse: Doppler is not resolved")
         return
     axis.set_xlabel(
-        f"Doppler [{axes.doppler_unit.name}]      $f_D=-2v/\\lambda$: receding ($v>0$) on the left"
+        f"Doppler [{axes.doppler_unit.name}]      $f_D=-2v/\\lambda$: receding ($v>0$) on the right"
     )
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size
     if factor:
@@ -432,7 +435,7 @@ def plot_clutter(
 
 
 def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str = "") -> Figure:
-    """Draw a spectrogram in decibels, time to the right, Doppler up and range rate at the right.
+    """Draw a spectrogram in decibels: time to the right, range rate upwards, Doppler downwards.
 
     Parameters
     ----------
@@ -498,6 +501,7 @@ def empty_spectrogram(
     """
     axis = figure.subplots()
     image = cell_image(axis, axes.across, axes.up, cmap="viridis", vmin=floor_db, vmax=0)
+    axis.invert_yaxis()  # range rates rise upwards
     axis.set_xlabel(f"time [{axes.time_unit.name}]")
     axis.set_ylabel(f"Doppler [{axes.doppler_unit.name}] (receding: negative)")
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size

@@ -82,11 +82,11 @@ def assert_scaled(axis: Any, along: int, doppler_hz: list[float]) -> None:
 
 
 def assert_rates_above(figure: Any) -> None:
-    """The upper scale is -lambda / 2 times the lower one: receding is on the left."""
+    """The upper scale is -lambda / 2 times the lower one: receding is on the right."""
     figure.canvas.draw()
     axis = figure.axes[0]
     assert_scaled(axis, 0, [-400.0, 0.0, 300.0])
-    assert axis.get_xlim() == pytest.approx((-450.0, 450.0))
+    assert axis.get_xlim() == pytest.approx((450.0, -450.0))
     assert axis.get_ylim() == pytest.approx((39.0, 53.0))
 
 
@@ -131,6 +131,7 @@ def test_spectrogram() -> None:
         hot_spots(axis, (0.0, -20.0)), [(0.55 / unit, -300.0), (0.51 / unit, 300.0)]
     )
     assert_scaled(axis, 1, [-400.0, 0.0, 300.0])
+    assert axis.get_ylim() == pytest.approx((450.0, -450.0))  # receding is above
 
 
 @pytest.fixture(scope="module")
