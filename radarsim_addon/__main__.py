@@ -140,10 +140,14 @@ def _no_bpy(
     """Tell that bpy is missing; raise an error about any other module again."""
     if error.name != "bpy":
         raise error
-    message = (
-        f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
-        f"3.13 or 3.11), or {instead}."
-    )
+    remedy = "Install it with pip install '.[blender]'"
+    if sys.version_info[:2] not in ((3, 13), (3, 11)):
+        own = ".".join(map(str, sys.version_info[:2]))
+        remedy = (
+            f"There is none for Python {own}. Use Python 3.13 or 3.11, for example by uv python install "
+            "3.13, uv venv --python 3.13 and uv pip install '.[blender]'"
+        )
+    message = f"bpy cannot be imported ({error}). {remedy}. Or {instead}."
     print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
     return MissingDependencyError.exit_code
 

@@ -121,15 +121,15 @@ def main() -> int:
     )
     top.set_xlabel("range rate [m/s]")
     figure.colorbar(mesh, ax=right, label="power [dB re strongest cell]")
-    for text, place in (
-        ("block, 1000 m", (0, 1000)),
-        ("block, 2500 m", (0, 2500)),
-        ("target", (-353.6, 1750)),
+    for text, place, shift in (
+        ("block, 1000 m", (0, 1000), (24, 14)),
+        ("block, 2500 m", (0, 2500), (24, 14)),
+        ("target", (-353.6, 1750), (-50, 22)),
     ):
         right.annotate(
             text,
             place,
-            xytext=(24, 14),
+            xytext=shift,
             textcoords="offset points",
             color="w",
             fontsize=13,
