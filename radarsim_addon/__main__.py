@@ -144,8 +144,8 @@ def _no_bpy(
     if sys.version_info[:2] not in ((3, 13), (3, 11)):
         own = ".".join(map(str, sys.version_info[:2]))
         remedy = (
-            f"There is none for Python {own}. Use Python 3.13 or 3.11, for example by uv python install "
-            "3.13, uv venv --python 3.13 and uv pip install '.[blender]'"
+            f"There is none for Python {own}. Use Python 3.13 or 3.11, for example by "
+            "uv python install 3.13, uv venv --python 3.13 and uv pip install '.[blender]'"
         )
     message = f"bpy cannot be imported ({error}). {remedy}. Or {instead}."
     print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)

@@ -7,23 +7,27 @@ type becomes a description. Comments that begin with ``#:`` become docstrings of
 
 In a page, ``<!-- names: signal.maps -->`` stands for the public names of that room, each with its
 docstring, and ``<!-- summary: signal.maps -->`` for a table of them that links to these docstrings.
-Several rooms may be named.
+``<!-- rooms: signal/scene signal/radar -->`` stands for a table of rooms and the first sentences of
+their docstrings. Several rooms may be named in each.
 """
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
 import re
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import griffe
 
 from radarsim_addon import blender, errors, signal
 
+PACKAGE = Path(signal.__file__).parents[1]
 _ROLE = re.compile(r":(?:func|class|meth|mod|attr|data):`([^`]+)`")
-_MARK = re.compile(r"^<!-- (names|summary): (.+) -->$", re.MULTILINE)
+_MARK = re.compile(r"^<!-- (names|summary|rooms): (.+) -->$", re.MULTILINE)
 _SECTION = re.compile(
     r"^(Parameters|Attributes|Returns|Yields|Raises)\n-{3,}\n(.*?)(?=^\w[\w ]*\n-{3,}\n|\Z)",
     re.DOTALL | re.MULTILINE,
@@ -76,7 +80,17 @@ def _summary(rooms: list[str]) -> str:
     return "\n".join(rows)
 
 
-_LISTS = {"names": _documented, "summary": _summary}
+def _first_sentences(rooms: list[str]) -> str:
+    """Read from the sources: some rooms need bpy."""
+    rows = ["| room | what it does |", "| --- | --- |"]
+    for room in rooms:
+        source = (PACKAGE / room / "__init__.py").read_text("utf-8")
+        first = (ast.get_docstring(ast.parse(source)) or "").split("\n\n")[0].replace("\n", " ")
+        rows.append(f"| `{room}` | {first} |")
+    return "\n".join(rows)
+
+
+_LISTS = {"names": _documented, "summary": _summary, "rooms": _first_sentences}
 
 
 def plain_roles(text: str) -> str:

@@ -73,10 +73,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Name files outside of ``docs`` by their paths in the repository, without a link."""
-    if "/" in page.file.src_uri:
-        return expand(markdown)
-    return _OUTSIDE.sub(r"\1 (`\2`)", markdown)
+    """Expand marks; name files outside of ``docs`` by their paths, without a link."""
+    markdown = expand(markdown)
+    return markdown if "/" in page.file.src_uri else _OUTSIDE.sub(r"\1 (`\2`)", markdown)
 
 
 def commands_page() -> str:
