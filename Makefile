@@ -77,7 +77,7 @@ chaos: $(STAMP)
 	RADARSIM_KILLS=60,40,5 $(PY) -m pytest -s -k killed tests/blender/headless/test_workers.py
 
 docs: $(STAMP)
-	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --quiet
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build
 	@echo "docs: out/site/index.html"
 
 extension: $(STAMP)

@@ -110,11 +110,14 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
 
 def selfcheck_command(words: list[str]) -> int:
     """Check a device; return the exit code."""
+    from .blender.plan import parse_selfcheck_arguments
+
+    kind = parse_selfcheck_arguments(words)  # exits with 0 (--help) or 2
     try:
         from .blender.headless.selfcheck import main as selfcheck
     except ModuleNotFoundError as error:
         return _no_bpy(error)
-    return selfcheck(words)
+    return selfcheck(kind)
 
 
 def coverage_command(words: list[str]) -> int:
@@ -137,10 +140,14 @@ def _no_bpy(
     """Tell that bpy is missing; raise an error about any other module again."""
     if error.name != "bpy":
         raise error
-    message = (
-        f"bpy cannot be imported ({error}). Install it with pip install '.[blender]' (Python "
-        f"3.13 or 3.11), or {instead}."
-    )
+    remedy = "Install it with pip install '.[blender]'"
+    if sys.version_info[:2] not in ((3, 13), (3, 11)):
+        own = ".".join(map(str, sys.version_info[:2]))
+        remedy = (
+            f"There is none for Python {own}. Use Python 3.13 or 3.11, for example by "
+            "uv python install 3.13, uv venv --python 3.13 and uv pip install '.[blender]'"
+        )
+    message = f"bpy cannot be imported ({error}). {remedy}. Or {instead}."
     print(f"radarsim: {MissingDependencyError.__name__}: {message}", file=sys.stderr)
     return MissingDependencyError.exit_code
 

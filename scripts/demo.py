@@ -203,9 +203,11 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
         )
         print(
             f"{'':16}{target['true_velocity_mps']:>+8.2f} m/s{target['velocity_mps']:>+8.2f} m/s"
-            f" receding is +; {target['doppler_hz']:.1f} Hz at "
-            f"{summary['carrier_hz'] / 1e9:g} GHz, {target['level_above_background_db']:.0f} dB "
-            "above what surrounds it (no noise)"
+            "   receding is +"
+        )
+        print(
+            f"{'':28}{target['doppler_hz']:>+9.1f} Hz"
+            f"    {target['level_above_background_db']:.0f} dB above its surroundings, no noise"
         )
     else:
         print("Target: nothing moves in the map")

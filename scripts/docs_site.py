@@ -3,6 +3,7 @@
 
 ``reference/commands.md`` is the help of every command, so that it cannot differ from the parsers;
 ``examples.md`` is the page of blend_examples/; notebooks become pages that link to the notebook.
+`docs_api` puts public names into the pages of the Python interface. The version is on every page.
 """
 
 from __future__ import annotations
@@ -11,12 +12,19 @@ import contextlib
 import io
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest import mock
 
-from radarsim_addon.blender.plan import parse_coverage_arguments, parse_render_arguments
+from radarsim_addon import __version__
+from radarsim_addon.blender.plan import (
+    parse_coverage_arguments,
+    parse_render_arguments,
+    parse_selfcheck_arguments,
+)
 from radarsim_addon.signal.pipeline import main
+from scripts.docs_api import expand
 from scripts.docs_code import notebook_page
 
 if TYPE_CHECKING:
@@ -26,7 +34,14 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS_PAGE, EXAMPLES_PAGE = "reference/commands.md", "examples.md"
-_BLENDER_PARSERS = {"render": parse_render_arguments, "coverage": parse_coverage_arguments}
+_BLENDER_PARSERS: dict[str, Callable[[list[str]], object]] = {
+    "render": parse_render_arguments,
+    "coverage": parse_coverage_arguments,
+    "selfcheck": parse_selfcheck_arguments,
+}
+_COMMANDS = (
+    "render", "coverage", "process", "info", "objects", "antennas", "merge", "selfcheck",
+)  # fmt: skip
 #: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
@@ -35,6 +50,12 @@ The command `radarsim` has the subcommands below. `blender -b FILE -P scripts/re
 OPTIONS` takes the options of `radarsim render`. [Rendering without a window](../headless.md)
 explains exit codes and how runs resume.
 """
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Name the version that the pages describe."""
+    config.site_name = f"radarsim {__version__}"
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -52,16 +73,24 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Name files outside of ``docs`` by their paths in the repository, without a link."""
-    if "/" in page.file.src_uri:
-        return markdown
-    return _OUTSIDE.sub(r"\1 (`\2`)", markdown)
+    """Expand marks; name files outside of ``docs`` by their paths, without a link."""
+    markdown = expand(markdown)
+    return markdown if "/" in page.file.src_uri else _OUTSIDE.sub(r"\1 (`\2`)", markdown)
 
 
 def commands_page() -> str:
     """Return the page of commands, in Markdown."""
     parts = [_HEAD]
-    for command in ("render", "coverage", "process", "info", "objects", "antennas", "merge"):
+    for command in (
+        "render",
+        "coverage",
+        "process",
+        "info",
+        "objects",
+        "antennas",
+        "merge",
+        "selfcheck",
+    ):
         parts.append(f"## radarsim {command}\n\n```text\n{_help_of(command)}```\n")
     return "\n".join(parts)
 
@@ -69,7 +98,7 @@ def commands_page() -> str:
 def _help_of(command: str) -> str:
     out = io.StringIO()
     with (
-        mock.patch.dict(os.environ, {"COLUMNS": "96", "NO_COLOR": "1"}),
+        mock.patch.dict(os.environ, {"COLUMNS": "80", "NO_COLOR": "1"}),
         contextlib.redirect_stdout(out),
         contextlib.suppress(SystemExit),
     ):

@@ -109,7 +109,8 @@ def main() -> int:
             arrowprops={"arrowstyle": "-", "lw": 0.8},
         )
     mesh = right.pcolormesh(doppler_hz, range_m, level.T, cmap="viridis", shading="nearest")
-    right.set_xlabel("Doppler [Hz], receding on the left")
+    right.invert_xaxis()  # range rates rise to the right, as in all maps
+    right.set_xlabel("Doppler [Hz], receding on the right")
     right.set_ylabel("one-way range [m]")
     top = right.secondary_xaxis(
         "top",
@@ -120,15 +121,15 @@ def main() -> int:
     )
     top.set_xlabel("range rate [m/s]")
     figure.colorbar(mesh, ax=right, label="power [dB re strongest cell]")
-    for text, place in (
-        ("block, 1000 m", (0, 1000)),
-        ("block, 2500 m", (0, 2500)),
-        ("target", (-353.6, 1750)),
+    for text, place, shift in (
+        ("block, 1000 m", (0, 1000), (24, 14)),
+        ("block, 2500 m", (0, 2500), (24, 14)),
+        ("target", (-353.6, 1750), (-50, 22)),
     ):
         right.annotate(
             text,
             place,
-            xytext=(24, 14),
+            xytext=shift,
             textcoords="offset points",
             color="w",
             fontsize=13,

@@ -147,18 +147,18 @@ def picture(path: Path) -> None:
     left, right = figure.subplots(1, 2)
     level = 10 * np.log10(np.maximum([one.profile for one in profiles], 1e-300))
     mesh = left.pcolormesh(
-        profiles[0].range_m, found[:, 0], level, vmin=level.max() - 60, vmax=level.max(),
+        found[:, 0], profiles[0].range_m, level.T, vmin=level.max() - 60, vmax=level.max(),
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    left.set_xlim(15, 70)
-    left.set_xlabel("range [m]")
-    left.set_ylabel("distance of the car [m]")
-    left.set_title("expected power: the car, its ghosts to the right", fontsize=10)
+    left.set_ylim(15, 70)
+    left.set_xlabel("distance of the car [m]")
+    left.set_ylabel("range [m]")
+    left.set_title("simulated power: the car, its ghosts above", fontsize=10)
     figure.colorbar(mesh, ax=left, label="dBW")
     fine = np.linspace(FIRST_M, LAST_M, 400)
     textbook = [two_ray(distance) for distance in fine]
     right.plot(fine, 10 * np.log10(textbook), label="two-ray model")
-    right.plot(found[:, 0], 10 * np.log10(found[:, 1]), "o", markersize=4, label="measured")
+    right.plot(found[:, 0], 10 * np.log10(found[:, 1]), "o", markersize=4, label="simulated")
     right.set_xlabel("distance of the car [m]")
     right.set_ylabel("echo of the rear plate over free space [dB]")
     right.set_title("fading over the wet road", fontsize=10)

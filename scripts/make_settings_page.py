@@ -22,8 +22,8 @@ the setting in a common unit, and the option of the command line ends with that 
 `carrier_hz` is `--carrier-ghz`. Options leave out plain metres, seconds, kelvins and watts. A
 `required` setting has no default in files; the presets of the window give it one.
 
-In Python, `radarsim_addon.blender.rig_settings.settings(rig)` returns the settings of a radar; its
-antennas are `settings(rig).transmitter` and `settings(rig).receiver`.
+In Python, [`settings(rig)`](reference/api-blender.md) returns the settings of a radar, with its
+antennas as `.transmitter` and `.receiver`.
 
 Written by `scripts/make_settings_page.py`; do not edit.
 """

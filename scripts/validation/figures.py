@@ -121,11 +121,11 @@ def _sigma0(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
                 right.plot([], [], linestyle="none", label=f"n = {medium}", **mark)
     left.set_ylabel("$\\sigma_0$ [dB]")
     left.legend()
-    left.set_title("Backscatter: lines model, markers measured")
+    left.set_title("Backscatter: lines model, markers simulated")
     right.axhline(0.1, color="grey", linestyle="--", linewidth=1)
     right.axhline(-0.1, color="grey", linestyle="--", linewidth=1)
     right.set_ylim(-0.13, 0.19)  # room for the legend above the bound
-    right.set_ylabel("measured - model [dB]")
+    right.set_ylabel("simulated - model [dB]")
     right.set_title("Error: colour slope, marker medium; bound dashed")
     right.legend()
     for axis in (left, right):
@@ -139,7 +139,7 @@ def _show_error(axis: Any, model: str) -> None:
     for bound_db in (-0.05, 0.05):
         axis.axhline(bound_db, color="grey", linestyle="--", linewidth=1)
     axis.set_ylim(-0.065, 0.095)  # room for the legend above the bound
-    axis.set_ylabel(f"measured - {model} [dB]")
+    axis.set_ylabel(f"simulated - {model} [dB]")
     axis.set_title("Error, bound dashed")
 
 
@@ -176,7 +176,7 @@ def _beam(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
             angle, [p["error_db"] for p in chosen], "o-", color=colour, markersize=4, label=beam
         )
     left.set_ylabel("received power over that on boresight [dB]")
-    left.set_title("Two-way beam (line: model, dots: measured)")
+    left.set_title("Two-way beam (line: model, dots: simulated)")
     _show_error(right, "model")
     figure.legend(loc="outside lower center", ncols=2)
     for axis in (left, right):
@@ -195,7 +195,7 @@ def _speckle(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curves) -> Any:
         [p["intensity"] for p in seen],
         [p["measured"] for p in seen],
         ".",
-        label="measured, 200 seeds",
+        label="simulated, 200 seeds",
     )
     axis.set_xlabel("intensity over the sum of powers")
     axis.set_ylabel("fraction of cells above it")

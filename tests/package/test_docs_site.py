@@ -1,24 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The documentation site: no dead link or anchor, every page in its contents."""
+"""The documentation site: no dead link or anchor, every page in its contents, every public name."""
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import json
 import os
+import pkgutil
+import re
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import pytest
+
+import radarsim_addon
+from radarsim_addon import blender, errors, physics, signal
 
 ROOT = Path(__file__).resolve().parents[2]
 pytest.importorskip("mkdocstrings")
 
 
-@pytest.mark.slow
-def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
-    """Strict mode: a link to nothing, or an interface that cannot be read, is an error."""
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site in strict mode: a dead link, or a docstring that cannot be read, is an error."""
+    folder = tmp_path_factory.mktemp("docs") / "site"
     done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--site-dir", str(tmp_path / "site")],
+        [sys.executable, "-m", "mkdocs", "build", "--site-dir", str(folder)],
         cwd=ROOT,
         env=os.environ | {"PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1", "NO_COLOR": "1"},
         capture_output=True,
@@ -28,7 +38,81 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     log = done.stdout + done.stderr
     assert done.returncode == 0, log
     assert 'not included in the "nav"' not in log, log
-    commands = (tmp_path / "site" / "reference" / "commands.html").read_text("utf-8")
-    assert "--max-reflections" in commands and "--cfar" in commands
-    interface = (tmp_path / "site" / "reference" / "api-signal.html").read_text("utf-8")
-    assert "range_process" in interface and "Range-compressed pulses" in interface
+    return folder
+
+
+def public_paths() -> set[str]:
+    """What scripts use, as paths from the package."""
+    found = {f"signal.{name}" for name in signal.__all__}
+    found |= {f"blender.{name}" for name in blender.__all__}
+    modules = [importlib.import_module(f"radarsim_addon.physics.{one.name}")
+               for one in pkgutil.iter_modules(physics.__path__)]  # fmt: skip
+    for module in (errors, *modules):
+        found |= {
+            f"{module.__name__.partition('.')[2]}.{name}"
+            for name, item in vars(module).items()
+            if not name.startswith("_")
+            and (inspect.isfunction(item) or inspect.isclass(item))
+            and item.__module__ == module.__name__
+        }
+    return found
+
+
+@pytest.mark.slow
+def test_every_public_name_is_on_a_page(site: Path) -> None:
+    header, _, body = (site / "objects.inv").read_bytes().partition(b"zlib.\n")
+    assert header.startswith(b"# Sphinx inventory")
+    lines = zlib.decompress(body).decode().splitlines()
+    shown = {line.split()[0].removeprefix("radarsim_addon.") for line in lines}
+    assert len(public_paths()) > 200
+    assert not public_paths() - shown
+
+
+def test_docstrings_are_shown_without_markup_of_other_tools(site: Path) -> None:
+    """Roles are links or code, and each parameter has its description in a table."""
+    pages = {page.stem: page.read_text("utf-8") for page in site.glob("reference/api*.html")}
+    for name, page in pages.items():
+        assert not re.findall(r":(?:func|class|meth|mod):", page), name
+    assert 'href="api-runs.html#radarsim_addon.signal.open_run"' in pages["api-blender"]
+    rows = re.sub(r"<[^>]+>|\s+", " ", pages["api-antennas"])
+    assert re.search(r"loss_db \S+ all losses together, L in dB", re.sub(" +", " ", rows))
+    assert "Boltzmann constant" in pages["api-errors"]  # a comment above the name
+
+
+def test_commands_and_version_are_on_the_pages(site: Path) -> None:
+    commands = (site / "reference" / "commands.html").read_text("utf-8")
+    for option in ("--max-reflections", "--cfar", "--target-height", "radarsim selfcheck"):
+        assert option in commands, option
+    for page in site.rglob("*.html"):
+        assert f"radarsim {radarsim_addon.__version__}" in page.read_text("utf-8"), page.name
+
+
+def test_pages_work_from_the_disk(site: Path) -> None:
+    """They load nothing from elsewhere, and the search index is a script."""
+    for page in site.rglob("*.html"):
+        loaded = re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=\"([^\"]+)", page.read_text())
+        assert loaded and not [one for one in loaded if one.startswith(("http", "//"))], page.name
+        assert any(one.endswith("javascripts/iframe-worker.js") for one in loaded), page.name
+    index = (site / "search" / "search_index.js").read_text("utf-8")
+    found = json.loads(index.partition("=")[2])["docs"]
+    assert any(one["location"].startswith("explanation/limits.html") for one in found)
+
+
+def test_code_of_the_pages_fits_80_columns() -> None:
+    """Outputs of programs may be wider."""
+    pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), ROOT / "blend_examples" / "README.md"]
+    code = {page: page.read_text("utf-8") for page in pages}
+    fence = re.compile(
+        r"^```(?:python|sh|json|(?=\nradarsim ))\n(.*?)^```", re.DOTALL | re.MULTILINE
+    )
+    found = {page: "\n".join(fence.findall(text)) for page, text in code.items()}
+    for page in ROOT.glob("docs/notebooks/*.ipynb"):
+        cells = json.loads(page.read_text("utf-8"))["cells"]
+        found[page] = "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "code")
+    wide = [
+        f"{page.name}: {line}"
+        for page, text in found.items()
+        for line in text.splitlines()
+        if len(line) > 80
+    ]
+    assert not wide, "\n".join(wide)

@@ -23,14 +23,12 @@ import numpy as np
 
 from ...arrays import Real
 from ...errors import RadarSimError
-from ...options import CommandParser
 from ...physics.fresnel import unpolarised_reflectance
 from ...signal.decoding import PixelRays, pixel_rays
 from ...terminal import error_line
 from ..nodes import make_material
 from ..rig_settings import RADAR_PROPERTY, register, settings
 from ..run.scene_state import (
-    KINDS,
     Device,
     Verdict,
     cache_file,
@@ -400,17 +398,8 @@ def check_here(path: str) -> None:
     leave_blender(0)
 
 
-def main(words: list[str]) -> int:
+def main(kind: str) -> int:
     """Check a device again, keep the outcome, print it; 1 if a fact fails."""
-    parser = CommandParser(
-        prog="radarsim selfcheck",
-        description="Check on small scenes that Cycles gives what measurements stand on.",
-    )
-    parser.add_argument(
-        "--device", choices=[kind.lower() for kind in KINDS], default="cpu", type=str.lower,
-        help="Check the devices of this kind [cpu]",
-    )  # fmt: skip
-    kind = parser.parse_args(words).device.upper()
     scene = bpy.context.scene
     device = Device(kind)
     started_s = time.perf_counter()

@@ -26,6 +26,7 @@ from .render_arguments import (
     parse_axis,
     parse_coverage_arguments,
     parse_render_arguments,
+    parse_selfcheck_arguments,
     render_settings,
     shortest_decimal,
 )
@@ -73,6 +74,7 @@ __all__ = [
     "parse_coverage_arguments",
     "parse_frames",
     "parse_render_arguments",
+    "parse_selfcheck_arguments",
     "radar_preset",
     "render_settings",
     "run_record",

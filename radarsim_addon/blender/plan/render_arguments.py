@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Options of ``radarsim render`` and ``radarsim coverage``, by the names of the settings.
+"""Options of ``radarsim render``, ``coverage`` and ``selfcheck``, by the names of the settings.
 
 Does not import bpy.
 """
@@ -28,6 +28,9 @@ from ...options import (
 )
 from ...signal.radar import WAVEFORM_KINDS, Burst, Weather
 from .measurement import Measurement, PathOptions, RunSettings, parse_frames
+
+#: Kinds of devices that Cycles has, as its preferences name them.
+_DEVICES = ("CPU", "CUDA", "OPTIX", "HIP", "ONEAPI", "METAL")
 
 
 def merged(*kinds: type[Any]) -> dict[str, Declared]:
@@ -308,6 +311,19 @@ def parse_coverage_arguments(words: list[str]) -> argparse.Namespace:
     )  # fmt: skip
     add_arguments(parser, render_settings(), *COVERAGE_SETTINGS)
     return parser.parse_args(words)
+
+
+def parse_selfcheck_arguments(words: list[str]) -> str:
+    """Return the kind of device of a command line. argparse exits with 2 or 0 (--help)."""
+    parser = CommandParser(
+        prog="radarsim selfcheck",
+        description="Check on small scenes that Cycles gives what measurements stand on.",
+    )
+    parser.add_argument(
+        "--device", choices=[kind.lower() for kind in _DEVICES], default="cpu", type=str.lower,
+        help="Check the devices of this kind [cpu]",
+    )  # fmt: skip
+    return str(parser.parse_args(words).device).upper()
 
 
 def coverage_request(arguments: argparse.Namespace) -> CoverageRequest:

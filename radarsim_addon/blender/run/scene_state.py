@@ -386,8 +386,6 @@ class MeasurementSettings:
 # -------------------------------------------------------------------------------------------------
 
 
-#: Kinds of devices that Cycles has, as its preferences name them.
-KINDS = ("CPU", "CUDA", "OPTIX", "HIP", "ONEAPI", "METAL")
 #: Longest check [s]. Kernels that Blender has to compile first take most of it.
 _TIME_LIMIT_S = 300.0
 NO_ANSWER = "the check ends"

@@ -22,7 +22,7 @@ from .small_drawings import FINE, cell_edges, draw_curve, nice_ticks, resample_m
 #: Decibels from the top of the profile to its bottom, and over all colours.
 SPAN_DB = 60.0
 #: Sizes at scale 1 [px]: widths of the axes and of their surroundings, heights of both axes.
-_WIDTH, _PROFILE, _MAP = 360, 120, 120
+_WIDTH, _PROFILE, _MAP = 360, 120, 150
 _LEFT, _RIGHT, _GAP, _LINE, _PAD, _STRIP = 56, 26, 30, 16, 10, 10
 #: Least width and height of the axes at which the picture is drawn.
 _LEAST = 120
@@ -85,13 +85,14 @@ def lay_out_draft(
     unit = scale
     resolved = arrays["velocity_mps"].size > 1
     right, bottom = corner
-    height = _PROFILE + 2 * _GAP + (_MAP + _GAP if resolved else 0) + _LINE * len(lines) + _PAD
+    height = _PROFILE + 2 * _GAP + _LINE * len(lines) + _PAD
+    height += _MAP + 2 * _GAP if resolved else 0
     panel = Box(
         right - (_LEFT + _WIDTH + _RIGHT + _STRIP) * unit, bottom, right, bottom + height * unit
     )
     left, low = panel.left + _LEFT * unit, bottom + (_GAP + _PAD) * unit
     image = Box(left, low, left + _WIDTH * unit, low + (_MAP if resolved else 0) * unit)
-    start = image.top + _GAP * unit if resolved else low
+    start = image.top + 2 * _GAP * unit if resolved else low
     profile = Box(left, start, image.right, start + _PROFILE * unit)
     strip = Box(profile.right + 6 * unit, start, profile.right + (6 + _STRIP) * unit, profile.top)
     range_m, power = arrays["range_m"], arrays["profile_w"]
@@ -111,14 +112,11 @@ def lay_out_draft(
     texts.append(
         Text(panel.left + _PAD * unit, profile.top + 8 * unit, tr("Power [dBW]"), bright=False)
     )
-    below = image if resolved else profile
     for value in nice_ticks(*ends_m, 8):
         x = _between(value, *ends_m, left, image.right)
         grid += [(x, profile.bottom), (x, profile.top)]
-        if resolved:
-            grid += [(x, image.bottom - 4 * unit), (x, image.bottom)]
-        texts.append(Text(x, below.bottom - 15 * unit, number_text(value), "centre", False))
-    label_y = below.bottom - 30 * unit
+        texts.append(Text(x, start - 15 * unit, number_text(value), "centre", False))
+    label_y = start - 30 * unit
     texts.append(Text((left + image.right) / 2, label_y, tr("Range [m]"), "centre", False))
     if power.size and power[peak] > 0:
         picture.curve = _curve(range_m, power, top_db, ends_m, profile)
@@ -198,20 +196,22 @@ def _add_map(
     top_db: float,
     unit: float,
 ) -> None:
-    """The map's colours and the axis of its range rates."""
-    box, rates = picture.map, arrays["velocity_mps"]
-    ends = cell_edges(rates)
-    for value in nice_ticks(*ends, 4):
-        y = _between(value, *ends, box.bottom, box.top)
+    """The map's colours and its axes: range upwards, range rate to the right."""
+    box, texts = picture.map, picture.texts
+    ends_m, ends_mps = cell_edges(arrays["range_m"]), cell_edges(arrays["velocity_mps"])
+    for value in nice_ticks(*ends_m, 4):
+        y = _between(value, *ends_m, box.bottom, box.top)
         grid += [(box.left - 4 * unit, y), (box.left, y)]
-        picture.texts.append(
-            Text(box.left - 6 * unit, y - 4 * unit, number_text(value), "right", False)
-        )
-    label = tr("Range rate [m/s], receding: positive")
-    picture.texts.append(
-        Text(picture.panel.left + _PAD * unit, box.top + 8 * unit, label, bright=False)
-    )
-    power = resample_max(resample_max(arrays["map_w"], _MAP, 0), _WIDTH, 1)
+        texts.append(Text(box.left - 6 * unit, y - 4 * unit, number_text(value), "right", False))
+    for value in nice_ticks(*ends_mps, 8):
+        x = _between(value, *ends_mps, box.left, box.right)
+        grid += [(x, box.bottom - 4 * unit), (x, box.bottom)]
+        texts.append(Text(x, box.bottom - 15 * unit, number_text(value), "centre", False))
+    left, y = picture.panel.left + _PAD * unit, box.top + 8 * unit
+    texts.append(Text(left, y, tr("Range [m]"), bright=False))
+    label, y = tr("Range rate [m/s], receding: positive"), box.bottom - 30 * unit
+    texts.append(Text((box.left + box.right) / 2, y, label, "centre", False))
+    power = resample_max(resample_max(arrays["map_w"].T, _MAP, 0), _WIDTH, 1)
     picture.colours = level_colours(power, top_db)
 
 

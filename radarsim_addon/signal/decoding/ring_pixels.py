@@ -11,10 +11,10 @@ length l; so l = -k ln(R/B) (Eq. 4), and G B / R^2 is 1 where a pixel holds one 
 
     v = (r(t + dt) - r(t)) / dt,      f_D = -2 v / lambda
 
-v is positive when the range grows: a receding target has negative Doppler, as in the paper's Fig.
-9; Eq. 12 as printed has the other sign. Differencing along a fixed
-ray gives the range rate of the material only where the surface moves along the ray: a sphere
-spinning in place reads zero, and so does flat ground below a moving radar.
+v is positive when the range grows: a receding target has negative Doppler, as in the paper's
+Fig. 9; Eq. 12 as printed has the other sign. Differencing along a fixed ray gives the range rate of
+the material only where the surface moves along the ray: a sphere spinning in place reads zero, and
+so does flat ground below a moving radar.
 """
 
 from __future__ import annotations

@@ -442,7 +442,7 @@ def plot_clutter(
 
 
 def plot_spectrogram(shown: Spectrogram, title: str = "Spectrogram", unit: str = "") -> Figure:
-    """Draw a spectrogram in decibels, time to the right, Doppler up and range rate at the right.
+    """Draw a spectrogram in decibels: time to the right, range rate upwards, Doppler downwards.
 
     Parameters
     ----------
@@ -508,6 +508,7 @@ def empty_spectrogram(
     """
     axis = figure.subplots()
     image = cell_image(axis, axes.across, axes.up, cmap="viridis", vmin=floor_db, vmax=0)
+    axis.invert_yaxis()  # range rates rise upwards
     axis.set_xlabel(f"time [{axes.time_unit.name}]")
     axis.set_ylabel(f"Doppler [{axes.doppler_unit.name}] (receding: negative)")
     factor = axes.rate_per_hz * axes.doppler_unit.size / axes.rate_unit.size

@@ -6,15 +6,18 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 pytest.importorskip("bpy")
 
+import radarsim_addon.__main__ as commands
 from radarsim_addon.__main__ import main
 from radarsim_addon.blender.headless import coverage, render, selfcheck
 from radarsim_addon.blender.run.scene_state import Verdict
+from radarsim_addon.errors import MissingDependencyError
 
 pytestmark = pytest.mark.blender
 
@@ -69,3 +72,17 @@ def test_selfcheck_fails_with_its_facts(
     monkeypatch.setattr(selfcheck, "check", lambda _: Verdict({}, failed))
     monkeypatch.setattr(selfcheck, "keep", lambda *_: None)
     assert main(["selfcheck"]) == code
+
+
+@pytest.mark.parametrize(("version", "said"), [((3, 12), "uv python install 3.13"), ((3, 13), "")])
+def test_a_python_that_bpy_does_not_exist_for_is_named(
+    version: tuple[int, int], said: str, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """pip install '.[blender]' is no remedy there."""
+    this_python = SimpleNamespace(version_info=version, stderr=sys.stderr)
+    monkeypatch.setattr(commands, "sys", this_python)
+    missing = ModuleNotFoundError("No module named 'bpy'", name="bpy")
+    assert commands._no_bpy(missing) == MissingDependencyError.exit_code
+    shown = capsys.readouterr().err
+    assert ("for Python 3.12" in shown) == (version == (3, 12)) and said in shown

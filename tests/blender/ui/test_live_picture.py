@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytest.importorskip("bpy")  # blf comes with it
+
 from radarsim_addon.blender.ui.live_picture import (
     BACK,
     SPAN_DB,
@@ -74,11 +76,15 @@ def test_all_is_within_the_panel() -> None:
 
 
 def test_the_map_shows_the_peak_in_its_row_and_column() -> None:
+    """Range upwards, range rate to the right."""
     found = picture(draft())
-    assert found.colours is not None and found.colours.shape == (120, 360, 4)
+    assert found.colours is not None and found.colours.shape == (150, 360, 4)
     place = np.argwhere(np.abs(found.colours[..., :3] - _colour(-90.0)).max(axis=-1) < 1e-6)
-    # 120 pixels for 40 rows from below, 360 for 201 ranges
-    assert place.min(axis=0).tolist() == [90, 251] and place.max(axis=0).tolist() == [92, 252]
+    # 150 pixels for 201 ranges from below, 360 for 40 range rates
+    assert place.min(axis=0).tolist() == [105, 270] and place.max(axis=0).tolist() == [105, 278]
+    left, top = found.map.left, found.map.bottom
+    at_10 = [text.x for text in found.texts if text.text == "10" and text.y < top]
+    assert at_10 == [pytest.approx(left + 9 * 30.5, abs=0.1)]  # the peak's 10 m/s
 
 
 def _colour(level_db: float) -> Any:

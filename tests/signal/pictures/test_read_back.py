@@ -134,6 +134,7 @@ def test_spectrogram() -> None:
         hot_spots(axis, (0.0, -20.0)), [(0.55 / unit, -300.0), (0.51 / unit, 300.0)]
     )
     assert_scaled(axis, 1, [-400.0, 0.0, 300.0])
+    assert axis.get_ylim() == pytest.approx((450.0, -450.0))  # receding is above
 
 
 @pytest.fixture(scope="module")
