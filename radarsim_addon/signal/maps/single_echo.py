@@ -217,6 +217,7 @@ def _still_profiles(
     return own, _compressed(recording, np.conj(beats), waveform)
 
 
+@functools.lru_cache(4)
 def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
     """Return how much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a
     chirp.
