@@ -21,7 +21,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from ...arrays import Indices, Integers, Real
+from ...arrays import Indices, Integers, Real, distances
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -286,8 +286,8 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
     """
     receiver_m = np.asarray(record.receiver.matrix_world)[:3, 3]
     emitter_m = np.asarray(record.transmitter.matrix_world)[:3, 3]
-    there = np.sum((rows["last_scatterer_m"] - emitter_m) ** 2, axis=-1)
-    back = np.sum((rows["first_scatterer_m"] - receiver_m) ** 2, axis=-1)
+    there = distances(rows["last_scatterer_m"], emitter_m) ** 2
+    back = distances(rows["first_scatterer_m"], receiver_m) ** 2
     # Without vertices the mean range replaces them.
     there = np.where(np.isfinite(there), there, rows["length_m"] ** 2 / 4)
     back = np.where(np.isfinite(back), back, rows["length_m"] ** 2 / 4)

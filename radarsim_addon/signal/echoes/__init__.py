@@ -23,7 +23,7 @@ from .echoes import (
     window_samples,
 )
 from .receiver import PhaseNoise, ReceivedSignal, Receiver, apply_receiver, load_phase_noise
-from .synthesis import EchoSynthesizer, synthesize, synthesizer_for
+from .synthesis import EchoSynthesizer, StretchSynthesizer, synthesize, synthesizer_for
 
 __all__ = [
     "EchoOptions",
@@ -32,6 +32,7 @@ __all__ = [
     "PhaseNoise",
     "ReceivedSignal",
     "Receiver",
+    "StretchSynthesizer",
     "apply_receiver",
     "check_window",
     "interpolate_renders",

@@ -53,6 +53,7 @@ from ..spectrum import (
     SpectrumAccumulator,
     SynthesisReport,
     check_finite,
+    single_spectra,
     smooth_size,
 )
 from .echoes import (
@@ -238,6 +239,13 @@ class EchoSynthesizer:
             1 / radar.burst.prf_hz if options.range_folding else None,
             radar.waveform.carrier_hz,
         )
+        # S has delays from the middle of the pulse; sample 0 is at first_s
+        turns = self._grid.step_hz * self._first_s
+        self._filter: Complex = np.exp(
+            2j * np.pi * (np.fft.fftfreq(size, 1 / size) * (turns - round(turns)) % 1.0)
+        )
+        if self._pulse is None:
+            self._filter = replica_spectrum(radar.waveform, size) * self._filter
         self._source = ChannelPaths(radar, options, link, antennas, wanted)
         self._sums = ChannelSums(self._source, self._accumulator)
 
@@ -254,23 +262,14 @@ class EchoSynthesizer:
     def result(self) -> Echoes:
         """Return the echoes of all paths added so far."""
         spectra = self._sums.results(pulse_times_s(self.radar))
-        size, pulses = self._grid.count, self.radar.burst.pulses
-        # S has delays from the middle of the pulse; sample 0 is at first_s
-        k = np.fft.fftfreq(size, 1 / size)
-        turns = self._grid.step_hz * self._first_s
-        shift = np.exp(2j * np.pi * (k * (turns - round(turns)) % 1.0))
-        filter_ = shift
-        if self._pulse is None:
-            filter_ = replica_spectrum(self.radar.waveform, size) * shift
+        pulses = self.radar.burst.pulses
         samples = np.empty((len(spectra), pulses, self._count), dtype=np.complex128)
         for channel, spectrum in zip(samples, spectra, strict=True):
             if spectrum.moving is None:
-                line = np.fft.ifft(np.fft.ifftshift(spectrum.still) * filter_)
-                channel[:] = line[: self._count]
+                channel[:] = self._line(spectrum.still)
                 continue
             for pulse, moving in enumerate(spectrum.moving):
-                line = np.fft.ifftshift(moving + spectrum.still) * filter_
-                channel[pulse] = np.fft.ifft(line)[: self._count]
+                channel[pulse] = self._line(moving + spectrum.still)
         report = joined_report([spectrum.report for spectrum in spectra])
         return Echoes(
             silence_unformed(samples, self._source),
@@ -281,6 +280,20 @@ class EchoSynthesizer:
             report.outside,
             report,
         )
+
+    def _line(self, spectrum: Complex) -> Complex:
+        """Return the samples of a pulse."""
+        return np.fft.ifft(np.fft.ifftshift(spectrum) * self._filter)[: self._count]
+
+    def single_echoes(self, range_m: Real, rate_mps: Real) -> Complex:
+        """Return samples of n scatterers of amplitude 1, each alone in a pulse, (n, samples), at
+        ranges [m] and range rates [m/s] of the middle of the pulse.
+        """
+        assert self._pulse is not None
+        spectra = single_spectra(
+            self._grid, self._window, self._pulse, 2 * range_m, 2 * rate_mps, np.zeros(range_m.size)
+        )
+        return np.array([self._line(spectrum) for spectrum in spectra])
 
 
 class StretchSynthesizer:
@@ -357,6 +370,23 @@ class StretchSynthesizer:
             self._add_noisy(paths, channel, oscillator, noisy)
         self._added += len(paths)
         self._beyond += int(np.count_nonzero(beyond))
+
+    def single_echoes(self, range_m: Real, rate_mps: Real) -> Complex:
+        """Return samples of n scatterers of amplitude 1, each alone in a pulse of repeated codes,
+        (n x codes, samples), at ranges [m] and range rates [m/s] of the start of the pulse.
+        """
+        assert isinstance(self._waveform, PmcwWaveform) and self._code is not None
+        repeats = self._waveform.code_repeats
+        later_s = self._code.half_s + np.arange(repeats) * self._waveform.code_s
+        spectra = single_spectra(
+            self._grid,
+            ReceiveWindow(),
+            self._code,
+            np.repeat(2 * range_m, repeats),
+            np.repeat(2 * rate_mps, repeats),
+            np.tile(later_s, range_m.size),
+        )
+        return np.fft.ifft(np.fft.ifftshift(spectra, axes=-1))
 
     def _add_noisy(
         self,

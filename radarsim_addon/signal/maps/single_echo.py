@@ -11,6 +11,7 @@ that the response is a product (pulses, Q) x (Q, ranges).
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 
@@ -18,8 +19,7 @@ import numpy as np
 
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ..echoes import Echoes, EchoOptions, synthesizer_for
-from ..paths import make_paths
+from ..echoes import Echoes, EchoSynthesizer, StretchSynthesizer, synthesizer_for
 from ..radar import (
     AnyWaveform,
     Burst,
@@ -55,6 +55,13 @@ class Recording:
     mti: int
     #: Highest power of a range cell in any pulse, before the canceller.
     strongest: float
+
+    @functools.cached_property
+    def synthesizer(self) -> EchoSynthesizer | StretchSynthesizer:
+        """What forms single echoes in the receive window of the record."""
+        radar = self.echoes.radar
+        single = Radar(radar.waveform, Burst(radar.burst.prf_hz, 1))
+        return synthesizer_for(single, self.echoes.range_limits_m)
 
     @classmethod
     def over(
@@ -145,21 +152,17 @@ def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
     `range_m` the range of its peak.
     """
     echoes, (start_m, stop_m) = recording.echoes, recording.range_limits_m
-    waveform, radar = echoes.radar.waveform, echoes.radar
     if range_m < echoes.range_limits_m[0]:
         low_m, high_m = max(start_m, _NEAREST_M), echoes.range_limits_m[0]
     else:
         low_m, high_m = echoes.range_limits_m[1], stop_m
-    count = max(2, math.ceil((high_m - low_m) / waveform.sample_spacing_m * 2))
-    # One pulse per range: an echo that moves by a step from pulse to pulse.
-    radar = Radar(waveform, Burst(radar.burst.prf_hz, count))
-    step_m = (high_m - low_m) / (count - 1)
-    echo = _unit_echo(recording, radar, low_m, step_m * radar.burst.prf_hz)
-    tried = range_process(echo, recording.rd_map.range_taper).values[0, :, : line.size]
+    count = max(2, math.ceil((high_m - low_m) / echoes.radar.waveform.sample_spacing_m * 2))
+    ranges_m = np.linspace(low_m, high_m, count)
+    tried = _pulse_profiles(recording, ranges_m, 0.0)
     energy = np.sum(np.abs(tried) ** 2, axis=1)
     # Less than a thousandth of a pulse is no evidence.
     fit = np.abs(np.conj(tried) @ line) ** 2 / np.maximum(energy, 1e-3 * energy.max())
-    return low_m + step_m * int(np.argmax(fit))
+    return float(ranges_m[np.argmax(fit)])
 
 
 def fit_point(own: Complex, patch: Complex) -> tuple[complex, float]:
@@ -187,11 +190,8 @@ def _profiles(
         return _still_profiles(recording, waveform, np.maximum(ranges_m, _NEAREST_M))
     later_s = _coupling_s(waveform, recording.rd_map.range_taper)
     ranges_m = np.maximum(ranges_m - rate_mps * later_s, _NEAREST_M)
-    radar = Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, 1))
-    echoes = (_unit_echo(recording, radar, float(r), rate_mps, True) for r in ranges_m)
-    profiles = np.concatenate([_compressed(recording, echo) for echo in echoes])
     carrier = np.exp(2j * np.pi * (2 * ranges_m / waveform.wavelength_m % 1.0))
-    return carrier[:, None] * profiles, None
+    return carrier[:, None] * _pulse_profiles(recording, ranges_m, rate_mps), None
 
 
 def _still_profiles(
@@ -211,18 +211,13 @@ def _still_profiles(
     beats = np.exp(2j * np.pi * cycles)
     if isinstance(waveform, FmcwWaveform):
         beats[ranges_m >= waveform.unambiguous_range_m] = 0  # filtered out
-    echo = dataclasses.replace(
-        recording.echoes,
-        samples=beats[None],
-        radar=Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, ranges_m.size)),
-        range_limits_m=recording.range_limits_m,
-    )
-    own = _compressed(recording, echo)
+    own = _compressed(recording, beats, waveform)
     if not real:
         return own, None
-    return own, _compressed(recording, dataclasses.replace(echo, samples=np.conj(beats)[None]))
+    return own, _compressed(recording, np.conj(beats), waveform)
 
 
+@functools.lru_cache(4)
 def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
     """Return how much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a
     chirp.
@@ -244,24 +239,23 @@ def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
     return float(waveform.carrier_hz * coupling + (waveform.duration_s / 2 if repeats else 0.0))
 
 
-def _unit_echo(
-    recording: Recording,
-    radar: Radar,
-    range_m: float,
-    range_rate_mps: float = 0.0,
-    within_pulse: bool = False,
-) -> Echoes:
-    """Return echoes of one scatterer with amplitude 1 in the recording's receive window."""
-    aperture_m2 = radar.waveform.wavelength_m**2 / (4 * math.pi)
-    limits_m = recording.echoes.range_limits_m
-    options = EchoOptions(nufft_backend="direct", motion_within_pulse=within_pulse)
-    synthesizer = synthesizer_for(radar, limits_m, options)
-    synthesizer.add(make_paths(1 / aperture_m2, 2 * range_m, range_rate_mps))
-    return dataclasses.replace(synthesizer.result(), range_limits_m=recording.range_limits_m)
+def _pulse_profiles(recording: Recording, ranges_m: Real, rate_mps: float) -> Complex:
+    """Return profiles of echoes of amplitude 1 in pulses or codes, (Q, ranges)."""
+    samples = recording.synthesizer.single_echoes(ranges_m, np.full(ranges_m.size, rate_mps))
+    return _compressed(recording, samples, recording.echoes.radar.waveform)
 
 
-def _compressed(recording: Recording, echo: Echoes) -> Complex:
-    """Return profiles of echoes over the ranges of the map, (pulses, ranges)."""
+def _compressed(recording: Recording, samples: Complex, waveform: AnyWaveform) -> Complex:
+    """Return profiles of samples (pulses, n) over the ranges of the map, (pulses, ranges)."""
+    pulses = samples.shape[0]
+    if isinstance(waveform, PmcwWaveform):
+        pulses //= waveform.code_repeats
+    echo = dataclasses.replace(
+        recording.echoes,
+        samples=samples[None],
+        radar=Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, pulses)),
+        range_limits_m=recording.range_limits_m,
+    )
     found = range_process(echo, recording.rd_map.range_taper).values[0]
     return np.asarray(found[:, : recording.rd_map.range_m.size])
 

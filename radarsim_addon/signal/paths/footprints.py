@@ -204,8 +204,9 @@ def _without_gaps(places: Integers) -> Integers:
 _LARGEST_STEP = 0.9
 #: Points that rows are spread over: so many times the rows of a view, or so many at least.
 _POINTS_A_ROW, _LEAST_POINTS = 16, 1 << 17
-#: Points that are made at a time: they stay in the processor's cache.
-_CHUNK = 1 << 15
+#: Points that are made, and rays whose neighbours are looked at, at a time: they stay in the
+#: processor's cache.
+_CHUNK, _RAYS_AT_ONCE = 1 << 15, 1 << 13
 
 
 @dataclass(frozen=True)
@@ -267,10 +268,10 @@ def steps_of(
         depth = mine["transparent_depth"]
         for path_class in np.unique(depth):
             here = np.flatnonzero(depth == path_class)
-            # columns are the second index of an image, and the first axis of steps
-            for axis, chain in enumerate(_chains(places[0][here], places[1][here], owner[here])):
-                rays = kept[here][chain]
-                between[kept[here], axis] = _counting(length_m[rays], rays)
+            mine = kept[here]
+            for axis, chain in _chains(places[0][here], places[1][here], owner[here]):
+                rays = mine[chain]
+                between[rays[2], axis] = _counting(length_m[rays], rays)
     return Steps(
         _differences(length_m, between),
         _differences(rate_mps, between) if rate_mps.any() else np.zeros((rows.size, 2, 2)),
@@ -298,8 +299,11 @@ def _differences(values: Real, between: Indices) -> Real:
     return steps if known.all() else np.where(known, steps, 0.0)
 
 
-def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[Indices]:
-    """Yield five rays in a line across, and up: two before each, itself, two after it, (5, n).
+def _chains(
+    col: Integers, row: Integers, owner: NDArray[np.int64]
+) -> Iterator[tuple[int, Indices]]:
+    """Yield five rays in a line across (0), and up (1): two before each, itself, two after it, (5,
+    m), for some rays at a time.
 
     Where another owner begins, the last ray of the own one stands for all that follow.
     """
@@ -307,18 +311,21 @@ def _chains(col: Integers, row: Integers, owner: NDArray[np.int64]) -> Iterator[
     width = int(np.ptp(col)) + 5
     pixel = (row - row.min() + 2) * width + col - col.min() + 2
     number = np.full((int(np.ptp(row)) + 5) * width, col.size)
-    own = np.arange(col.size)
-    number[pixel] = own
+    number[pixel] = np.arange(col.size)
     owners = np.append(owner, -1)
-    for stride in (1, width):
-        chain = np.tile(own, (5, 1))
-        for way in (-1, 1):
-            going = np.ones(col.size, dtype=bool)
-            for reach in (1, 2):
-                there = number[pixel + way * reach * stride]
-                going &= owners[there] == owner
-                chain[2 + way * reach] = np.where(going, there, chain[2 + way * (reach - 1)])
-        yield chain
+    for start in range(0, col.size, _RAYS_AT_ONCE):
+        own = np.arange(start, min(start + _RAYS_AT_ONCE, col.size))
+        at, mine = pixel.take(own), owner.take(own)
+        # columns are the second index of an image, and the first axis of steps
+        for axis, stride in enumerate((1, width)):
+            chain = np.tile(own, (5, 1))
+            for way in (-1, 1):
+                going = np.ones(own.size, dtype=bool)
+                for reach in (1, 2):
+                    there = number.take(at + way * reach * stride)
+                    going &= owners.take(there) == mine
+                    chain[2 + way * reach] = np.where(going, there, chain[2 + way * (reach - 1)])
+            yield axis, chain
 
 
 def _counting(length_m: Real, rays: Indices) -> Indices:

@@ -17,9 +17,8 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Integers, Real
+from ...arrays import Integers, Mask, Real
 from ...contract import ReceiverRecord
 from .footprints import Places, grid_places, placed
 from .table import PathRows
@@ -75,10 +74,11 @@ def edge_variances(
     The rows are of one tile at one of `count` replicates. Each has a label from 1 (0: none) and a
     value such as the power of the replicate alone, (n,). Gives (labels + 1,), by label from 0.
     """
-    total = np.zeros(int(label.max(initial=0)) + 1)
-    for labels, (values,) in _images(rows, label, value[None], receiver, count, grid):
-        total += _edge_variance(labels, values, count, total.size)
-    return total
+    total = np.zeros((1, int(label.max(initial=0)) + 1))
+    label = np.where(placed(rows, receiver), label, 0)
+    for labels, images in _images(rows, label, value[None], receiver, count, grid):
+        total += _edge_variances(labels, images, count, total.shape[1])
+    return np.asarray(total[0])
 
 
 def lone_variances(
@@ -99,13 +99,13 @@ def lone_variances(
     Arguments are as for `edge_variances`; values (sets, n) give (sets, labels + 1).
     """
     sets, size = np.atleast_2d(value), int(label.max(initial=0)) + 1
-    lost = np.flatnonzero((label > 0) & ~placed(rows, receiver))
-    lone = [np.bincount(label[lost], one[lost] ** 2, size) for one in sets]
-    total = np.array(lone, dtype=np.float64)  # of no rows bincount makes integers
-    for labels, images in _images(rows, label, sets, receiver, 1, grid):
-        for own, values in zip(total, images, strict=True):
-            own += _edge_variance(labels, values, 1, size)
-            own += _scatter_variance(labels, values, size)
+    known = placed(rows, receiver)
+    lost = np.flatnonzero(~known)
+    total = _sums_by(label[lost], sets[:, lost] ** 2, size)
+    total[:, 0] = 0.0
+    for labels, images in _images(rows, np.where(known, label, 0), sets, receiver, 1, grid):
+        total += _edge_variances(labels, images, 1, size)
+        total += _scatter_variances(labels, images, size)
     return total if value.ndim > 1 else np.asarray(total[0])
 
 
@@ -118,9 +118,9 @@ def _images(
     grid: Places = grid_places,
 ) -> Iterator[tuple[Integers, Real]]:
     """Yield labels, and values (sets, n), on the grid of pixels, path class by path class, with an
-    empty rim.
+    empty rim. Rows of label 0 are left out.
     """
-    kept = np.flatnonzero((label > 0) & placed(rows, receiver))
+    kept = np.flatnonzero(label > 0)
     if kept.size == 0:
         return
     if kept.size < rows.size:
@@ -128,51 +128,67 @@ def _images(
     col, row = grid(rows, receiver, count)
     path_class = rows["order"].astype(np.int64) << 16 | rows["transparent_depth"]
     for one in np.unique(path_class):
-        here = path_class == one
-        place = tuple(at[here] - at[here].min() + 1 for at in (row, col))
-        shape = tuple(int(at.max()) + 2 for at in place)
+        here = np.flatnonzero(path_class == one)
+        up, across = (at.take(here) for at in (row, col))
+        up, across = up - (up.min() - 1), across - (across.min() - 1)
+        shape = int(up.max()) + 2, int(across.max()) + 2
         labels, values = np.zeros(shape, dtype=np.int64), np.zeros((len(value), *shape))
-        labels[place], values[:, *place] = label[here], value[:, here]
+        pixel = up * shape[1] + across
+        labels.ravel()[pixel] = label.take(here)
+        for image, own in zip(values, value, strict=True):
+            image.ravel()[pixel] = own.take(here)
         yield labels, values
 
 
-def _edge_variance(labels: Integers, values: Real, count: int, size: int) -> Real:
-    """Return the variance by label, for the mean of so many replicates."""
-    total = np.zeros(size)
+def _sums_by(label: Integers, values: Real, size: int) -> Real:
+    """Return the sum of values (sets, n) by label, (sets, size)."""
+    # of no rows bincount makes integers
+    return np.array([np.bincount(label, own, size) for own in values], dtype=np.float64)
+
+
+def _edge_variances(labels: Integers, images: Real, count: int, size: int) -> Real:
+    """Return the variance by label, for the mean of so many replicates, of images (sets, ...)."""
+    total = np.zeros((len(images), size))
     for axis, variance in zip((1, 0), replicate_variances(count), strict=True):
-        for step in (1, -1):
-            edge = (labels > 0) & (np.roll(labels, step, axis) != labels)
+        # across each other axis the images are transposed; their rims are empty
+        own, values = (labels, images) if axis == 0 else (labels.T, images.transpose(0, 2, 1))
+        differ = own[1:] != own[:-1]
+        for side in (slice(1, None), slice(None, -1)):
+            edge = np.zeros(own.shape, dtype=bool)
+            np.logical_and(differ, own[side] > 0, out=edge[side])
             # a side has two edges, and the variance is that of a side
-            total += variance / 2 * _squared_runs(edge, labels, values, axis, size)
+            total += variance / 2 * _squared_runs(edge, own, values, size)
     return total
 
 
-def _scatter_variance(labels: Integers, values: Real, size: int) -> Real:
-    """Return the variance by label, from the differences of neighbours of one label."""
-    squares, pairs = np.zeros(size), np.zeros(size)
-    for axis in (0, 1):
-        # the rim is empty: nothing wraps around
-        pair = (labels > 0) & (np.roll(labels, 1, axis) == labels)
-        owner = labels[pair]
-        difference = values[pair] - np.roll(values, 1, axis)[pair]
-        squares += np.bincount(owner, difference**2, minlength=size)
+def _scatter_variances(labels: Integers, images: Real, size: int) -> Real:
+    """Return the variance by label, from the differences of neighbours of one label, of images
+    (sets, ...).
+    """
+    flat, values = labels.ravel(), images.reshape(len(images), -1)
+    squares, pairs = np.zeros((len(images), size)), np.zeros(size)
+    # the rim is empty: nothing wraps around
+    for stride in (labels.shape[1], 1):
+        pair = stride + np.flatnonzero((flat[stride:] > 0) & (flat[stride:] == flat[:-stride]))
+        owner = flat.take(pair)
+        difference = values.take(pair, axis=1) - values.take(pair - stride, axis=1)
+        squares += _sums_by(owner, difference**2, size)
         pairs += np.bincount(owner, minlength=size)
-    own = labels > 0
-    pixels = np.bincount(labels[own], minlength=size)
-    whole = np.bincount(labels[own], values[own] ** 2, minlength=size)
+    own = np.flatnonzero(flat > 0)
+    owner = flat.take(own)
+    pixels = np.bincount(owner, minlength=size)
+    whole = _sums_by(owner, values.take(own, axis=1) ** 2, size)
     return np.where(pairs > 0, pixels * squares / np.maximum(2 * pairs, 1), whole)
 
 
-def _squared_runs(
-    edge: NDArray[np.bool_], labels: Integers, values: Real, axis: int, size: int
-) -> Real:
-    """Sum, by label, the squared values of each run of edge pixels in a line along the edge."""
-    if axis == 1:
-        edge, labels, values = edge.T, labels.T, values.T
-    on = edge.ravel()
-    label = labels.ravel()
-    begins = on.copy()
-    begins[1:] &= ~(on[:-1] & (label[1:] == label[:-1]))
-    run = np.cumsum(begins)[on] - 1
-    sums = np.bincount(run, values.ravel()[on], minlength=1)
-    return np.bincount(label[begins], sums[: int(begins.sum())] ** 2, minlength=size)
+def _squared_runs(edge: Mask, labels: Integers, images: Real, size: int) -> Real:
+    """Sum, by label, the squared values of each run of edge pixels in a line of images (sets, ...),
+    (sets, size).
+    """
+    at = np.flatnonzero(edge)
+    place = np.unravel_index(at, edge.shape)
+    label = labels[place]
+    begins = np.ones(at.size, dtype=bool)
+    begins[1:] = (np.diff(at) != 1) | (label[1:] != label[:-1])
+    run = np.cumsum(begins) - 1
+    return _sums_by(label[begins], _sums_by(run, images[:, *place], 0) ** 2, size)

@@ -295,8 +295,7 @@ def _taken(column: NDArray[Any], rows: Indices) -> NDArray[Any]:
     first, stop = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
     if stop - first > _SPARSE * rows.size:
         return np.asarray(column[rows])
-    piece = np.array(column[first:stop].T, order="C")
-    return np.asarray(piece.take(rows - first, axis=-1).T)
+    return np.asarray(column[first:stop].T.take(rows - first, axis=-1).T)
 
 
 def _bytes_of(column: NDArray[Any]) -> memoryview:

@@ -23,7 +23,7 @@ from .grid import (
 )
 from .nufft import Backend, nufft1, smooth_size
 from .pulse_sums import Method
-from .transform import SynthesisReport
+from .transform import SynthesisReport, single_spectra
 
 __all__ = [
     "TOLERANCE",
@@ -41,5 +41,6 @@ __all__ = [
     "check_finite",
     "nufft1",
     "repeat_orders",
+    "single_spectra",
     "smooth_size",
 ]

@@ -33,6 +33,8 @@ from ..motion import Rows
 
 #: Elements worked on at a time, so that temporaries stay in the processor's cache.
 BLOCK = 1 << 13
+#: Values of k next to one another whose phases have a value in common.
+_NEAR = 32
 #: Veltkamp's splitter: 2^27 + 1.
 _SPLITTER = 134_217_729.0
 
@@ -92,6 +94,22 @@ def phasors(amplitude: NDArray[np.inexact[Any]], cycles: Real, out: Complex) -> 
     np.sin(cycles, out=out.imag)
     out *= amplitude
     return out
+
+
+def unit_phasors(cycles: Real) -> Complex:
+    """Return exp(j 2 pi cycles). Overwrite the cycles."""
+    return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
+
+
+def phasor_lines(cycles: Real, step: Real, count: int) -> Complex:
+    """Return exp(j 2 pi (cycles + k step)), (count, n), for k = -(count//2) and so on.
+
+    They are put together from a few k and the distances from these, since a cosine takes ten times
+    a product.
+    """
+    far, near = np.arange(-(count // 2), count - count // 2, _NEAR), np.arange(_NEAR)
+    found = unit_phasors(far[:, None] * step + cycles)[:, None] * unit_phasors(near[:, None] * step)
+    return np.asarray(found.reshape(-1, cycles.size)[:count])
 
 
 @dataclass(frozen=True)

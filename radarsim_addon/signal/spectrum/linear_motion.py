@@ -37,7 +37,14 @@ from numpy.typing import NDArray
 
 from ...arrays import Complex, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from .grid import SynthesisContext, Weights, phasors, reduce_cycles, reduced_cycles
+from .grid import (
+    SynthesisContext,
+    Weights,
+    phasor_lines,
+    reduce_cycles,
+    reduced_cycles,
+    unit_phasors,
+)
 from .nufft import LEAST_ERROR, MARGIN, NARROW, TIGHTEST, nufft_lines
 from .transform import RANDOM_STATE, ErrorSum, PulseBlock, engine_tolerance, joined_error, l2_norm
 
@@ -59,8 +66,6 @@ _RAMP_1 = 4.0
 _COARSEST = 1e-3
 #: Fraction of the tolerance for what the first order leaves out.
 _SHARE = 0.1
-#: Frequencies next to one another whose turns are put together.
-_NEAR = 32
 
 
 @dataclass(frozen=True)
@@ -194,8 +199,8 @@ def _points_at(rows: LinearRows, sums: SynthesisContext, time_s: float) -> _Poin
     cycles -= reduced_cycles(shift_m, sums.centre)
     middle = MiddleMotion.of(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
     cycles += middle.path_cycles()
-    turns = phasors(np.ones(1), reduce_cycles(cycles), np.empty(len(rows), dtype=np.complex128))
-    return _Points(middle, np.atleast_2d(amplitude.T) * turns, reference_m)
+    values = np.atleast_2d(amplitude.T) * unit_phasors(cycles)
+    return _Points(middle, values, reference_m)
 
 
 def _transformed(
@@ -291,10 +296,8 @@ class MiddleMotion:
         self, times_s: Real, interval_s: float, step_hz: float, count: int, carrier_hz: float
     ) -> Complex:
         """Return exp(j 2 pi cycles) that all paths share, (times, frequencies), at s = t + k dt and
-        u = k df, with k from -count//2 on.
-
-        The phase is of the second degree in k, and only the first has to do with t: it is put
-        together from a few k and their distances, since a cosine takes ten times a product.
+        u = k df, with k from -count//2 on. The phase is of the second degree in k, and only the
+        first has to do with t.
         """
         k = np.arange(-(count // 2), count - count // 2)
         moved_s, middle_hz = self.middle_rate * interval_s, self.middle_hz(carrier_hz)
@@ -303,10 +306,8 @@ class MiddleMotion:
         both = walked_s * (self.slope * moved_s - step_hz)
         square = moved_s * (self.slope / 2 * moved_s - step_hz)
         of_k = k * (square * k - step_hz * (self.middle_s - self.reference_s) - middle_hz * moved_s)
-        near, far = np.arange(_NEAR), k[::_NEAR]
-        turns = _turns(far[:, None] * both + alone)[:, None] * _turns(near[:, None] * both)
-        turns = turns.reshape(-1, times_s.size)[:count]
-        turns *= _turns(of_k)[:, None]
+        turns = phasor_lines(alone, both, count)
+        turns *= unit_phasors(of_k)[:, None]
         return np.asarray(turns.T)
 
     def remains(self, values: Complex) -> Complex:
@@ -323,11 +324,6 @@ class MiddleMotion:
         square *= since_s**2
         sets += product
         sets += square
-
-
-def _turns(cycles: Real) -> Complex:
-    """Return exp(j 2 pi cycles). Overwrite the cycles."""
-    return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, dtype=np.complex128))
 
 
 def negligible(remains_rad: float, tolerance: float) -> bool:

@@ -41,8 +41,7 @@ from .grid import (
     SynthesisContext,
     Weights,
     lagrange,
-    phasors,
-    reduce_cycles,
+    unit_phasors,
     used_terms,
 )
 from .linear_motion import LinearRows
@@ -183,7 +182,7 @@ class CommonMotion:
         k = np.arange(sums.grid.count) - sums.grid.count // 2
         turns_hz = (float(sums.grid.exact_centre_hz) + k * sums.grid.step_hz) * self.rate_mps
         cycles = np.outer((times_s[0] - times_s) / SPEED_OF_LIGHT_MPS, turns_hz)
-        return phasors(np.ones(1), reduce_cycles(cycles), np.empty(cycles.shape, np.complex128))
+        return unit_phasors(cycles)
 
     def error(self, at_nodes: ErrorSum, pulses: int) -> ErrorSum:
         """Return the error of the transforms at all pulses from that at all nodes. Random errors

@@ -24,11 +24,15 @@ from .grid import (
     BLOCK,
     NODES_SHARE,
     RECEPTION,
+    FrequencyGrid,
+    PulseShape,
+    ReceiveWindow,
     SynthesisContext,
     Weights,
     chebyshev_nodes,
     lagrange,
     nodes_for,
+    phasor_lines,
     phasors,
     received_rows,
     reduce_cycles,
@@ -288,6 +292,41 @@ class PulseMotionTransform(EachPulse):
             error = max(error, found.error, key=lambda one: one.random)
         error = joined_error(error, nodes, self._tolerance, count)
         return PulseResult(pulse.joined(spectra), error, kept, found.folded)
+
+
+def single_spectra(
+    grid: FrequencyGrid,
+    window: ReceiveWindow,
+    pulse: PulseShape,
+    length_m: Real,
+    rate_mps: Real,
+    later_s: Real,
+) -> Complex:
+    """Return the spectrum of each of n paths of amplitude 1 by itself, term by term, (n,
+    frequencies). A path has its length [m] and its rate [m/s] `later_s` before the middle of the
+    pulse.
+    """
+    sums = SynthesisContext.of(grid, window, None, pulse=pulse)
+    rows, order, _ = received_rows(sums, length_m + rate_mps * later_s)
+    number = np.arange(length_m.size)[rows]
+    order = np.zeros(number.size) if order is None else order
+    received = number, order
+    nodes = pulse.nodes(rate_mps, grid.highest_hz, TIGHTEST)
+    found = np.zeros((length_m.size, grid.count), dtype=np.complex128)
+    step = max(_MAX_TERMS // (nodes * grid.count), 1)
+    for start in range(0, number.size, step):
+        own, folds = (part[start : start + step, None] for part in received)
+        length, rate = length_m[own], rate_mps[own]
+        meets_s = later_s[own] + pulse.times_s(nodes) - folds * (window.period_s or 0.0)
+        moved_m = pulse.meeting.moved_m(length, rate, meets_s)
+        cycles = reduce_cycles(folds * sums.shift_centre) - reduced_cycles(length, sums.centre)
+        points = reduced_cycles(length, sums.step) - folds * sums.shift_step
+        cycles = cycles - moved_m * sums.centre.rate
+        points = points + moved_m * sums.step.rate
+        spectra = phasor_lines(cycles.ravel(), -points.ravel(), grid.count).T
+        spectra = spectra.reshape(-1, nodes, grid.count)
+        np.add.at(found, own[:, 0], pulse.stretch(rate) * pulse.joined(spectra))
+    return found
 
 
 def pulse_left_out_rad(lengths_m: Real, sums: SynthesisContext, times_s: Real) -> float:

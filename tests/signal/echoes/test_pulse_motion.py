@@ -21,7 +21,7 @@ from radarsim_addon.signal import (
     synthesize,
 )
 from radarsim_addon.signal.detection import find_moving_targets
-from radarsim_addon.signal.echoes import line_times_s
+from radarsim_addon.signal.echoes import line_times_s, synthesizer_for
 from radarsim_addon.signal.maps import range_doppler, range_process
 from radarsim_addon.signal.radar import AnyWaveform, ArbitraryPulse, PhaseCodedPulse
 from tests.signal.oracle import echo_at, pulse_at, unit_paths
@@ -101,6 +101,24 @@ def test_codes_of_pmcw_have_the_doppler_shift_in_them(transform: Any) -> None:
     assert found.report.error_estimate < 1e-6
     still = synthesize(paths, radar, range_limits_m=limits_m, motion_within_pulse=False)
     assert relative(still.plane, truth) > 0.5
+
+
+@pytest.mark.parametrize(("waveform", "stop_m"), [(CHIRP, 150.0), (CODE, 3800.0)])
+def test_single_echoes_are_those_of_the_synthesis(waveform: AnyWaveform, stop_m: float) -> None:
+    """Alone in their pulses: within the window, over its end, beyond it, and folded into it."""
+    radar, limits_m = Radar(waveform, Burst(5000.0, 1)), (90.0, stop_m)
+    ranges_m = np.array([120.3, stop_m + 1.7, 95.0, 2 * stop_m + 4000.0, 29979.2458 + 131.77])
+    rates_mps = np.array([60.0, -60.0, 0.0, 13.0, 25.0])
+    found = synthesizer_for(radar, limits_m).single_echoes(ranges_m, rates_mps)
+    each = [
+        synthesize(
+            unit_paths(radar, [r], v), radar, range_limits_m=limits_m, nufft_backend="direct"
+        )
+        for r, v in zip(ranges_m, rates_mps, strict=True)
+    ]
+    truth = np.concatenate([echoes.plane for echoes in each])
+    assert found.shape == truth.shape
+    assert np.abs(found - truth).max() < 1e-11 * np.abs(truth).max()
 
 
 def test_sidelobes_of_a_shifted_code_are_no_targets() -> None:
