@@ -45,7 +45,7 @@ from .live_preview import LIVE_PROPERTY
 from .measuring import current_run
 from .results_panel import RADARSIM_PT_results
 from .scene_panel import LONG_S, draw_rows, effort
-from .scene_reading import current_measurement, rig_of
+from .scene_reading import current_measurement, shown_rig
 
 # -------------------------------------------------------------------------------------------------
 # Radar presets in Blender's own menu: those of radarsim, and those that the user saved.
@@ -181,7 +181,7 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
             row.operator("radarsim.setup_rig", text="", icon="ADD")
         try:
             radar = active_radar(scene)
-            rig = rig_of(scene, radar)
+            rig = shown_rig(scene, radar)
         except RadarSimError as error:
             wrapped(context, layout, str(error), "INFO")
             return
@@ -219,7 +219,7 @@ class RADARSIM_PT_antenna_objects(ActiveRadarPanel, bpy.types.Panel):
         column.prop(group, "camera")
         column.prop(group, "light")
         try:
-            rig = rig_of(context.scene, active_radar(context.scene))
+            rig = shown_rig(context.scene, active_radar(context.scene))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
