@@ -96,7 +96,7 @@ def drawn(*panels: Any, closed: bool = False) -> Layout:
     for panel in panels:
         if not getattr(panel, "poll", lambda _: True)(given):
             continue
-        self = SimpleNamespace(layout=layout)
+        self = SimpleNamespace(layout=layout, bl_label=panel.bl_label)
         shut = closed and "DEFAULT_CLOSED" in getattr(panel, "bl_options", ())
         for name in ("draw_header", "draw_header_preset", *(() if shut else ("draw",))):
             if hasattr(panel, name):

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -17,7 +19,8 @@ from radarsim_addon.blender import addon
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import action_curves, active_radar
-from radarsim_addon.blender.ui import overlays, scene_reading
+from radarsim_addon.blender.ui import link_budget_panel, overlays, scene_reading
+from radarsim_addon.blender.ui.scene_panel import RADARSIM_OT_set_values
 from radarsim_addon.errors import SceneError
 from radarsim_addon.physics import antennas as physics_antennas
 from tests.blender import radar_scenes as rs
@@ -25,9 +28,15 @@ from tests.blender import recording
 
 
 def drawn() -> str:
-    """All that the panels of a run show."""
+    """All that the panels of a run show, with the tooltips of the buttons that set values."""
     layout = recording.drawn(*recording.TAB)
-    return " ".join([*layout.texts, *(button.text for button in layout.buttons)])
+    tooltips = [
+        RADARSIM_OT_set_values.description(bpy.context, SimpleNamespace(**button.values))
+        for button in layout.buttons
+        if button.operator == "radarsim.set_values"
+    ]
+    names = [name for b in layout.buttons for name in json.loads(b.values.get("names", "[]"))]
+    return " ".join([*layout.texts, *(button.text for button in layout.buttons), *tooltips, *names])
 
 
 @pytest.fixture
@@ -210,6 +219,7 @@ def test_a_redraw_takes_no_step_for_an_object(
     apply_preset(scene, active_radar(scene), radar_preset(preset))
     if preset == "sar_c_band":
         view.transmitter.kind, view.transmitter.width_m = "aperture", 12.0
+    monkeypatch.setattr(link_budget_panel, "_systems", {})
     integrals: list[Any] = []
     integral = physics_antennas.gauss_legendre
     monkeypatch.setattr(
