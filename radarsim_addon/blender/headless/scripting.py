@@ -240,7 +240,7 @@ def assign_by_name(scene: bpy.types.Scene | None = None) -> dict[str, str]:
     scene = bpy.context.scene if scene is None else scene
     layer = scene.view_layers[0]
     taken = {}
-    for material, ready in suggest_materials(evaluated_snapshot(layer)).items():
+    for material, ready in suggest_materials(evaluated_snapshot(layer), carrier_hz(scene)).items():
         if ready:
             replace_material(material, ready, carrier_hz(scene), evaluated_snapshot(layer))
             taken[material.name] = ready

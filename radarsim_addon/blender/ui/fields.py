@@ -142,7 +142,7 @@ def read_findings(text: str) -> list[Finding]:
 #: Letters of a line that a narrow sidebar holds, and letters that the rest of a header takes.
 _NARROW, _HEADER = 40, 4
 #: Parts of the width that names take: Blender's own, and for names of more letters than `_SHORT`.
-_NAMES, _LONG_NAMES, _SHORT = 0.4, 0.55, 14
+_NAMES, _LONG_NAMES, _SHORT = 0.4, 0.55, 15
 
 
 def active_group(scene: bpy.types.Scene) -> Any:

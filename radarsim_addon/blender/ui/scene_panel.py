@@ -120,15 +120,18 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        found = suggest_materials(take_snapshot(context.evaluated_depsgraph_get()))
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
-        rows.clear()
-        for material, ready in found.items():
-            row = rows.add()
-            row.material, row.ready = material.name, ready or "KEEP"
-        known = sum(ready is not None for ready in found.values())
-        self.report({"INFO"}, f"Optical materials: {len(found)}, with a known name: {known}")
-        return {"FINISHED"}
+        with reported(self):
+            snapshot = take_snapshot(context.evaluated_depsgraph_get())
+            found = suggest_materials(snapshot, carrier_hz(context.scene))
+            rows.clear()
+            for material, ready in found.items():
+                row = rows.add()
+                row.material, row.ready = material.name, ready or "KEEP"
+            known = sum(ready is not None for ready in found.values())
+            self.report({"INFO"}, f"Optical materials: {len(found)}, with a known name: {known}")
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 class RADARSIM_OT_apply_materials(bpy.types.Operator):

@@ -72,9 +72,9 @@ from ..state import Shape, Snapshot, take_snapshot, watch_evaluations
 from .fields import is_refused, may_write_at_need
 
 #: Time after the last change at which a scene is read again, and from slice to slice [s].
-_CALM_S, _PAUSE_S = 0.2, 0.01
+_CALM_S, _PAUSE_S = 0.2, 0.005
 #: Time after which a slice ends with the part that is being read [s].
-_SLICE_S = 0.004
+_SLICE_S = 0.006
 #: Objects of one part: whose F-curves are read, and whose materials are looked at.
 _KEYED, _SHAPES = 2, 128
 
@@ -148,8 +148,9 @@ def scene_record(context: bpy.types.Context) -> SceneRecord | None:
 
 def read_now(context: bpy.types.Context) -> None:
     """Read all of the scene at once, if it has changed, for `scene_record`."""
-    while not _read_part(context):
-        pass
+    if _begin(context):
+        while not _read_part(context.scene):
+            pass
 
 
 def _note(depsgraph: Any) -> None:
@@ -166,39 +167,41 @@ def _read_slice() -> float | None:
         return calm_in_s
     context, end_s = bpy.context, time.perf_counter() + _SLICE_S
     try:
-        while not (read := _read_part(context)) and time.perf_counter() < end_s:
-            pass
+        ended = not _begin(context) or _read_part(context.scene)
+        while not ended and time.perf_counter() < end_s:
+            ended = _read_part(context.scene)
     except ReferenceError:  # an object was removed while it was read
-        _reader.of, read = None, False
+        _reader.of, ended = None, False
     except AttributeError as error:
         if is_refused(error):
             raise
         return None  # the extension was disabled
-    if read:
+    if ended:
         redraw_panels(context)
-    return None if read else _PAUSE_S
+    return None if ended else _PAUSE_S
 
 
-def _read_part(context: bpy.types.Context) -> bool:
-    """Read one part of the scene, the first one of a scene that has changed; return whether it was
-    the last.
-    """
+def _begin(context: bpy.types.Context) -> bool:
+    """Begin to read the scene if it has changed; return whether there is something to be read."""
     scene = context.scene
     if current_measurement(scene)[0] is None:
-        return True  # the panels say what is wrong
-    key = _key(scene)
-    snapshot = take_snapshot(context.evaluated_depsgraph_get())
-    if _reader.of is None or _reader.of[0] is not snapshot or _reader.of[1] != key:
-        _reader.of, _reader.reading = (snapshot, key), _read(scene, snapshot)
+        return False  # the panels say what is wrong
+    now = take_snapshot(context.evaluated_depsgraph_get()), _key(scene)
+    if _reader.of is None or _reader.of[0] is not now[0] or _reader.of[1] != now[1]:
+        _reader.of, _reader.reading = now, _read(scene, now[0])
     _reader.changed = False
-    if _reader.reading is None:
-        return True
+    return _reader.reading is not None
+
+
+def _read_part(scene: bpy.types.Scene) -> bool:
+    """Read one part of the scene; return whether it was the last."""
+    assert _reader.of is not None and _reader.reading is not None
     try:
         found: SceneRecord | str | None = next(_reader.reading)
     except RadarSimError as error:
         found = str(error)
     if found is not None:
-        _reader.latest[scene.session_uid], _reader.reading = (key, found), None
+        _reader.latest[scene.session_uid], _reader.reading = (_reader.of[1], found), None
     return found is not None
 
 
