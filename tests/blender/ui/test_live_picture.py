@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytest.importorskip("bpy")  # before its module blf
+
 from radarsim_addon.blender.ui.live_picture import (
     BACK,
     SPAN_DB,
@@ -160,8 +162,9 @@ def test_the_whole_picture_is_few_rectangles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("room_px", "scale"), [((2000.0, 1400.0), 2.0), ((700.0, 1400.0), 700 / 452), ((2000.0, 400.0), 400 / 342)]
-)  # fmt: skip
+    ("room_px", "scale"),
+    [((2000.0, 1400.0), 2.0), ((700.0, 1400.0), 700 / 452), ((2000.0, 400.0), 400 / 362)],
+)
 def test_the_picture_fits_into_the_view(room_px: tuple[float, float], scale: float) -> None:
     """On a display of scale 2 as large as it can be; too small to be read it is not drawn."""
     found = fitting_scale(2.0, room_px, True, len(LINES))
