@@ -80,7 +80,7 @@ class Setting:
     flag: str = ""  # option, where it cannot follow from the field's name
     metavar: str = ""  # placeholder of the option's value in its help
     parse: Callable[[str], Any] | None = None  # for values that are no number, text or choice
-    digits: int = 4  # decimals in the window
+    digits: int = 3  # decimals in the window
     path: Literal["", "FILE", "DIR"] = ""  # the text names a file or a folder
     window: bool = True  # whether the window shows it
 

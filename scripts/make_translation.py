@@ -21,7 +21,7 @@ UI = ROOT / "radarsim_addon/blender/ui"
 #: Functions that draw a text, and which of their arguments it is: a place or a name.
 DRAWING: dict[str, tuple[int | str, ...]] = {
     "tr": (0,), "label": ("text",), "operator": ("text",), "prop": ("text",), "progress": ("text",),
-    "column": ("heading",), "draw_number": (1,), "draw_state": (1,),
+    "column": ("heading",), "draw_number": (1,), "draw_state": (1,), "draw_quantity": (3,),
 }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from radarsim_addon.blender import addon
+from radarsim_addon.blender.ui import scene_reading
 from radarsim_addon.blender.ui.fields import RadarPanel
 
 #: All panels of the tab, in their order.
@@ -76,8 +77,8 @@ class Layout:
 
 
 def context() -> Any:
-    """What panels ask a context for, with a wide sidebar."""
-    return SimpleNamespace(
+    """What panels ask a context for, with a wide sidebar, once the scene was read."""
+    given = SimpleNamespace(
         scene=bpy.context.scene,
         window_manager=bpy.context.window_manager,
         active_object=bpy.context.view_layer.objects.active,
@@ -85,6 +86,8 @@ def context() -> Any:
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
     )
+    scene_reading.read_now(given)
+    return given
 
 
 def drawn(*panels: Any, closed: bool = False) -> Layout:
@@ -96,7 +99,7 @@ def drawn(*panels: Any, closed: bool = False) -> Layout:
     for panel in panels:
         if not getattr(panel, "poll", lambda _: True)(given):
             continue
-        self = SimpleNamespace(layout=layout)
+        self = SimpleNamespace(layout=layout, bl_label=panel.bl_label)
         shut = closed and "DEFAULT_CLOSED" in getattr(panel, "bl_options", ())
         for name in ("draw_header", "draw_header_preset", *(() if shut else ("draw",))):
             if hasattr(panel, name):

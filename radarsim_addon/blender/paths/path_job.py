@@ -390,10 +390,9 @@ class PathJob(MeasurementJob):
         for item in record.findings:
             if item.code == "power-uncertain":
                 known += f" (caution: uncertain power of {', '.join(item.subjects[:3])})"
-        self.summary = (
-            f"{record.path_count:,} paths, standard error {known}, lengths within "
-            f"{record.length_sigma_wavelengths:.2g} wavelengths"
-        )
+        self.summary = f"{record.path_count:,} paths, standard error {known}"
+        if record.length_sigma_wavelengths >= _SAID_WAVELENGTHS:
+            self.summary += f", lengths within {record.length_sigma_wavelengths:.2g} wavelengths"
         if self.options.refines:
             self.summary += f"; refined until: {stop_reason}"
 
@@ -516,6 +515,8 @@ def _reads_settings(tree: bpy.types.NodeTree) -> bool:
     )
 
 
+#: Random errors of lengths that a summary gives [wavelengths].
+_SAID_WAVELENGTHS = 1e-3
 #: Nodes whose output changes from frame to frame.
 _NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
 

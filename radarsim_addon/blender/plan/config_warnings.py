@@ -101,6 +101,8 @@ def _ring_findings(
 LARGEST_STEP = 0.3
 #: A finer resolution is proposed up to this many pixels.
 _MOST_PX = 1 << 22
+#: Relative change of the ratio of the sides that counts as none: 0.02 of 24 degrees.
+_SAME_RATIO = 1e-3
 #: With rings a pixel has one range: more range cells than these leave gaps between the pixels.
 RING_CELLS = 2.0
 #: Pixels across an object that rings must have to meet it.
@@ -153,9 +155,16 @@ def find_coarse_pixels(
 
 
 def _finer(measurement: Measurement, factor: float) -> dict[str, int]:
-    """Return the resolution with so many times the pixels a side; zeros if that is too much."""
+    """Return the resolution with so many times the pixels a side, or a little more; zeros if that
+    is too much.
+
+    The ratio of the sides stays, and with it the field of view.
+    """
     across, up = measurement.width_px, measurement.height_px
-    sides = [8 * math.ceil(side * factor / 8) for side in (across, up)]
-    if math.prod(sides) > _MOST_PX:
-        sides = [0, 0]
-    return {"width_px": sides[0], "height_px": sides[1]}
+    width = math.ceil(across * factor)
+    while abs(round(width * up / across) * across / (width * up) - 1) > _SAME_RATIO:
+        width += 1  # ends at a multiple of the width
+    height = round(width * up / across)
+    if width * height > _MOST_PX:
+        width = height = 0
+    return {"width_px": width, "height_px": height}

@@ -227,7 +227,7 @@ class PathOptions:
         soft_maximum=64,
     )
     max_standard_error: float = setting(
-        "Max standard error",
+        "Target error",
         "Refine tiles until the relative standard error (over range bins and objects) is below "
         "this. 0: no refinement by error",
         0.0,

@@ -10,6 +10,7 @@ puts whole radars into the settings. `material` is the panel's view of a materia
 from .material import MATERIAL_PROPERTY, choose_medium
 from .presets import apply_preset, load_preset, read_preset, save_preset, set_values
 from .radar import (
+    EIRP_PROPERTY,
     PLACES,
     RADAR_PROPERTY,
     RADAR_SETTINGS,
@@ -17,16 +18,19 @@ from .radar import (
     Settings,
     beyond_band,
     carrier_hz,
+    field_of,
     output_folder,
     own_link_budget,
     read_link_budget,
     read_measurement,
     read_path_options,
     settings,
+    watts_to_dbm,
 )
 from .registration import MIRROR_PROPERTY, PROGRESS_PROPERTY, register, unregister
 
 __all__ = [
+    "EIRP_PROPERTY",
     "MATERIAL_PROPERTY",
     "MIRROR_PROPERTY",
     "PLACES",
@@ -39,6 +43,7 @@ __all__ = [
     "beyond_band",
     "carrier_hz",
     "choose_medium",
+    "field_of",
     "load_preset",
     "output_folder",
     "own_link_budget",
@@ -51,4 +56,5 @@ __all__ = [
     "set_values",
     "settings",
     "unregister",
+    "watts_to_dbm",
 ]

@@ -14,7 +14,9 @@ from __future__ import annotations
 import contextlib
 import difflib
 import functools
+import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -49,6 +51,49 @@ PLACES: dict[str, str] = {}
 _LEAST_SHOWN = 1e-6
 
 
+@dataclass(frozen=True)
+class WindowField:
+    """A field of the window for a setting, in a unit that files, scripts and options do not use.
+
+    The setting's own property stays, for scripts and animations.
+    """
+
+    name: str
+    unit: str
+    minimum: float
+    #: From SI to the unit, and back.
+    shown: Callable[[float], float]
+    to_si: Callable[[float], float]
+    digits: int = 2
+
+
+def watts_to_dbm(watts: float) -> float:
+    """Return a power in dBm; nothing is -270 dBm."""
+    return 10 * math.log10(max(watts, 1e-30)) + 30
+
+
+def dbm_to_watts(dbm: float) -> float:
+    """Return a power [W] from dBm, as Blender's float32 fields show it."""
+    return float(10 ** (shortest_decimal(dbm) / 10 - 3))
+
+
+#: By the names of settings.
+WINDOW_FIELDS = {
+    "prf_hz": WindowField(
+        "prf_khz", "kHz", 1e-6, lambda hertz: hertz / 1e3, lambda khz: shortest_decimal(khz, 3)
+    ),
+    "transmit_power_w": WindowField(
+        "transmit_power_dbm", "dBm", -200.0, watts_to_dbm, dbm_to_watts
+    ),
+}
+
+
+def field_of(item: Declared) -> tuple[str, str]:
+    """Return the property by which the window shows a setting, and its unit; "" for none."""
+    field = WINDOW_FIELDS.get(item.name)
+    return (item.shown_name, item.shown_unit) if field is None else (field.name, field.unit)
+
+
 def property_group(
     name: str,
     settings: Mapping[str, Declared],
@@ -69,6 +114,9 @@ def property_group(
                 default=item.of.on or item.default is not None,
             )
         annotations[item.shown_name] = _property(item, (changes or {}).get(item.name))
+        if item.name in WINDOW_FIELDS:
+            field = WINDOW_FIELDS[item.name]
+            annotations[field.name] = _window_property(item, field)
     annotations.update(others or {})
     members = {
         "__annotations__": annotations,
@@ -107,6 +155,22 @@ def _property(item: Declared, change: Change | None) -> Any:
         group[item.name] = shortest_decimal(value, item.exponent)
 
     return bpy.props.FloatProperty(get=get, set=put, precision=of.digits, **common)
+
+
+def _window_property(item: Declared, field: WindowField) -> Any:
+    """Return the field of the window in another unit."""
+
+    def put(group: Any, value: float) -> None:
+        group[item.name] = field.to_si(value)
+
+    return bpy.props.FloatProperty(
+        name=item.shown_label.replace(f"[{item.shown_unit}]", f"[{field.unit}]"),
+        description=item.of.help,
+        get=lambda group: field.shown(float(group.get(item.name, item.initial))),
+        set=put,
+        min=field.minimum,
+        precision=field.digits,
+    )
 
 
 def read(group: Any, item: Declared) -> Any:
@@ -367,6 +431,27 @@ RadarGroup = property_group(
         ("carrier_hz", "waveform_kind", "waveform_file", "beyond_band"), _refresh_for_carrier
     ),
 )
+
+
+#: Property of lights: their power in dBm.
+EIRP_PROPERTY = "radarsim_eirp_dbm"
+
+
+def eirp_property() -> Any:
+    """Return the property of a light that shows its power in dBm."""
+
+    def put(light: Any, dbm: float) -> None:
+        light.energy = dbm_to_watts(dbm)
+
+    return bpy.props.FloatProperty(
+        name="EIRP [dBm]",
+        get=lambda light: watts_to_dbm(light.energy),
+        set=put,
+        min=-200.0,
+        max=300.0,
+        precision=2,
+        description="Set what the transmitter radiates in all directions: the power of the light",
+    )
 
 
 def active_radar_property() -> Any:

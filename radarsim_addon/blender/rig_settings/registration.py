@@ -12,7 +12,14 @@ from ..materials.physical_materials import READY
 from ..nodes import PRESETS
 from ..scene import ACTIVE_RADAR_PROPERTY
 from .material import MATERIAL_PROPERTY, MaterialSettings
-from .radar import RADAR_PROPERTY, AntennaGroup, RadarGroup, active_radar_property
+from .radar import (
+    EIRP_PROPERTY,
+    RADAR_PROPERTY,
+    AntennaGroup,
+    RadarGroup,
+    active_radar_property,
+    eirp_property,
+)
 
 PROGRESS_PROPERTY = "radarsim"
 MIRROR_PROPERTY = "radarsim_mirror_images"
@@ -141,6 +148,7 @@ def register() -> None:
         setattr(owner, name, bpy.props.PointerProperty(type=group, name=label))
     setattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY, active_radar_property())
     setattr(bpy.types.Object, MIRROR_PROPERTY, mirror_property())
+    setattr(bpy.types.Light, EIRP_PROPERTY, eirp_property())
 
 
 def unregister() -> None:
@@ -148,6 +156,7 @@ def unregister() -> None:
     if not AntennaGroup.is_registered:
         return
     delattr(bpy.types.Scene, ACTIVE_RADAR_PROPERTY)
+    delattr(bpy.types.Light, EIRP_PROPERTY)
     delattr(bpy.types.Object, MIRROR_PROPERTY)
     for group, owner, name, _ in reversed(_GROUPS):
         delattr(owner, name)

@@ -24,7 +24,14 @@ from .closing_speeds import (
     pose_in_metres,
 )
 from .finite_checks import check_poses, check_vertices
-from .ground_truth import antenna_positions, displaced_surfaces, echoing_boxes, scene_extent
+from .ground_truth import (
+    Boxes,
+    antenna_positions,
+    displaced_surfaces,
+    echoing_boxes,
+    extent_of_boxes,
+    scene_extent,
+)
 from .mesh_checks import check_meshes, check_normals, sharpen_walls
 from .poses import (
     NEAR_CLIP_UNITS,
@@ -85,6 +92,7 @@ from .visibility import (
     hidden_members,
     hidden_objects,
     hiding_is_animated,
+    is_fog,
     is_hidden_at_times,
     isolate,
     limited_visibility,
@@ -103,6 +111,7 @@ __all__ = [
     "NEAR_CLIP_UNITS",
     "PATTERN_PROPERTY",
     "VELOCITY_FRAMES",
+    "Boxes",
     "ClosingSpeeds",
     "GroundBelow",
     "InstancePose",
@@ -132,6 +141,7 @@ __all__ = [
     "echoes",
     "echoing_boxes",
     "evaluated_poses",
+    "extent_of_boxes",
     "file_identity",
     "find_rig",
     "foreign_handlers",
@@ -143,6 +153,7 @@ __all__ = [
     "hidden_objects",
     "hiding_is_animated",
     "instance_name",
+    "is_fog",
     "is_hidden_at_times",
     "is_simulated_body",
     "is_transmitter",

@@ -97,11 +97,11 @@ def measure_pixel_spans(
     centres = corners.mean(axis=1)
     radius_m = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
     seen = np.flatnonzero(_in_view(centres, edges) & (radius_m > 0))
-    labels = [boxes.snapshot.label(row) for row in boxes.rows.tolist()]
+    angles = 2 * radius_m[seen] / np.linalg.norm(centres[seen], axis=1)
     sizes: dict[str, float] = {}
-    for row in seen.tolist():
-        size = float(2 * radius_m[row] / np.linalg.norm(centres[row]))
-        sizes[labels[row]] = max(size, sizes.get(labels[row], 0.0))
+    for row, size in zip(boxes.rows[seen].tolist(), angles.tolist(), strict=True):
+        label = boxes.snapshot.label(row)
+        sizes[label] = max(size, sizes.get(label, 0.0))
     surfaces = {}
     sides = np.stack([corners[:, corner] - corners[:, 0] for corner in (4, 3, 1)], axis=1)
     lengths = np.linalg.norm(sides, axis=2)
@@ -110,7 +110,7 @@ def measure_pixel_spans(
     for row in flat[np.argsort(-radius_m[flat])][:_MOST_SURFACES].tolist():
         places = _places(centres[row], sides[row], lengths[row], edges)
         if places.size:
-            surfaces[labels[row]] = places
+            surfaces[boxes.snapshot.label(int(boxes.rows[row]))] = places
     return PixelSpans(edges[1] - edges[0], surfaces, sizes)
 
 

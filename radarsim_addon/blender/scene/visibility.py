@@ -30,7 +30,7 @@ from ..materials import (
     foreign_objects,
     slot_materials,
 )
-from ..materials.physical_materials import READY, suggest_material
+from ..materials.physical_materials import READY, ready_at, suggest_material
 from ..nodes import is_radar_material
 from ..state import SettingsRestorer, Snapshot, read_mesh
 
@@ -72,7 +72,7 @@ def isolate(
     _mute_animation(recorder, emitter, "hide_render")
     assigned = assigned_materials(snapshot)
     if any_material:
-        known = cache(lambda material: is_radar_material(material) or _is_fog(material))
+        known = cache(lambda material: is_radar_material(material) or is_fog(material))
         optical = dict.fromkeys(item.name for item in foreign_objects(snapshot, known))
         found = [finding("optical-material", *optical)] if optical else []
         return found + _isolate_any_material(recorder, scene, assigned)
@@ -111,7 +111,7 @@ def _isolate_any_material(
         if not item.hide_render
         and (
             item.type in _UNSUPPORTED_TYPES
-            or (item.material_slots and all(_is_fog(s.material) for s in item.material_slots))
+            or (item.material_slots and all(is_fog(s.material) for s in item.material_slots))
         )
     ]
     for item in fog:
@@ -127,7 +127,7 @@ def _isolate_any_material(
         if material is not None
         and material.node_tree is not None
         and not is_radar_material(material)
-        and not _is_fog(material)
+        and not is_fog(material)
         and _scatters_inside(material)
     ]
     findings = []
@@ -138,7 +138,7 @@ def _isolate_any_material(
     return findings
 
 
-def _is_fog(material: bpy.types.Material) -> bool:
+def is_fog(material: bpy.types.Material) -> bool:
     """Return whether a material has a volume and no surface."""
     if material is None or material.node_tree is None:
         return False
@@ -536,19 +536,24 @@ def hiding_is_animated() -> bool:
     return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
-def suggest_materials(snapshot: Snapshot) -> dict[Any, str | None]:
+def suggest_materials(snapshot: Snapshot, carrier_hz: float) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
-    By material the key of `READY` for its name, else for that of an object with it, else None.
+    By material the key of `READY` for its name, else for that of an object with it, else None. The
+    medium is one that is defined at the carrier, where there is one.
     """
     owners: dict[Any, list[str]] = {}
     for item, materials in assigned_materials(snapshot):
         for material in materials:
             if material is not None and not is_radar_material(material):
                 owners.setdefault(material, []).append(item.name)
-    return {
+    found = {
         material: suggest_material(material.name, *names)
         for material, names in sorted(owners.items(), key=lambda pair: pair[0].name)
+    }
+    return {
+        material: None if ready is None else ready_at(ready, carrier_hz)
+        for material, ready in found.items()
     }
 
 

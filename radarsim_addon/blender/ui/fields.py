@@ -17,7 +17,7 @@ import bpy
 from ...errors import ConfigError, RadarSimError, SceneError
 from ...findings import Finding, finding_lines, from_json, merge, to_json
 from ...options import Declared
-from ..rig_settings import RADAR_PROPERTY, RADAR_SETTINGS, Settings
+from ..rig_settings import RADAR_PROPERTY, RADAR_SETTINGS, Settings, field_of
 from ..scene import active_radar
 
 # -------------------------------------------------------------------------------------------------
@@ -39,6 +39,11 @@ _OWNER = __name__
 def tr(text: str, /, **values: Any) -> str:
     """Return a text in the user's language, with values in place of its {names}."""
     return str(bpy.app.translations.pgettext_iface(text)).format(**values)
+
+
+def translated(text: str) -> str:
+    """Return a text that is not constant in the user's language, if its dictionaries know it."""
+    return str(bpy.app.translations.pgettext_iface(text))
 
 
 def read_dictionaries(folder: Path = LOCALES) -> dict[str, dict[tuple[str, str], str]]:
@@ -134,8 +139,10 @@ def read_findings(text: str) -> list[Finding]:
     return [from_json(item, "Findings") for item in json.loads(text or "[]")]
 
 
-#: Letters of a line that a narrow sidebar holds.
-_NARROW = 40
+#: Letters of a line that a narrow sidebar holds, and letters that the rest of a header takes.
+_NARROW, _HEADER = 40, 4
+#: Parts of the width that names take: Blender's own, and for names of more letters than `_SHORT`.
+_NAMES, _LONG_NAMES, _SHORT = 0.4, 0.55, 15
 
 
 def active_group(scene: bpy.types.Scene) -> Any:
@@ -170,8 +177,11 @@ def split(layout: bpy.types.UILayout) -> Any:
 
 
 def draw_number(layout: bpy.types.UILayout, name: str, text: str, icon: str = "NONE") -> None:
-    """Draw a derived number like a field: its name on the left, its value on the right."""
-    parts = layout.split(factor=0.4)
+    """Draw a derived number like a field: its name on the left, its value on the right.
+
+    A name that is longer than those of fields takes more of the width.
+    """
+    parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
     names = parts.row()
     names.alignment = "RIGHT"
     names.label(text=name)
@@ -193,19 +203,27 @@ def shown_at_field(group: Any, wrong: str) -> bool:
     return shown and any(misfit(group, item) == wrong for item in RADAR_SETTINGS.values())
 
 
-def _draw_quantity(layout: bpy.types.UILayout, group: Any, item: Declared) -> None:
+def label_of(item: Declared) -> str:
+    """Return the label of a setting without its unit."""
+    return item.shown_label.removesuffix(f" [{item.shown_unit}]")
+
+
+def draw_quantity(layout: bpy.types.UILayout, owner: Any, prop: str, name: str, unit: str) -> None:
     """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
-    parts = layout.split(factor=0.4)
+    parts = layout.split(factor=_NAMES)
     names = parts.row()
     names.alignment = "RIGHT"
-    names.label(text=item.shown_label.removesuffix(f" [{item.shown_unit}]"))
+    names.label(text=name)
     fields = parts.split(factor=0.68, align=True)
-    fields.prop(group, item.shown_name, text="")
-    fields.label(text=item.shown_unit, translate=False)
+    fields.prop(owner, prop, text="")
+    fields.label(text=unit, translate=False)
 
 
 def draw_state(panel: Any, text: str) -> None:
-    """Draw a panel's state at the right end of its header."""
+    """Draw a panel's state at the right end of its header, as much as the name leaves room for."""
+    room = letters_across(bpy.context) - len(panel.bl_label) - _HEADER
+    if room < len(text):
+        text = f"{text[: room - 1].rstrip()}\u2026" if room > _SHORT // 2 else ""
     row = panel.layout.row()
     row.active = False  # less bright than the panel's name
     row.label(text=text)
@@ -217,10 +235,12 @@ def draw_fields(
     settings: Mapping[str, Declared],
     *names: str,
     after: Mapping[str, Sequence[tuple[str, str]]] = MappingProxyType({}),
+    labels: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Draw settings one below the other; one that may be None with the switch that sets it.
 
-    after: derived numbers (name, value) below a setting, by the name of the setting.
+    after: derived numbers (name, value) below a setting, by the name of the setting. labels: other
+    labels than the settings' own.
     """
     column = layout.column()
     for name in names or settings:
@@ -235,10 +255,12 @@ def draw_fields(
         field = column.column() if wrong else column
         if wrong:  # a file, a script or an animation may set what the field would not take
             field.alert = True
-        if item.shown_unit:
-            _draw_quantity(field, group, item)
+        prop, unit = field_of(item)
+        label = labels.get(name, label_of(item))
+        if unit:
+            draw_quantity(field, group, prop, label, unit)
         else:
-            field.prop(group, item.shown_name)
+            field.prop(group, prop, text=label)
         if wrong:
             for line in textwrap.wrap(wrong, _NARROW):
                 field.label(text=line, translate=False)
@@ -246,11 +268,17 @@ def draw_fields(
             draw_number(column, label, text)
 
 
+def letters_across(context: bpy.types.Context) -> int:
+    """Return how many letters a line has room for, next to an icon."""
+    if context.region is None:  # without a window
+        return 2 * _NARROW
+    return max(16, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
+
+
 def wrapped(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
     """Draw a sentence over as many lines as the sidebar's width needs."""
-    letters = max(16, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
     column = layout.column(align=True)
-    for index, line in enumerate(textwrap.wrap(text, letters)):
+    for index, line in enumerate(textwrap.wrap(text, letters_across(context))):
         column.label(text=line, icon=icon if index == 0 else "BLANK1")
 
 

@@ -4,22 +4,26 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from typing import Any
 
 import bpy
 
 from ...contract import LinkBudget
 from ...errors import ConfigError, RadarSimError
+from ...findings import length_text
 from ...options import declared
 from ...physics.radar_equation import monostatic_power_w, to_db
 from ...signal.detection import predicted_snr
-from ...signal.radar import PATTERNS, Radar, RadarSystem, make_system
-from ..rig_settings import own_link_budget, read_measurement
+from ...signal.radar import PATTERNS, RadarSystem, make_system
+from ..plan import Measurement
+from ..rig_settings import own_link_budget, read_measurement, watts_to_dbm
 from ..scene import active_radar, antennas_of, draw_patterns, find_rig, remove_patterns
 from .fields import (
     ActiveRadarPanel,
     active_group,
     draw_fields,
+    draw_number,
     draw_state,
     reported,
     shown_at_field,
@@ -91,7 +95,7 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
             with contextlib.suppress(RadarSimError):
                 system = scene_system(context.scene)
                 if system is not None:
-                    draw_state(self, tr("EIRP {dbm:.1f} dBm", dbm=_dbm(eirp_w(system))))
+                    draw_state(self, tr("EIRP {dbm:.1f} dBm", dbm=watts_to_dbm(eirp_w(system))))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = split(self.layout)
@@ -114,14 +118,17 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
             return
         try:
             system = scene_system(context.scene)
-            lines = _shown_lines(system, read_measurement(context.scene).radar)
+            rows = [] if system is None else _kept_rows(system, read_measurement(context.scene))
         except RadarSimError as error:
             if not shown_at_field(group, str(error)):
                 wrapped(context, layout, str(error), "ERROR")
             return
         box = layout.box().column(align=True)
-        for line in lines:
-            box.label(text=line)
+        for name, text in rows:
+            if name:
+                draw_number(box, name, text)
+            else:
+                wrapped(context, box, text, "NONE")
 
 
 def scene_system(scene: bpy.types.Scene) -> RadarSystem | None:
@@ -141,18 +148,18 @@ def scene_system(scene: bpy.types.Scene) -> RadarSystem | None:
     return _systems[key]
 
 
-def _shown_lines(system: RadarSystem | None, radar: Radar) -> list[str]:
-    """Return `budget_lines`, kept for the system and the radar that were drawn last."""
-    if _lines.get("of") != (system, radar):
-        _lines.update({"of": (system, radar), "text": budget_lines(system, radar)})
-    found: list[str] = _lines["text"]
-    return found
-
-
 #: Link budgets whose antennas are kept.
 _MOST_KEPT = 8
 _systems: dict[tuple[str, float], RadarSystem] = {}
-_lines: dict[str, Any] = {}
+_rows: dict[str, Any] = {}
+
+
+def _kept_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str, str]]:
+    """Return `budget_rows`, kept for what was drawn last."""
+    if _rows.get("of") != (system, measurement):
+        _rows.update({"of": (system, measurement), "rows": budget_rows(system, measurement)})
+    found: list[tuple[str, str]] = _rows["rows"]
+    return found
 
 
 def eirp_w(system: RadarSystem) -> float:
@@ -162,32 +169,74 @@ def eirp_w(system: RadarSystem) -> float:
     return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))
 
 
-def _dbm(watts: float) -> float:
-    return float(to_db(watts)) + 30
+#: A target whose range of detection is given: RCS [m^2], probabilities of detection and of a false
+#: alarm in a cell.
+_RCS_M2, _DETECTED, _FALSE = 10.0, 0.9, 1e-6
+#: Windows over range and Doppler of a run that is processed with defaults.
+_TAPERS = "hamming", "hamming"
 
 
-def budget_lines(system: RadarSystem | None, radar: Any) -> list[str]:
-    """Gains, EIRP, noise, and what 1 m^2 at 1 km brings, at the peaks of both patterns."""
-    if system is None:
-        return []
-    gains = (system.transmitter.peak_gain, system.receiver.peak_gain)
-    record = system.record
-    noise_w = system.noise_power_w(radar.waveform.sampling_rate_hz)
-    power_w = float(
-        monostatic_power_w(
-            record.transmit_power_w * gains[0], 1.0, 1000.0, system.wavelength_m, gains[1]
-        )
+def needed_snr_db(detected: float, false_alarms: float) -> float:
+    """Return the SNR in a cell at which a steady target is detected with these probabilities.
+
+    Albersheim's equation for one sample of a linear detector, within 0.2 dB (Proc. IEEE 69, 839,
+    1981).
+    """
+    a, b = math.log(0.62 / false_alarms), math.log(detected / (1 - detected))
+    return 10 * math.log10(a + 0.12 * a * b + 1.7 * b)
+
+
+def target_snr_db(system: RadarSystem, measurement: Measurement, range_m: float) -> float:
+    """Return the SNR in the map of a target of 10 m^2 at the peaks of both patterns."""
+    record, radar = system.record, measurement.radar
+    power_w = monostatic_power_w(
+        record.transmit_power_w * system.transmitter.peak_gain, _RCS_M2, range_m,
+        system.wavelength_m, system.receiver.peak_gain,
     ) / system.loss  # fmt: skip
-    found = [
-        tr("Peak gains: {one:.2f} and {two:.2f} dBi", one=to_db(gains[0]), two=to_db(gains[1])),
-        tr("EIRP: {watts:.4g} W ({dbm:.2f} dBm)", watts=eirp_w(system), dbm=_dbm(eirp_w(system))),
-        tr("1 m² at 1 km: {dbm:.2f} dBm", dbm=_dbm(power_w)),
+    taken_db_per_km = measurement.weather.attenuation_db_per_km(radar.waveform.carrier_hz)
+    weather_db = 2e-3 * range_m * taken_db_per_km
+    return predicted_snr(float(power_w), radar, system, *_TAPERS).burst_db - weather_db
+
+
+def detection_range_m(system: RadarSystem, measurement: Measurement) -> float:
+    """Return the range up to which a target of 10 m^2 has the SNR that its detection needs [m]."""
+    needed_db = needed_snr_db(_DETECTED, _FALSE)
+    low_m, high_m = 1e-3, 1e9
+    for _ in range(80):  # the SNR falls with the range
+        middle_m = math.sqrt(low_m * high_m)
+        if target_snr_db(system, measurement, middle_m) > needed_db:
+            low_m = middle_m
+        else:
+            high_m = middle_m
+    return low_m
+
+
+def budget_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str, str]]:
+    """Return names and values: gains, EIRP, noise, and the SNR of a target of 10 m^2; last a
+    sentence on its detection, without a name.
+    """
+    gains_dbi = [float(to_db(one.peak_gain)) for one in (system.transmitter, system.receiver)]
+    noise_w = system.noise_power_w(measurement.radar.waveform.sampling_rate_hz)
+    rows = [
+        (tr("Peak Gains"), f"{gains_dbi[0]:.1f}, {gains_dbi[1]:.1f} dBi"),
+        (tr("EIRP"), f"{watts_to_dbm(eirp_w(system)):.1f} dBm"),
     ]
-    if noise_w > 0:
-        snr = predicted_snr(power_w, radar, system, "hamming", "hamming")
-        found.insert(2, tr("Noise: {dbm:.2f} dBm per sample", dbm=_dbm(noise_w)))
-        found.append("    " + tr("in the map: {snr:.1f} dB above noise", snr=snr.burst_db))
-    return found
+    if noise_w <= 0:
+        return rows
+    rows.append((tr("Noise"), f"{watts_to_dbm(noise_w):.1f} dBm"))
+    stop_m, longest_m = measurement.range_stop_m, measurement.radar.unambiguous_range_m
+    if stop_m > 0:
+        name = tr("SNR at {range}", range=_length(stop_m))
+        rows.append((name, f"{target_snr_db(system, measurement, stop_m):.1f} dB"))
+    range_m = detection_range_m(system, measurement)
+    text = tr("10 dBsm is detected to {range} (Pd 0.9, Pfa 1e-6)", range=_length(range_m))
+    if range_m > longest_m:
+        text += tr(", beyond the longest range of {range}", range=_length(longest_m))
+    return [*rows, ("", text)]
+
+
+def _length(metres: float) -> str:
+    return length_text(float(f"{metres:.3g}"))
 
 
 CLASSES: tuple[type, ...] = (

@@ -24,8 +24,8 @@ SPAN_DB = 60.0
 #: Sizes at scale 1 [px]: widths of the axes and of their surroundings, heights of both axes.
 _WIDTH, _PROFILE, _MAP = 360, 120, 150
 _LEFT, _RIGHT, _GAP, _LINE, _PAD, _STRIP = 56, 26, 30, 16, 10, 10
-#: Least width and height of the axes at which the picture is drawn.
-_LEAST = 120
+#: Smallest scale at which the picture is drawn.
+_LEAST_SCALE = 0.6
 
 Anchor = Literal["left", "centre", "right"]
 
@@ -85,11 +85,8 @@ def lay_out_draft(
     unit = scale
     resolved = arrays["velocity_mps"].size > 1
     right, bottom = corner
-    height = _PROFILE + 2 * _GAP + _LINE * len(lines) + _PAD
-    height += _MAP + 2 * _GAP if resolved else 0
-    panel = Box(
-        right - (_LEFT + _WIDTH + _RIGHT + _STRIP) * unit, bottom, right, bottom + height * unit
-    )
+    width, height = _panel_size(resolved, len(lines))
+    panel = Box(right - width * unit, bottom, right, bottom + height * unit)
     left, low = panel.left + _LEFT * unit, bottom + (_GAP + _PAD) * unit
     image = Box(left, low, left + _WIDTH * unit, low + (_MAP if resolved else 0) * unit)
     start = image.top + 2 * _GAP * unit if resolved else low
@@ -128,6 +125,22 @@ def lay_out_draft(
         _add_map(picture, grid, arrays, top_db, unit)
     picture.grid = np.array(grid, dtype=np.float64).reshape(-1, 2)
     return picture
+
+
+def _panel_size(resolved: bool, lines: int) -> tuple[int, int]:
+    """Width and height of the whole picture at scale 1 [px]."""
+    height = _PROFILE + 2 * _GAP + (_MAP + 2 * _GAP if resolved else 0) + _LINE * lines + _PAD
+    return _LEFT + _WIDTH + _RIGHT + _STRIP, height
+
+
+def fitting_scale(scale: float, room_px: tuple[float, float], resolved: bool, lines: int) -> float:
+    """Return the scale at which a picture fits into a room, at most that of the display.
+
+    0: it would be too small to be read.
+    """
+    width, height = _panel_size(resolved, lines)
+    found = min(scale, room_px[0] / width, room_px[1] / height)
+    return found if found >= _LEAST_SCALE else 0.0
 
 
 def top_level_db(power_w: float) -> float:
@@ -374,6 +387,9 @@ def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
     scale = float(context.preferences.system.ui_scale)
     corner = (context.region.width - _sidebar_px(context) - _MARGIN_PX * scale, _MARGIN_PX * scale)
     gpu.state.blend_set("ALPHA")
+    if draft is not None:
+        room = corner[0], context.region.height - 2 * corner[1]
+        scale = fitting_scale(scale, room, draft.arrays["velocity_mps"].size > 1, len(lines))
     blf.size(0, _FONT_PX * scale)
     if draft is None:
         width = max(blf.dimensions(0, line)[0] for line in lines) + 20 * scale
@@ -384,14 +400,13 @@ def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
         for row, line in enumerate(lines):
             y = box.top - 16 * (row + 1) * scale
             _write(line, box.left + 10 * scale, y, _BRIGHT if row == 0 else _DIM)
-    else:
+    elif scale:
         picture = _picture(draft, lines, corner, scale)
-        if picture.panel.left > 0:
-            _draw(_last["batch"])
-            for text in picture.texts:
-                width = blf.dimensions(0, text.text)[0]
-                x = text.x - {"left": 0.0, "centre": 0.5, "right": 1.0}[text.anchor] * width
-                _write(text.text, x, text.y, _BRIGHT if text.bright else _DIM)
+        _draw(_last["batch"])
+        for text in picture.texts:
+            width = blf.dimensions(0, text.text)[0]
+            x = text.x - {"left": 0.0, "centre": 0.5, "right": 1.0}[text.anchor] * width
+            _write(text.text, x, text.y, _BRIGHT if text.bright else _DIM)
     gpu.state.blend_set("NONE")
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import Any
@@ -395,12 +396,38 @@ def add_library(preferences: bpy.types.Preferences) -> Any:
     return library
 
 
+def remove_library(preferences: bpy.types.Preferences) -> bool:
+    """Remove the library's entry from the `preferences`; return whether there was one."""
+    libraries = preferences.filepaths.asset_libraries
+    found = [one for one in libraries if Path(bpy.path.abspath(one.path)) == FOLDER]
+    for library in found:
+        libraries.remove(library)
+    return bool(found)
+
+
+#: Set in the namespace of drivers, which outlives the add-on, from its end to its next start.
+_REMOVED = "radarsim_library_removed"
+
+
 class RADARSIM_OT_add_asset_library(bpy.types.Operator):
     """Add radarsim's materials to the Asset Browser, as the library Radar Materials"""
 
     bl_idname = "radarsim.add_asset_library"
     bl_label = "Add Radar Materials Library"
     bl_options = {"REGISTER"}
+
+    @classmethod
+    def register(cls) -> None:
+        """Add the library again that `unregister` has removed: the extension was updated."""
+        if bpy.app.driver_namespace.pop(_REMOVED, False):
+            with contextlib.suppress(RadarSimError):
+                add_library(bpy.context.preferences)
+
+    @classmethod
+    def unregister(cls) -> None:
+        """Remove the library, whose folder may be removed next."""
+        if remove_library(bpy.context.preferences):
+            bpy.app.driver_namespace[_REMOVED] = True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):

@@ -11,21 +11,20 @@ import blf
 import bpy
 import gpu
 import numpy as np
-from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
-from ...arrays import Real
+from ...arrays import Mask, Real
 from ...errors import RadarSimError
 from ...findings import length_text
 from ...physics.antennas import Antenna
 from ...signal.radar import RadarSystem, peak_direction
-from ..plan import check_unit_scale, shortest_decimal
+from ..plan import Measurement, check_unit_scale, shortest_decimal
 from ..rig_settings import PROGRESS_PROPERTY
 from ..scene import active_radar, frame_edges
 from .fields import RadarPanel, active_group, split, tr
 from .link_budget_panel import scene_system
-from .scene_reading import current_measurement, rig_of, scene_record
+from .scene_reading import SceneRecord, current_measurement, scene_record, shown_rig
 from .shown_results import chosen_target
 
 # -------------------------------------------------------------------------------------------------
@@ -101,7 +100,8 @@ def beam(antenna: Antenna, axis: Real, range_m: float) -> Real:
     half = 0.5 * float(antenna.gain(axis))
     # The first crossing: in steps of a beam's fraction, then by bisection.
     steps = _WIDEST * np.linspace(0.0, 1.0, 721)[1:]
-    falls = np.stack([antenna.gain(_tilted(axis, around, angle)) < half for angle in steps])
+    sides = np.cos(steps)[:, None, None] * axis + np.sin(steps)[:, None, None] * around
+    falls = antenna.gain(sides) < half
     first = np.where(falls.any(axis=0), falls.argmax(axis=0), len(steps) - 1)
     high, low = steps[first], np.where(first > 0, steps[first - 1], 0.0)
     for _ in range(30):
@@ -111,13 +111,17 @@ def beam(antenna: Antenna, axis: Real, range_m: float) -> Real:
     return segments(range_m * _tilted(axis, around, high), closed=True)
 
 
-def arrow(place: Real, along: Real) -> Real:
-    """Return an arrow from a place, with a head of a seventh of its length, as line ends."""
-    tip = place + along
-    aside = np.cross(along, [0.0, 0.0, 1.0] if np.hypot(*along[:2]) > 0 else [1.0, 0.0, 0.0])
-    aside *= np.linalg.norm(along) / np.linalg.norm(aside) / 14
-    back = tip - along / 7
-    return np.array([place, tip, tip, back + aside, tip, back - aside])
+def arrows(places: Real, along: Real) -> Real:
+    """Return arrows (n, 3) from places (n, 3) as line ends, (6 n, 3); heads have a seventh of their
+    length.
+    """
+    tips, back = places + along, places + along * (6 / 7)
+    upright = np.hypot(along[:, 0], along[:, 1]) == 0
+    aside = np.cross(along, np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
+    lengths = np.linalg.norm(along, axis=1) / np.linalg.norm(aside, axis=1) / 14
+    aside *= lengths[:, None]
+    ends = [places, tips, tips, back + aside, tips, back - aside]
+    return np.stack(ends, axis=1).reshape(-1, 3)
 
 
 def range_cell(place: Real, thick_m: float, half_angle: float) -> Real:
@@ -165,6 +169,8 @@ _COLOURS = {
 _WIDTH_PX = 1.5
 _FONT_PX = 11
 _MOST_BEAMS = 16
+#: Labels in view that are looked at.
+_MOST_LABELS = 256
 #: Overlays in the order of the panel: the ends of their properties' names.
 _NAMES = ("view", "beams", "rings", "unambiguous", "velocities", "cell", "paths")
 _handles: list[Any] = []
@@ -178,60 +184,103 @@ class Lines(NamedTuple):
     matrix: Any
 
 
-def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[Label, Any]]]:
-    """Return lines and labels that are switched on, in the axes of receiver and transmitter."""
-    shown = getattr(context.window_manager, PROGRESS_PROPERTY)
+class _Shown(NamedTuple):
+    """What the overlays depend on."""
+
+    #: Which of `_NAMES` are on.
+    names: frozenset[str]
+    measurement: Measurement
+    record: SceneRecord | None
+    metres: float
+    #: Rows of the poses of receiver and transmitter, without scale [Blender units].
+    receiver: tuple[tuple[float, ...], ...]
+    transmitter: tuple[tuple[float, ...], ...]
+    #: Left, right, bottom and top of the receiver's view at distance 1; None without a perspective.
+    edges: tuple[float, float, float, float] | None
+    #: Place of the 3D cursor [Blender units].
+    cursor: tuple[float, float, float]
+    #: Ends of the paths of the chosen target [m].
+    paths: Any
+    system: RadarSystem | None
+    language: str
+
+
+def _shown(context: bpy.types.Context) -> _Shown | None:
+    """What there is to be drawn; None where nothing can be measured. A `RadarSimError` where the
+    radar lacks a part.
+    """
+    switches = getattr(context.window_manager, PROGRESS_PROPERTY)
+    names = frozenset(name for name in _NAMES if getattr(switches, f"overlay_{name}"))
+    if not names:
+        return None
     scene = context.scene
-    radar = active_radar(scene)
-    rig = rig_of(scene, radar)
-    metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+    rig = shown_rig(scene, active_radar(scene))
     measurement, _ = current_measurement(scene)
-    record = scene_record(context)
     if measurement is None:
-        return [], []
-    longest_m = _longest_m(measurement, record)
-    receiver, transmitter = (
-        _unscaled(item.matrix_world, metres) for item in (rig.camera, rig.emitter)
+        return None
+    metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+    size, camera = (measurement.width_px, measurement.height_px), rig.camera.data
+    target = chosen_target() if "paths" in names else None
+    return _Shown(
+        names,
+        measurement,
+        scene_record(context),
+        metres,
+        *(_pose(item.matrix_world) for item in (rig.camera, rig.emitter)),
+        frame_edges(camera, *size, metres) if camera.type == "PERSP" else None,
+        tuple(scene.cursor.location) if "cell" in names else (0.0, 0.0, 0.0),
+        target and target["lines_m"],
+        scene_system(scene) if "beams" in names else None,
+        bpy.app.translations.locale,
     )
+
+
+def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[Label, Any]]]:
+    """Return lines and labels that are switched on, in the axes of receiver and transmitter.
+
+    Labels that matter most come first.
+    """
+    shown = _shown(context)
+    if shown is None:
+        return [], []
+    measurement, record, edges = shown.measurement, shown.record, shown.edges
+    longest_m = _longest_m(measurement, record)
+    world = Matrix.Scale(1 / shown.metres, 4)
+    receiver, transmitter = (Matrix(one) @ world for one in (shown.receiver, shown.transmitter))
     found: list[Lines] = []
     labels: list[tuple[Label, Any]] = []
-    perspective = rig.camera.data.type == "PERSP"
-    edges = (-1.0, 1.0, -1.0, 1.0)
-    if perspective:
-        edges = frame_edges(rig.camera.data, measurement.width_px, measurement.height_px, metres)
-    if shown.overlay_view and perspective:
+    half_angle = np.pi if edges is None else math.atan(max(abs(edges[0]), abs(edges[1])))
+    if "view" in shown.names and edges is not None:
         found.append(Lines("view", pyramid(edges, longest_m), receiver))
-    half_angle = float(np.arctan(max(abs(edges[0]), abs(edges[1])))) if perspective else np.pi
-    if shown.overlay_rings:
+    if "cell" in shown.names:
+        cursor = np.array(receiver.inverted() @ Vector(shown.cursor), dtype=np.float64)
+        ends, label = _cell_at(cursor, measurement.radar, half_angle)
+        found.append(Lines("cell", ends, receiver))
+        labels.append((label, receiver))
+    if "unambiguous" in shown.names:
+        limit_m = measurement.radar.unambiguous_range_m
+        found.append(Lines("unambiguous", segments(arc(limit_m, half_angle)), receiver))
+        text = tr("{range} unambiguous", range=length_text(float(f"{limit_m:.3g}")))
+        labels.append((Label((0.0, 0.0, -limit_m), text), receiver))
+    if "rings" in shown.names:
         ranges = ring_ranges(longest_m)
         ends = np.concatenate([segments(arc(range_m, half_angle)) for range_m in ranges])
         found.append(Lines("rings", ends, receiver))
         labels += [(Label((0.0, 0.0, -r), length_text(r)), receiver) for r in ranges]
-    if shown.overlay_unambiguous:
-        limit_m = measurement.radar.unambiguous_range_m
-        ends = segments(arc(limit_m, half_angle))
-        found.append(Lines("unambiguous", ends, receiver))
-        text = tr("{range} unambiguous", range=length_text(float(f"{limit_m:.3g}")))
-        labels.append((Label((0.0, 0.0, -limit_m), text), receiver))
-    if shown.overlay_velocities and record is not None:
-        world = Matrix.Scale(1 / metres, 4)
-        for place, velocity in record.moving.values():
-            found.append(Lines("velocities", arrow(place, velocity), world))
-            speed = f"{np.linalg.norm(velocity):.3g} m/s"
-            labels.append((Label(tuple(place + velocity), speed), world))
-    if shown.overlay_cell:
-        cursor = receiver.inverted() @ scene.cursor.location
-        ends, label = _cell_at(np.array(cursor, dtype=np.float64), measurement.radar, half_angle)
-        found.append(Lines("cell", ends, receiver))
-        labels.append((label, receiver))
-    target = chosen_target() if shown.overlay_paths else None
-    if target is not None and target["lines_m"]:
-        ends = np.concatenate([segments(np.array(line)) for line in target["lines_m"]])
-        found.append(Lines("paths", ends, Matrix.Scale(1 / metres, 4)))
-    system = scene_system(scene) if shown.overlay_beams else None
+    if "velocities" in shown.names and record is not None and record.moving:
+        places, velocities = np.stack([*record.moving.values()], axis=1)
+        found.append(Lines("velocities", arrows(places, velocities), world))
+        speeds = np.linalg.norm(velocities, axis=1)
+        for row in np.argsort(-speeds, kind="stable").tolist():
+            tip = tuple((places[row] + velocities[row]).tolist())
+            labels.append((Label(tip, f"{speeds[row]:.3g} m/s"), world))
+    if shown.paths:
+        ends = np.concatenate([segments(np.array(line)) for line in shown.paths])
+        found.append(Lines("paths", ends, world))
+    system = shown.system
     for kind, matrix in (("transmitter", transmitter), ("receiver", receiver)):
         if system is not None and getattr(system.record, kind).kind not in ("isotropic", "table"):
-            found.append(Lines(kind, _beam(system, kind, longest_m), matrix))
+            found.append(Lines(kind, longest_m * _beam(system, kind), matrix))
     return found, labels
 
 
@@ -253,23 +302,23 @@ def _longest_m(measurement: Any, record: Any) -> float:
     return float(measurement.range_stop_m or reach_m or 100.0)
 
 
-def _unscaled(matrix: Any, metres: float) -> Any:
-    """The pose of an antenna, from metres into the scene's units."""
+def _pose(matrix: Any) -> tuple[tuple[float, ...], ...]:
+    """Rows of a pose without its scale."""
     place, turn, _ = matrix.decompose()
-    return Matrix.Translation(place) @ turn.to_matrix().to_4x4() @ Matrix.Scale(1 / metres, 4)
+    return tuple(map(tuple, Matrix.Translation(place) @ turn.to_matrix().to_4x4()))
 
 
-_beams: dict[tuple[int, str, float], tuple[RadarSystem, Real]] = {}
+_beams: dict[tuple[int, str], tuple[RadarSystem, Real]] = {}
 
 
-def _beam(system: RadarSystem, kind: str, range_m: float) -> Real:
-    """The edge of a beam; the last ones are kept, since views draw at every move of the mouse."""
-    key = (id(system), kind, range_m)
+def _beam(system: RadarSystem, kind: str) -> Real:
+    """The edge of a beam at a distance of 1 m; the last ones are kept."""
+    key = (id(system), kind)
     if key not in _beams:
         if len(_beams) > _MOST_BEAMS:
             _beams.clear()
         antenna = getattr(system, kind)
-        _beams[key] = system, beam(antenna, peak_direction(antenna), range_m)
+        _beams[key] = system, beam(antenna, peak_direction(antenna), 1.0)
     return _beams[key][1]
 
 
@@ -278,48 +327,111 @@ def _shader() -> Any:
     return gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
 
 
+class _Drawing(NamedTuple):
+    """Overlays ready to be drawn: views draw them at every move of the mouse."""
+
+    of: _Shown | None
+    #: Colour, matrix and what Blender draws, by colour.
+    lines: list[tuple[tuple[float, ...], Any, Any]]
+    texts: list[str]
+    #: Places of the texts [Blender units], (n, 3).
+    places: Real
+
+
+#: The last drawing, made again where `_Shown` differs.
+_drawings: list[_Drawing] = []
+
+
+def _drawing(context: bpy.types.Context) -> _Drawing:
+    """What is drawn now."""
+    shown = _shown(context)
+    if _drawings and _drawings[0].of == shown:
+        return _drawings[0]
+    lines, labels = overlay_lines(context)
+    batches = [
+        batch_for_shader(_shader(), "LINES", {"pos": one.ends.astype(np.float32)}) for one in lines
+    ]
+    _drawings[:] = [
+        _Drawing(
+            shown,
+            [(_COLOURS[o.kind], o.matrix, b) for o, b in zip(lines, batches, strict=True)],
+            [label.text for label, _ in labels],
+            np.array([matrix @ Vector(label.place) for label, matrix in labels]).reshape(-1, 3),
+        )
+    ]
+    return _drawings[0]
+
+
 def _draw_lines() -> None:
     context = bpy.context
     if not context.space_data.overlay.show_overlays:
         return
     try:
-        found, _ = overlay_lines(context)
+        drawing = _drawing(context)
     except RadarSimError:
+        _drawings.clear()
         return  # the panels say what is missing
     shader = _shader()
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("LESS_EQUAL")
-    for lines in found:
-        batch = batch_for_shader(shader, "LINES", {"pos": lines.ends.astype(np.float32)})
+    for colour, matrix, batch in drawing.lines:
         with gpu.matrix.push_pop():
-            gpu.matrix.multiply_matrix(lines.matrix)
+            gpu.matrix.multiply_matrix(matrix)
             shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
             shader.uniform_float("lineWidth", _WIDTH_PX * context.preferences.system.ui_scale)
-            shader.uniform_float("color", _COLOURS[lines.kind])
+            shader.uniform_float("color", colour)
             batch.draw(shader)
     gpu.state.depth_test_set("NONE")
     gpu.state.blend_set("NONE")
 
 
+def projected(places: Real, matrix: Any, width: float, height: float) -> tuple[Real, Mask]:
+    """Return where places (n, 3) are in a view of this size, (n, 2) [px], and which are in it.
+
+    matrix: from the world to the view, with its perspective, (4, 4).
+    """
+    x, y, _, w = (
+        np.array(matrix, dtype=np.float64) @ np.column_stack([places, np.ones(len(places))]).T
+    )
+    ahead = w > 0
+    scale = 0.5 / np.where(ahead, w, 1.0)
+    found = np.column_stack([width * (0.5 + x * scale), height * (0.5 + y * scale)])
+    inside = ((found >= 0) & (found <= (width, height))).all(axis=1)
+    return found, ahead & inside
+
+
+def without_overlap(places: Real, sizes: Real) -> list[int]:
+    """Return which texts are drawn: those that meet none before them.
+
+    places, sizes: of their boxes, from the lower left corner, (n, 2) each [px].
+    """
+    kept: list[int] = []
+    for index in range(len(places)):
+        apart = np.abs(places[kept] - places[index]) >= np.where(
+            places[kept] < places[index], sizes[kept], sizes[index]
+        )
+        if apart.any(axis=1).all():
+            kept.append(index)
+    return kept
+
+
 def _draw_labels() -> None:
     context = bpy.context
-    if not context.space_data.overlay.show_overlays:
+    if not context.space_data.overlay.show_overlays or not _drawings:
         return
-    try:
-        _, labels = overlay_lines(context)
-    except RadarSimError:
-        return
+    drawing, region = _drawings[0], context.region
     blf.size(0, _FONT_PX * context.preferences.system.ui_scale)
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
     blf.enable(0, blf.SHADOW)  # readable on any theme
     blf.shadow(0, 5, 0.0, 0.0, 0.0, 1.0)
-    for label, matrix in labels:
-        place = location_3d_to_region_2d(
-            context.region, context.region_data, matrix @ Vector(label.place)
-        )
-        if place is not None:
-            blf.position(0, place.x, place.y, 0)
-            blf.draw(0, label.text)
+    matrix = context.region_data.perspective_matrix
+    places, inside = projected(drawing.places, matrix, region.width, region.height)
+    seen = np.flatnonzero(inside)[:_MOST_LABELS]
+    texts = [drawing.texts[index] for index in seen.tolist()]
+    sizes = np.array([blf.dimensions(0, text) for text in texts]).reshape(-1, 2)
+    for index in without_overlap(places[seen], sizes):
+        blf.position(0, *places[seen[index]], 0)
+        blf.draw(0, texts[index])
     blf.disable(0, blf.SHADOW)
 
 
@@ -354,5 +466,6 @@ def show_overlays() -> None:
 
 def hide_overlays() -> None:
     """Draw no more; a second call changes nothing."""
+    _drawings.clear()
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")

@@ -16,6 +16,7 @@ from ...findings import length_text
 from ...options import declared
 from ..plan import DEFAULT_PRESET, PRESETS, Measurement, radar_preset
 from ..rig_settings import (
+    EIRP_PROPERTY,
     PROGRESS_PROPERTY,
     RADAR_PROPERTY,
     RADAR_SETTINGS,
@@ -33,7 +34,9 @@ from .fields import (
     active_group,
     draw_fields,
     draw_number,
+    draw_quantity,
     draw_state,
+    misfit,
     read_findings,
     reported,
     shown_at_field,
@@ -44,7 +47,7 @@ from .fields import (
 from .live_preview import LIVE_PROPERTY
 from .results_panel import RADARSIM_PT_results
 from .scene_panel import LONG_S, draw_rows, effort
-from .scene_reading import current_measurement, rig_of
+from .scene_reading import current_measurement, shown_rig
 
 # -------------------------------------------------------------------------------------------------
 # Radar presets in Blender's own menu: those of radarsim, and those that the user saved.
@@ -180,7 +183,7 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
             row.operator("radarsim.setup_rig", text="", icon="ADD")
         try:
             radar = active_radar(scene)
-            rig = rig_of(scene, radar)
+            rig = shown_rig(scene, radar)
         except RadarSimError as error:
             wrapped(context, layout, str(error), "INFO")
             return
@@ -194,7 +197,7 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
             draw_number(column, "Width by Height", _field_of_view(camera, group))
         draw_fields(column, group, RADAR_SETTINGS, "range_start_m", "range_stop_m")
         if not group.use_link_budget:
-            column.prop(rig.emitter.data, "energy", text="EIRP")
+            draw_quantity(column, rig.emitter.data, EIRP_PROPERTY, "EIRP", "dBm")
 
 
 def _field_of_view(camera: Any, group: Any) -> str:
@@ -218,7 +221,7 @@ class RADARSIM_PT_antenna_objects(ActiveRadarPanel, bpy.types.Panel):
         column.prop(group, "camera")
         column.prop(group, "light")
         try:
-            rig = rig_of(context.scene, active_radar(context.scene))
+            rig = shown_rig(context.scene, active_radar(context.scene))
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
@@ -247,28 +250,53 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
             draw_fields(layout, group, RADAR_SETTINGS, "waveform_file", after=after)
         else:
             own = declared(WAVEFORMS[group.waveform_kind])
-            names = [name for name in own if name != "carrier_hz"]
+            names = [
+                name
+                for name in own
+                if name != "carrier_hz" and (name not in _RARE or misfit(group, own[name]))
+            ]
             draw_fields(layout, group, own, *names, after=after)
         if group.waveform_kind == "lfm":
-            layout.prop(group, "fm_rate_mhz_per_us")
-        draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses", after=after)
+            draw_quantity(layout, group, "fm_rate_mhz_per_us", "FM Rate", "MHz/us")
+        labels = {"pulses": tr("Chirps")} if group.waveform_kind == "fmcw" else {}
+        draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses", after=after, labels=labels)
         if measurement is None and not shown_at_field(group, wrong):
             wrapped(context, layout, wrong, "ERROR")
+
+
+#: Settings of FMCW that few radars need.
+_RARE = ("adc_start_s", "ramp_s", "idle_s", "real_adc")
+
+
+class RADARSIM_PT_receiver(ActiveRadarPanel, bpy.types.Panel):
+    bl_label = "Receiver"
+    bl_idname = "RADARSIM_PT_receiver"
+    bl_parent_id = "RADARSIM_PT_waveform"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        group = active_group(context.scene)
+        return group is not None and group.waveform_kind == "fmcw"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, group = split(self.layout), active_group(context.scene)
+        draw_fields(layout, group, RADAR_SETTINGS, *_RARE)
 
 
 def _derived(measurement: Measurement) -> dict[str, list[tuple[str, str]]]:
     """Derived numbers (name, value) by the setting that they stand below."""
     radar = measurement.radar
     waveform = radar.waveform
-    resolution = [(tr("Resolution"), _length(waveform.range_resolution_m))]
+    resolution = [(tr("Range Resolution"), _length(waveform.range_resolution_m))]
     longest = [(tr("Longest Range"), _length(radar.unambiguous_range_m))]
-    speed = f"±{radar.max_unambiguous_velocity_mps:.4g} m/s"
+    speed = f"±{radar.max_unambiguous_velocity_mps:.3g} m/s"
     burst_ms = radar.burst.pulses / radar.burst.prf_hz * 1e3
     found = {
         "prf_hz": [(tr("Unambiguous"), speed)],
         "pulses": [
-            (tr("Resolution"), f"{radar.velocity_resolution_mps:.3g} m/s"),
-            (tr("Burst"), f"{burst_ms:.4g} ms"),
+            (tr("Velocity Resolution"), f"{radar.velocity_resolution_mps:.3g} m/s"),
+            (tr("Burst"), f"{burst_ms:.3g} ms"),
         ],
     }
     below = {
@@ -377,6 +405,7 @@ class RADARSIM_PT_media(ActiveRadarPanel, bpy.types.Panel):
 RADAR_CLASSES: tuple[type, ...] = (RADARSIM_PT_rig, RADARSIM_PT_antenna_objects)
 #: What a run is, after waveform and scene.
 RUN_CLASSES: tuple[type, ...] = (
+    RADARSIM_PT_receiver,
     RADARSIM_PT_render,
     RADARSIM_PT_results,
     RADARSIM_PT_advanced,

@@ -16,8 +16,9 @@ import bmesh
 import bpy
 
 from ...errors import ConfigError, RadarSimError, SceneError
-from ...findings import Finding, finding, frequency_text, length_text, merge
+from ...findings import Finding, finding, frequency_text, merge
 from ...options import declared
+from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...signal.radar import Weather
 from ..headless import make_job
 from ..materials import SURFACE_TYPES
@@ -25,6 +26,7 @@ from ..plan import Measurement, automatic_rings
 from ..rig_settings import (
     MIRROR_PROPERTY,
     PROGRESS_PROPERTY,
+    RADAR_SETTINGS,
     carrier_hz,
     read_path_options,
     set_values,
@@ -40,12 +42,15 @@ from .fields import (
     draw_fields,
     draw_state,
     findings_text,
+    label_of,
+    letters_across,
     read_findings,
     report_findings,
     reported,
     shown_at_field,
     split,
     tr,
+    translated,
     wrapped,
 )
 from .scene_reading import SceneRecord, current_measurement, quick_findings, scene_record
@@ -115,15 +120,18 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        found = suggest_materials(take_snapshot(context.evaluated_depsgraph_get()))
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
-        rows.clear()
-        for material, ready in found.items():
-            row = rows.add()
-            row.material, row.ready = material.name, ready or "KEEP"
-        known = sum(ready is not None for ready in found.values())
-        self.report({"INFO"}, f"Optical materials: {len(found)}, with a known name: {known}")
-        return {"FINISHED"}
+        with reported(self):
+            snapshot = take_snapshot(context.evaluated_depsgraph_get())
+            found = suggest_materials(snapshot, carrier_hz(context.scene))
+            rows.clear()
+            for material, ready in found.items():
+                row = rows.add()
+                row.material, row.ready = material.name, ready or "KEEP"
+            known = sum(ready is not None for ready in found.values())
+            self.report({"INFO"}, f"Optical materials: {len(found)}, with a known name: {known}")
+            return {"FINISHED"}
+        return {"CANCELLED"}
 
 
 class RADARSIM_OT_apply_materials(bpy.types.Operator):
@@ -199,67 +207,79 @@ NAME_CLASSES: tuple[type, ...] = (
 
 #: Letters of a line of an explanation.
 _LETTERS = 70
+#: Letters that a button in a row takes, and the least that a line of its title has.
+_BUTTON, _LEAST_TITLE = 4, 12
+#: Names that a tooltip gives.
+_MOST_NAMES = 3
 #: Part of the pulse interval that a pulse is given where it has to become shorter.
 _FILL = 0.95
 
 
 class Fix(NamedTuple):
-    """A button: operator, label, and the operator's properties."""
+    """A button: operator, and its properties."""
 
     operator: str
-    label: str
     values: dict[str, Any]
 
 
 def fixes_of(item: Finding, measurement: Measurement | None) -> list[Fix]:
-    """Return the buttons of a finding; each but the explanation changes or selects something."""
+    """Return the buttons of a finding that remove its cause."""
     found = []
-    values, label = _values(item, measurement)
+    values = _values(item, measurement)
     if values:
-        found.append(Fix("radarsim.set_values", label, {"values": json.dumps(values)}))
+        found.append(Fix("radarsim.set_values", {"values": json.dumps(values)}))
     if item.code in ("no-radar-material", "optical-material"):
-        found.append(Fix("radarsim.suggest_materials", "Assign by Name...", {}))
-    if item.code in ("mesh-flipped", "mesh-inside-out"):
+        found.append(Fix("radarsim.suggest_materials", {}))
+    if item.code in _NORMALS:
         names = json.dumps(item.subjects)
-        found.append(Fix("radarsim.recalculate_normals", "Recalculate Normals", {"names": names}))
+        found.append(Fix("radarsim.recalculate_normals", {"names": names}))
     return found
 
 
-def _values(item: Finding, measurement: Measurement | None) -> tuple[dict[str, Any], str]:
-    """Settings that remove the cause of a finding, and the label of their button."""
+def _values(item: Finding, measurement: Measurement | None) -> dict[str, Any]:
+    """Return settings that remove the cause of a finding; empty without any."""
     numbers = {name: _largest(value) for name, value in item.numbers.items()}
     if item.code == "scene-beyond-unambiguous-velocity" and measurement is not None:
         prf_hz = numbers["prf_hz"]
         shorter = _shorter_pulse(measurement, prf_hz)
-        label = tr("PRF {value}", value=frequency_text(prf_hz))
-        return ({}, "") if shorter is None else ({"prf_hz": prf_hz, **shorter}, label)
+        return {} if shorter is None else {"prf_hz": prf_hz, **shorter}
     if item.code == "scene-beyond-range-limits":
-        stop_m = float(f"{1.05 * numbers['farthest_m']:.2g}")
-        return {"range_stop_m": stop_m}, tr("Stop {value}", value=length_text(stop_m))
+        return {"range_stop_m": float(f"{1.05 * numbers['farthest_m']:.2g}")}
     if item.code == "scene-beyond-unambiguous-range" and numbers.get("limit") == "PRF":
-        prf_hz = 299_792_458.0 / (2 * numbers["farthest_m"])
-        prf_hz = math.floor(prf_hz / 10 ** (step := math.floor(math.log10(prf_hz)) - 1)) * 10**step
-        return {"prf_hz": float(prf_hz)}, tr("PRF {value}", value=frequency_text(prf_hz))
+        prf_hz = SPEED_OF_LIGHT_MPS / (2 * numbers["farthest_m"])
+        step_hz = 10 ** (math.floor(math.log10(prf_hz)) - 1)
+        return {"prf_hz": float(math.floor(prf_hz / step_hz) * step_hz)}
     if item.code == "ring-step-below-resolution":
-        step_m = numbers["range_resolution_m"]
-        return {"ring_step_m": step_m}, tr("Step {value}", value=length_text(step_m))
+        return {"ring_step_m": numbers["range_resolution_m"]}
     if item.code in ("footprints-too-coarse", "objects-below-a-pixel") and numbers["width_px"]:
-        sides = {name: int(numbers[name]) for name in ("width_px", "height_px")}
-        return sides, tr(
-            "Resolution {width} x {height}", width=sides["width_px"], height=sides["height_px"]
-        )
+        return {name: int(numbers[name]) for name in ("width_px", "height_px")}
     if item.code == "run-takes-long" and not numbers["draft"]:
-        draft = {"replicates": 2, "max_standard_error": 0.0, "time_limit_s": 0.0}
-        return draft, tr("Draft Quality")
-    return _CONSTANT.get(item.code, ({}, ""))
+        return {"replicates": 2, "max_standard_error": 0.0, "time_limit_s": 0.0}
+    return _CONSTANT.get(item.code, {})
 
 
 #: Fixes that need no number of the finding.
-_CONSTANT: dict[str, tuple[dict[str, Any], str]] = {
-    "scene-beyond-rings": ({"rings": 0}, "Rings to the End"),
-    "single-snapshot": ({"snapshots": 2}, "Two Snapshots"),
-    "short-snapshot-interval": ({"snapshot_interval_s": 0.01}, "10 ms"),
+_CONSTANT: dict[str, dict[str, Any]] = {
+    "scene-beyond-rings": {"rings": 0},
+    "single-snapshot": {"snapshots": 2},
+    "short-snapshot-interval": {"snapshot_interval_s": 0.01},
 }
+#: Findings about the directions of normals.
+_NORMALS = ("mesh-flipped", "mesh-inside-out")
+
+
+def value_text(name: str, value: Any) -> str:
+    """Return a setting and its value as the window shows them: "PRF 61.7 kHz"."""
+    item = RADAR_SETTINGS[name]
+    if value is None:
+        text = tr("none")
+    elif item.of.unit == "Hz":
+        text = frequency_text(value)
+    elif isinstance(value, float):
+        text = f"{item.to_shown(value):.4g} {item.shown_unit}".rstrip()
+    else:
+        text = str(value)
+    return f"{translated(label_of(item))} {text}"
 
 
 def _largest(value: Any) -> Any:
@@ -295,8 +315,8 @@ class RADARSIM_OT_set_values(bpy.types.Operator):
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
         values = json.loads(properties.values or "{}")
-        texts = (f"{name} = {value}" for name, value in values.items())
-        return tr("Set {values} (SI units)", values=", ".join(texts))
+        texts = [value_text(name, value) for name, value in values.items()]
+        return tr("Set {values}", values=", ".join(texts))
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
@@ -328,6 +348,14 @@ class RADARSIM_OT_select_subjects(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     names: bpy.props.StringProperty(name="Names", description="Objects or materials, as JSON")
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        names = json.loads(properties.names or "[]")
+        shown = ", ".join(map(repr, names[:_MOST_NAMES]))
+        if len(names) <= _MOST_NAMES:
+            return tr("Select {names}", names=shown)
+        return tr("Select {names} and {count} more", names=shown, count=len(names) - _MOST_NAMES)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         with reported(self):
@@ -366,6 +394,14 @@ class RADARSIM_OT_recalculate_normals(bpy.types.Operator):
             faces.to_mesh(mesh)
             faces.free()
             mesh.update()
+        progress, names = getattr(context.window_manager, PROGRESS_PROPERTY), json.loads(self.names)
+        progress.checked = findings_text(
+            [
+                item
+                for item in read_findings(progress.checked)
+                if item.code not in _NORMALS or not set(item.subjects) <= set(names)
+            ]
+        )
         return {"FINISHED"}
 
 
@@ -450,32 +486,36 @@ _QUICK = {
     "no-radar-material", "medium-beyond-band", "one-range-cell", "low-time-bandwidth-product",
     "wavelength-exceeds-scene", "burst-exceeds-animation", "ring-step-below-resolution",
     "single-snapshot", "short-snapshot-interval", "footprints-too-coarse", "objects-below-a-pixel",
-    "run-takes-long",
+    "run-takes-long", "optical-material", "hidden-from-receiver", "rays-pass-through",
 }  # fmt: skip
 
 
 def draw_rows(
     layout: bpy.types.UILayout, findings: Iterable[Finding], measurement: Measurement | None
 ) -> None:
-    """Draw findings: a line of a few words, and buttons that fix, select and explain."""
+    """Draw findings, a row each: a few words, at its end buttons that fix, select and explain."""
     for item in findings:
-        column = layout.column(align=True)
-        column.label(text=title_of(item.code), icon=ICONS[item.severity])
-        for fix in fixes_of(item, measurement):
-            button = column.operator(fix.operator, text=fix.label, icon="MODIFIER")
+        row = layout.row()
+        fixes = fixes_of(item, measurement)
+        room = letters_across(bpy.context) - _BUTTON * (1 + len(fixes) + bool(item.subjects))
+        lines = textwrap.wrap(translated(title_of(item.code)), max(room, _LEAST_TITLE))
+        column = row.column(align=True)
+        column.scale_y = 1.0 if len(lines) == 1 else 0.8
+        for index, line in enumerate(lines):
+            column.label(
+                text=line, icon="BLANK1" if index else ICONS[item.severity], translate=False
+            )
+        buttons = row.row(align=True)
+        buttons.alignment = "RIGHT"
+        for fix in fixes:
+            button = buttons.operator(fix.operator, text="Fix")
             for name, value in fix.values.items():
                 setattr(button, name, value)
-        row = column.row(align=True)
         if item.subjects:
-            more = f" + {len(item.subjects) - 1}" if len(item.subjects) > 1 else ""
-            button = row.operator(
-                "radarsim.select_subjects",
-                text=item.subjects[0] + more,
-                icon="RESTRICT_SELECT_OFF",
-                translate=False,
-            )
+            icon = "RESTRICT_SELECT_OFF"
+            button = buttons.operator("radarsim.select_subjects", text="", icon=icon)
             button.names = json.dumps(item.subjects)
-        button = row.operator("radarsim.explain", text="Explain", icon="QUESTION")
+        button = buttons.operator("radarsim.explain", text="", icon="QUESTION")
         button.code, button.message = item.code, item.message
 
 
@@ -547,14 +587,14 @@ class RADARSIM_PT_material(RadarPanel, bpy.types.Panel):
         item = context.active_object
         if item is not None and item.type == "MESH":
             known = tr("Radar Material") if echoes(item) else tr("no Radar Material")
-            draw_state(self, f"{item.name}: {known}")
+            draw_state(self, known)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         state = getattr(context.window_manager, PROGRESS_PROPERTY)
-        row = layout.row(align=True)
-        row.prop(state, "preset", text="")
-        button = row.operator("radarsim.assign_material", icon="MATERIAL")
+        column = layout.column(align=True)  # next to the list, the button's text would be cut
+        column.prop(state, "preset", text="")
+        button = column.operator("radarsim.assign_material", icon="MATERIAL")
         button.preset = state.preset
         item = context.active_object
         if item is not None and item.type in SURFACE_TYPES:

@@ -1,21 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What panels show of the scene: read after it changed and never while a panel is drawn."""
+"""What panels and overlays show of the scene: its latest record. Drawing reads nothing.
+
+A timer reads the scene once edits are calm, in slices of a few milliseconds (`_read_slice`), and
+has the panels drawn again. Blender reports what it evaluates; settings, which it does not report,
+are compared whenever a panel is drawn.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import contextlib
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import bpy
 import numpy as np
 
-from ...arrays import Mask, Real
-from ...errors import RadarSimError
+from ...arrays import Real
+from ...errors import RadarSimError, SceneError
 from ...findings import Finding, finding, merge
-from ..materials import has_no_faces, media_beyond_their_band
+from ..materials import (
+    SURFACE_TYPES,
+    foreign_objects,
+    has_no_faces,
+    media_beyond_their_band,
+    slot_materials,
+)
 from ..nodes import is_radar_material
 from ..plan import (
     Extent,
@@ -33,26 +47,39 @@ from ..rig_settings import (
     settings,
 )
 from ..scene import (
+    Boxes,
     PixelSpans,
     Rig,
     active_radar,
+    antenna_positions,
     antennas_of,
     echoing_boxes,
+    extent_of_boxes,
     find_rig,
     frame_edges,
+    hidden_objects,
+    is_fog,
+    is_transmitter,
     keyed_speeds,
     keyed_step,
     limited_visibility,
     measure_pixel_spans,
-    scene_extent,
+    nothing_moves,
+    ray_flags,
+    rendered_objects,
 )
-from ..state import Snapshot, take_snapshot
+from ..state import Shape, Snapshot, take_snapshot, watch_evaluations
+from .fields import is_refused, may_write_at_need
 
-#: Time after the last change at which a scene is read again [s].
-_CALM_S = 0.2
+#: Time after the last change at which a scene is read again, and from slice to slice [s].
+_CALM_S, _PAUSE_S = 0.2, 0.005
+#: Time after which a slice ends with the part that is being read [s].
+_SLICE_S = 0.006
+#: Objects of one part: whose F-curves are read, and whose materials are looked at.
+_KEYED, _SHAPES = 2, 128
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneRecord:
     """What the checklist, the time estimate and the overlays read."""
 
@@ -68,48 +95,114 @@ class SceneRecord:
     measured: int
     #: How many of the measured ones have a Radar Material.
     assigned: int
-    #: Names of the objects without a Radar Material; empty where these are measured, too.
+    #: Names of the objects without a Radar Material that are therefore not measured.
     bare: tuple[str, ...]
+    #: Names of the objects that are measured with the powers of optical materials.
+    optical: tuple[str, ...]
+    #: Names of the materials of what is measured.
+    materials: tuple[str, ...]
     #: Findings about objects that some kinds of rays do not meet.
     visibility: tuple[Finding, ...]
     #: What pixels span of the flat surfaces in view; None without a perspective.
     pixels: PixelSpans | None = None
 
 
-_records: WeakKeyDictionary[Snapshot, dict[Any, SceneRecord]] = WeakKeyDictionary()
-_latest: dict[str, SceneRecord] = {}
+@dataclass
+class _Reader:
+    """What was read last, and what is being read."""
+
+    #: By scene: the settings of a reading, and its record or why there is none.
+    latest: dict[int, tuple[Any, SceneRecord | str]] = field(default_factory=dict)
+    #: By radar: the antennas that were found last.
+    rigs: dict[int, Rig] = field(default_factory=dict)
+    #: Whether Blender has evaluated something since the last part was read, and when.
+    changed: bool = True
+    changed_s: float = -math.inf
+    #: Snapshot and settings that are read or were read last.
+    of: tuple[Snapshot, Any] | None = None
+    reading: Iterator[SceneRecord | None] | None = None
+    #: Ends the reports of evaluations.
+    stop: Callable[[], None] | None = None
+
+
+_reader = _Reader()
 
 
 def scene_record(context: bpy.types.Context) -> SceneRecord | None:
-    """Return what is known of the scene; None before it was first read.
+    """Return what was last read of the scene; None before that.
 
-    A scene that changed is read a moment later, and the panels are drawn again. A `RadarSimError`
-    where the radar lacks a part.
+    A scene that has changed is read once edits are calm, and the panels are drawn again. A
+    `RadarSimError` where the radar lacks a part.
     """
-    snapshot = take_snapshot(context.evaluated_depsgraph_get())
+    if _reader.stop is None:
+        _reader.stop = watch_evaluations(_note)
     key = _key(context.scene)
-    known = _records.setdefault(snapshot, {})
-    if key not in known:
-        if not bpy.app.background:
-            if not bpy.app.timers.is_registered(_read_later):
-                bpy.app.timers.register(_read_later, first_interval=_CALM_S)
-            return _latest.get(context.scene.name)
-        known[key] = _read(context.scene, snapshot, key)
-    return known[key]
+    of, found = _reader.latest.get(context.scene.session_uid, (None, None))
+    waits = bpy.app.background or bpy.app.timers.is_registered(_read_slice)
+    if (_reader.changed or of != key) and not waits:
+        bpy.app.timers.register(_read_slice, first_interval=_CALM_S)
+    if isinstance(found, str):
+        raise SceneError(found)
+    return found
 
 
-def _read_later() -> float | None:
-    context = bpy.context
+def read_now(context: bpy.types.Context) -> None:
+    """Read all of the scene at once, if it has changed, for `scene_record`."""
+    if _begin(context):
+        while not _read_part(context.scene):
+            pass
+
+
+def _note(depsgraph: Any) -> None:
+    """Note an evaluation; None: some may have been missed. Renders have depsgraphs of their own."""
+    if depsgraph is None or depsgraph.mode == "VIEWPORT":
+        _reader.changed, _reader.changed_s = True, time.monotonic()
+
+
+@may_write_at_need
+def _read_slice() -> float | None:
+    """Read for some milliseconds; return the time to the next slice [s], None at the end."""
+    calm_in_s = _reader.changed_s + _CALM_S - time.monotonic()
+    if _reader.changed and calm_in_s > 0:
+        return calm_in_s
+    context, end_s = bpy.context, time.perf_counter() + _SLICE_S
     try:
-        key = _key(context.scene)
-        snapshot = take_snapshot(context.evaluated_depsgraph_get())
-        record = _read(context.scene, snapshot, key)
-    except (RadarSimError, AttributeError, ReferenceError):
-        return None  # the panels say what is missing
-    _records.setdefault(snapshot, {})[key] = record
-    _latest[context.scene.name] = record
-    redraw_panels(context)
-    return None
+        ended = not _begin(context) or _read_part(context.scene)
+        while not ended and time.perf_counter() < end_s:
+            ended = _read_part(context.scene)
+    except ReferenceError:  # an object was removed while it was read
+        _reader.of, ended = None, False
+    except AttributeError as error:
+        if is_refused(error):
+            raise
+        return None  # the extension was disabled
+    if ended:
+        redraw_panels(context)
+    return None if ended else _PAUSE_S
+
+
+def _begin(context: bpy.types.Context) -> bool:
+    """Begin to read the scene if it has changed; return whether there is something to be read."""
+    scene = context.scene
+    if current_measurement(scene)[0] is None:
+        return False  # the panels say what is wrong
+    now = take_snapshot(context.evaluated_depsgraph_get()), _key(scene)
+    if _reader.of is None or _reader.of[0] is not now[0] or _reader.of[1] != now[1]:
+        _reader.of, _reader.reading = now, _read(scene, now[0])
+    _reader.changed = False
+    return _reader.reading is not None
+
+
+def _read_part(scene: bpy.types.Scene) -> bool:
+    """Read one part of the scene; return whether it was the last."""
+    assert _reader.of is not None and _reader.reading is not None
+    try:
+        found: SceneRecord | str | None = next(_reader.reading)
+    except RadarSimError as error:
+        found = str(error)
+    if found is not None:
+        _reader.latest[scene.session_uid], _reader.reading = (_reader.of[1], found), None
+    return found is not None
 
 
 def redraw_panels(context: bpy.types.Context) -> None:
@@ -122,20 +215,27 @@ def redraw_panels(context: bpy.types.Context) -> None:
 
 def _key(scene: bpy.types.Scene) -> Any:
     """All that a record depends on besides the snapshot."""
-    radar, render = active_radar(scene), scene.render
+    radar = active_radar(scene)
     view, group = settings(radar), getattr(radar, RADAR_PROPERTY)
-    # Frames of the animation, which Time Stretching shows slower than the scene's.
-    fps = render.fps / shortest_decimal(render.fps_base) * render.frame_map_old
     return (
-        # Looking for the antennas takes as long as all else: they are found when a scene is read.
-        (radar, group.camera, group.light, scene.camera, view.sampling_mode),
+        scene.session_uid,
+        *(item and item.session_uid for item in (radar, group.camera, group.light, scene.camera)),
         check_unit_scale(shortest_decimal(scene.unit_settings.scale_length)),
         any_material_echoes(radar),
-        fps / render.frame_map_new,
-        view.pulses / view.prf_hz,
-        scene.frame_current_final,
+        _timing(scene, view),
+        view.sampling_mode,
         view.width_px / view.height_px,
     )
+
+
+def _timing(scene: bpy.types.Scene, view: Any) -> tuple[float, float, float]:
+    """Frame, frames of the animation per second, and duration of a burst [s].
+
+    Time Stretching shows the animation slower than the scene's frames.
+    """
+    render = scene.render
+    fps = render.fps / shortest_decimal(render.fps_base) * render.frame_map_old
+    return scene.frame_current_final, fps / render.frame_map_new, view.pulses / view.prf_hz
 
 
 def rig_of(scene: bpy.types.Scene, radar: Any) -> Rig:
@@ -144,56 +244,178 @@ def rig_of(scene: bpy.types.Scene, radar: Any) -> Rig:
     return find_rig(scene, **antennas_of(scene, radar), any_projection=by_paths)
 
 
+def shown_rig(scene: bpy.types.Scene, radar: Any) -> Rig:
+    """Return `rig_of`, for drawing: objects are searched for antennas only where those that were
+    found last no longer fit, and whenever the scene is read.
+    """
+    known = _reader.rigs.get(radar.session_uid)
+    with contextlib.suppress(ReferenceError):
+        if known is not None and _fits(scene, radar, known):
+            return known
+    _reader.rigs[radar.session_uid] = found = rig_of(scene, radar)
+    return found
+
+
+def _fits(scene: bpy.types.Scene, radar: Any, rig: Rig) -> bool:
+    """Return whether a rig still has what `rig_of` asks for, if nothing was added."""
+    group, (camera, emitter) = getattr(radar, RADAR_PROPERTY), (rig.camera, rig.emitter)
+    return (
+        group.camera in (None, camera)
+        and group.light in (None, emitter)
+        and (camera == scene.camera or camera.parent == emitter.parent)
+        and radar in (emitter.parent, emitter)
+        and is_transmitter(emitter)
+        and emitter.data.energy > 0
+        and not emitter.hide_render
+        and (camera.data.type == "PERSP" or settings(radar).sampling_mode == "paths")
+        and all(item.name in scene.objects for item in (camera, emitter))
+    )
+
+
 def any_material_echoes(radar: Any) -> bool:
     """Return whether objects without a Radar Material may echo."""
     view = settings(radar)
     return bool(view.sampling_mode == "paths" and view.range_encoding != "materials")
 
 
-def _read(scene: bpy.types.Scene, snapshot: Snapshot, key: Any) -> SceneRecord:
-    """Walk through the scene."""
-    (radar, *_), scale, any_material, fps, span_s, frame, _ = key
-    rig = rig_of(scene, radar)
-    extent = scene_extent(snapshot, rig, scale, any_material=any_material)
-    boxes = echoing_boxes(snapshot, any_material=any_material)
-    speeds = keyed_speeds(boxes, (rig.camera, rig.emitter), frame, fps, span_s)
-    surfaces = boxes if any_material else echoing_boxes(snapshot, any_material=True)
+# -- the record ------------------------------------------------------------------------------------
+
+
+def _read(scene: bpy.types.Scene, snapshot: Snapshot) -> Iterator[SceneRecord | None]:
+    """Yield the record of a scene, and None after each part before."""
+    radar = active_radar(scene)
+    any_material = any_material_echoes(radar)
+    metres = check_unit_scale(shortest_decimal(scene.unit_settings.scale_length))
+    _reader.rigs[radar.session_uid] = rig = rig_of(scene, radar)
+    yield None
+    surfaces = echoing_boxes(snapshot, any_material=True)
+    yield None
+    boxes = surfaces if any_material else echoing_boxes(snapshot, any_material=False)
+    yield None
+    extent = extent_of_boxes(boxes, antenna_positions(snapshot, rig), metres)
+    yield None
+    frame, fps, span_s = _timing(scene, settings(radar))
+    speeds: dict[str, float] = {}
+    moving: dict[str, Real] = {}
+    for part in _keyed_parts(boxes, rig):
+        yield None
+        found = keyed_speeds(part, (rig.camera, rig.emitter), frame, fps, span_s)
+        speeds |= {name: metres * speed for name, speed in found.items()}
+        for row in part.rows.tolist() if found else ():
+            item = snapshot.shapes[snapshot.layout.shape[row]].original
+            step = keyed_step(item, frame)
+            if step is not None and step.any():
+                place = snapshot.matrix(row)[:3, 3]
+                moving[snapshot.label(row)] = metres * np.stack([place, step * fps])
+    yield None
     visibility = limited_visibility(snapshot)
-    names, assigned, unseen = _assigned(surfaces, visibility)
-    measured = {name for name in names if any_material or name in assigned} - unseen
-    return SceneRecord(
+    yield None
+    objects = yield from _objects(surfaces, visibility)
+    pixels = _pixel_spans(radar, rig, boxes, metres)
+    yield None
+    measured = {
+        name: one for name, one in objects.items() if one.seen and (any_material or one.is_radar)
+    }
+    yield SceneRecord(
         extent,
-        {name: scale * speed for name, speed in speeds.items()},
-        _moving(scene, speeds, frame, fps, scale),
-        len(names),
+        speeds,
+        moving,
+        len(objects),
         len(measured),
-        len(measured & assigned),
-        () if any_material else tuple(sorted(names - assigned)),
+        sum(one.is_radar for one in measured.values()),
+        () if any_material else tuple(sorted(n for n, one in objects.items() if not one.is_radar)),
+        tuple(sorted({o.name for o in measured.values() if any_material and o.is_optical})),
+        tuple(sorted({name for one in measured.values() for name in one.materials})),
         tuple(visibility),
-        _pixel_spans(radar, rig, boxes, scale),
+        pixels,
     )
 
 
-def _assigned(surfaces: Any, visibility: Iterable[Finding]) -> tuple[set[str], set[str], set[str]]:
-    """Return the names of the objects with a surface, of those that have a Radar Material, and of
-    those without a direct echo.
+def _keyed_parts(boxes: Boxes, rig: Rig) -> Iterator[Boxes]:
+    """Yield the boxes of a few objects after the other, without those that cannot have a rate."""
+    snapshot, layout = boxes.snapshot, boxes.snapshot.layout
+    rows = boxes.rows[layout.instancer[boxes.rows] < 0]
+    if nothing_moves(rig.camera) and nothing_moves(rig.emitter):
+        owners = [snapshot.shapes[index].original for index in layout.shape[rows].tolist()]
+        rows = rows[np.array([not nothing_moves(item) for item in owners], dtype=bool)]
+    for start in range(0, rows.size, _KEYED):
+        yield Boxes(snapshot, rows[start : start + _KEYED])
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """What counts of an object with a surface, and of its instances by one instancer."""
+
+    name: str
+    #: Whether rays from the receiver meet it, and it may return something.
+    seen: bool
+    is_radar: bool
+    #: Whether a face has another material than a Radar Material, or none.
+    is_optical: bool
+    materials: tuple[str, ...]
+
+
+def _objects(
+    surfaces: Boxes, visibility: Iterable[Finding]
+) -> Generator[None, None, dict[str, _Surface]]:
+    """Yield after parts; return the objects of these surfaces, and those that the viewport hides,
+    by label.
     """
-    is_radar, shapes = cache(is_radar_material), surfaces.snapshot.shapes
-    has = surfaces.snapshot.of_shapes([any(map(is_radar, one.materials)) for one in shapes])
-    solid = surfaces.snapshot.of_shapes([not has_no_faces(one.original) for one in shapes])
-    names, number = surfaces.labels()
-
-    def some(kept: Mask) -> set[str]:
-        return {names[n] for n in np.unique(number[kept[surfaces.rows]]).tolist()}
-
-    hidden = {
+    snapshot, layer = surfaces.snapshot, surfaces.snapshot.depsgraph.view_layer
+    is_radar = cache(is_radar_material)
+    known = cache(lambda material: is_radar_material(material) or is_fog(material))
+    labels, number = surfaces.labels()
+    yield None
+    unseen = {
         name for one in visibility if one.code == "hidden-from-receiver" for name in one.subjects
     }
-    unseen = {name for name in names if hidden.intersection((name, *name.split("/")))}
-    return some(solid), some(solid & has), unseen
+    found: dict[str, _Surface] = {}
+    pairs = np.unique(np.column_stack([number, snapshot.layout.shape[surfaces.rows]]), axis=0)
+    for count, (index, shape_index) in enumerate(pairs.tolist()):
+        if count % _SHAPES == 0:
+            yield None
+        label, shape = labels[index], snapshot.shapes[shape_index]
+        if has_no_faces(shape.original) or _is_all_fog(shape.materials):
+            continue
+        before = found.get(label)  # Geometry Nodes give instances other data
+        found[label] = _Surface(
+            shape.original.name,
+            unseen.isdisjoint((label, *label.split("/"))),
+            any(map(is_radar, shape.materials)) or (before is not None and before.is_radar),
+            _is_optical(snapshot, shape, known) or (before is not None and before.is_optical),
+            tuple(one.name for one in shape.materials if one is not None),
+        )
+    yield None
+    hidden = hidden_objects(snapshot, rendered_objects(layer))
+    flags = ray_flags(hidden, layer)
+    for item, (seen, _, echoing) in zip(hidden, flags.T.tolist(), strict=True):
+        slots = slot_materials(item)
+        if item.type in SURFACE_TYPES and not (has_no_faces(item) or _is_all_fog(slots)):
+            found[item.name_full] = _Surface(
+                item.name,
+                seen and echoing,
+                any(map(is_radar, slots)),
+                not all(map(known, slots or (None,))),
+                tuple(one.name for one in slots if one is not None),
+            )
+    return found
 
 
-def _pixel_spans(radar: Any, rig: Rig, boxes: Any, metres: float) -> PixelSpans | None:
+def _is_all_fog(slots: tuple[Any, ...]) -> bool:
+    """Whether an object with these materials has volumes and no surface: it is not measured."""
+    return bool(slots) and all(map(is_fog, slots))
+
+
+def _is_optical(snapshot: Snapshot, shape: Shape, known: Callable[[Any], bool]) -> bool:
+    """Whether a face of a shape has a material that is not known, or none."""
+    slots = [known(one) for one in shape.materials or (None,)]
+    if not any(slots) and shape.kind != "CURVES":  # faces decide only where slots differ
+        return snapshot.face_count(shape) > 0
+    alone = dataclasses.replace(snapshot, shapes=[shape])
+    return not all(slots) and any(True for _ in foreign_objects(alone, known))
+
+
+def _pixel_spans(radar: Any, rig: Rig, boxes: Boxes, metres: float) -> PixelSpans | None:
     """What pixels span of the flat surfaces in view."""
     camera, view = rig.camera, settings(radar)
     if camera.data.type != "PERSP":
@@ -201,22 +423,6 @@ def _pixel_spans(radar: Any, rig: Rig, boxes: Any, metres: float) -> PixelSpans 
     edges = frame_edges(camera.data, view.width_px, view.height_px, metres)
     matrix = np.array(camera.matrix_world, dtype=np.float64)
     return measure_pixel_spans(boxes, matrix, edges, metres)
-
-
-def _moving(
-    scene: bpy.types.Scene, names: Iterable[str], frame: float, fps: float, metres: float
-) -> dict[str, Real]:
-    """Place and velocity of objects that F-curves move, by name, (2, 3) [m, m/s]."""
-    found: dict[str, Real] = {}
-    for name in names:
-        item = scene.objects.get(name)
-        if item is None:
-            continue
-        step = keyed_step(item, frame)
-        if step is not None and step.any():
-            place = np.array(item.matrix_world.translation, dtype=np.float64)
-            found[name] = metres * np.stack([place, step * fps])
-    return found
 
 
 def quick_findings(
@@ -246,11 +452,15 @@ def quick_findings(
         sizes_px = {name: size * across / pixels.width for name, size in pixels.sizes.items()}
         steps_m = pixels.longest_m(across, limit_m)
         found += find_coarse_pixels(measurement, view.sampling_mode, steps_m, sizes_px)
-    found += media_beyond_their_band(carrier_hz(scene), view.beyond_band)
-    if record is not None and record.bare:
+    if record is None:
+        return merge(found)
+    materials = [one for one in map(bpy.data.materials.get, record.materials) if one is not None]
+    found += media_beyond_their_band(carrier_hz(scene), view.beyond_band, materials)
+    if record.bare:
         found.append(finding("no-radar-material", *record.bare))
-    found += [] if record is None else record.visibility
-    return merge(found)
+    if record.optical:
+        found.append(finding("optical-material", *record.optical))
+    return merge([*found, *record.visibility])
 
 
 def current_measurement(scene: bpy.types.Scene) -> tuple[Measurement | None, str]:

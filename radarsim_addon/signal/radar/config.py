@@ -42,6 +42,7 @@ BANDWIDTH: dict[str, Any] = {
     "shown_in": "MHz",
     "above": 0.0,
     "initial": 50e6,
+    "digits": 2,
 }
 SAMPLING_RATE: dict[str, Any] = {
     "label": "Sampling rate",
@@ -49,6 +50,7 @@ SAMPLING_RATE: dict[str, Any] = {
     "shown_in": "MHz",
     "above": 0.0,
     "initial": 60e6,
+    "digits": 2,
 }
 
 

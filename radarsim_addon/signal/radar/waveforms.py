@@ -88,6 +88,7 @@ CHIP: dict[str, Any] = {
     "label": "Chip duration",
     "help": "Set the duration of one phase; the bandwidth is its inverse",
     "shown_in": "ns",
+    "digits": 2,
     "above": 0.0,
     "initial": 20e-9,
 }
@@ -235,6 +236,7 @@ class Waveform(PulseNumbers):
         "Chirp duration",
         "Set the duration of a pulse; at most the pulse interval 1 / PRF",
         shown_in="us",
+        digits=2,
         above=0.0,
         initial=2.5e-6,
     )
@@ -363,20 +365,21 @@ class FmcwWaveform(LineNumbers):
         "ADC rate",
         "Set the samples per second of the ADC; the chirp lasts samples / rate",
         shown_in="MHz",
+        digits=2,
         above=0.0,
         initial=10e6,
     )
     adc_start_s: float = setting(
         "ADC start", "Set the time from the start of the ramp to the first sample", 0.0,
-        shown_in="us", minimum=0.0,
+        shown_in="us", digits=2, minimum=0.0,
     )  # fmt: skip
     ramp_s: float | None = setting(
         "Ramp", "Set the duration of the ramp. None: it ends with the last sample", None,
-        shown_in="us", above=0.0, initial=30e-6,
+        shown_in="us", digits=2, above=0.0, initial=30e-6,
     )  # fmt: skip
     idle_s: float = setting(
         "Idle time", "Set the least pause between two chirps; ramp and pause fit into 1 / PRF", 0.0,
-        shown_in="us", minimum=0.0,
+        shown_in="us", digits=2, minimum=0.0,
     )  # fmt: skip
     real_adc: bool = setting(
         "Real ADC", "Use one channel in place of I and Q: half the range, 3 dB less SNR", False
@@ -447,7 +450,7 @@ class SteppedWaveform(LineNumbers):
     carrier_hz: float = setting(**CARRIER)
     step_hz: float = setting(
         "Frequency step", "Set the distance of two tones; the range repeats with c / 2 step",
-        shown_in="kHz", above=0.0, initial=500e3,
+        shown_in="kHz", digits=2, above=0.0, initial=500e3,
     )  # fmt: skip
     steps: int = setting(
         "Steps",
@@ -459,7 +462,7 @@ class SteppedWaveform(LineNumbers):
     )
     step_time_s: float = setting(
         "Time per step", "Set the time per step; the receiver averages over it",
-        shown_in="us", above=0.0, initial=5e-6,
+        shown_in="us", digits=2, above=0.0, initial=5e-6,
     )  # fmt: skip
 
     kind: ClassVar[str] = "stepped"

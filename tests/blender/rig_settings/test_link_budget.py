@@ -12,9 +12,13 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from scipy.stats import ncx2
+
+from radarsim_addon import blender as radarsim
 from radarsim_addon import contract
 from radarsim_addon.blender import rig_settings as properties
 from radarsim_addon.blender.headless import make_job
+from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.scene import active_radar, rig
 from radarsim_addon.blender.ui import link_budget_panel as system_panel
 from radarsim_addon.contract import AntennaRecord, LinkBudget
@@ -115,22 +119,88 @@ def pattern_kinds() -> list[str]:
     return [item.identifier for item in kinds.fixed_type.properties["kind"].enum_items]
 
 
-def test_panel_says_what_a_square_metre_brings(scene: Any) -> None:
-    settings = rs.radar()
-    settings.use_link_budget = True
-    settings.transmit_power_w = 1000.0
-    settings.transmitter.gain_dbi = 30.0
-    settings.receiver.gain_dbi = 30.0
-    radar = properties.read_measurement(scene).radar
-    lines = system_panel.budget_lines(system_panel.scene_system(scene), radar)
-    # 1e6 W EIRP, 1000, lambda^2 = 0.0032, (4 pi)^3 = 1984, R^4 = 1e12
-    expected = 10 * math.log10(1e6 * 1e3 * WAVELENGTH_M**2 / ((4 * math.pi) ** 3 * 1e12)) + 30
-    assert f"1 m² at 1 km: {expected:.2f} dBm" in lines
-    assert "EIRP: 1e+06 W (90.00 dBm)" in lines
-    settings.transmit_loss_db, settings.receive_loss_db, settings.other_loss_db = 1.0, 2.5, 4.0
-    lines = system_panel.budget_lines(system_panel.scene_system(scene), radar)
-    assert f"1 m² at 1 km: {expected - 7.5:.2f} dBm" in lines
-    assert "EIRP: 7.943e+05 W (89.00 dBm)" in lines
+def by_hand_db(preset: str, range_m: float) -> float:
+    """SNR of 10 m^2: P G^2 lambda^2 sigma / ((4 pi)^3 R^4) over k 290 K F, times the time that is
+    added up, less 1.34 dB for each of two Hamming windows.
+    """
+    values = PRESETS[preset].settings
+    beam = values["transmitter"]
+    # a Gaussian beam of these widths, over a plane
+    widths = [math.radians(beam[f"{axis}_beamwidth_deg"]) for axis in ("azimuth", "elevation")]
+    gain_db = 10 * math.log10(16 * math.log(2) / math.prod(widths))
+    wavelength_m = 299_792_458.0 / values["carrier_hz"]
+    if values["waveform_kind"] == "fmcw":
+        pulse_s = values["adc_samples"] / values["adc_rate_hz"]
+    else:
+        pulse_s = values["chirp_duration_s"]
+    power_db = 10 * math.log10(values["transmit_power_w"] * 10 * pulse_s * values["pulses"])
+    spread_db = 30 * math.log10(4 * math.pi) + 40 * math.log10(range_m)
+    noise_db = 10 * math.log10(1.380649e-23 * 290) + values["noise_figure_db"]
+    return power_db + 2 * gain_db + 20 * math.log10(wavelength_m) - spread_db - noise_db - 2 * 1.34
+
+
+@pytest.mark.parametrize("preset", [name for name in PRESETS if name != "paper"])
+def test_panel_says_what_a_target_brings(addon: Any, preset: str) -> None:
+    """Within 0.7 dB: wide beams are not those over a plane, and windows of 16 pulses lose more."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    radar = radarsim.add_radar(preset=preset)
+    scene = bpy.context.scene
+
+    def rows() -> dict[str, str]:
+        measurement = properties.read_measurement(scene)
+        return dict(system_panel.budget_rows(system_panel.scene_system(scene), measurement))
+
+    found = rows()
+    (text,) = (value for name, value in found.items() if name.startswith("SNR at "))
+    snr_db = float(text.removesuffix(" dB"))
+    assert snr_db == pytest.approx(by_hand_db(preset, radar.radarsim.range_stop_m), abs=0.7)
+    number, unit = found[""].split("detected to ")[1].split(" (Pd 0.9, Pfa 1e-6)")[0].split()
+    range_m = float(number) * {"m": 1.0, "km": 1e3}[unit]
+    assert by_hand_db(preset, range_m) == pytest.approx(13.14, abs=0.7)
+    beyond = preset not in ("marine_x_band", "sar_c_band")
+    assert ("beyond the longest range" in found[""]) == beyond
+    radar.radarsim.transmit_loss_db, radar.radarsim.other_loss_db = 1.0, 4.0
+    (text,) = (value for name, value in rows().items() if name.startswith("SNR at "))
+    assert float(text.split()[0]) == pytest.approx(snr_db - 5.0, abs=0.11)
+    eirp = float(rows()["EIRP"].split()[0])
+    assert eirp == pytest.approx(float(found["EIRP"].split()[0]) - 1.0, abs=0.11)
+
+
+def test_rain_takes_from_the_range_of_detection(addon: Any) -> None:
+    """10 mm/h take 5.82 dB/km at 77 GHz (P.838-3): at 120 m 1.4 dB both ways."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    radar, scene = radarsim.add_radar(), bpy.context.scene
+    system = system_panel.scene_system(scene)
+    dry, radar.radarsim.rain_mm_per_h = properties.read_measurement(scene), 10.0
+    wet = properties.read_measurement(scene)
+    snr_db = [system_panel.target_snr_db(system, one, 120.0) for one in (dry, wet)]
+    assert snr_db[0] - snr_db[1] == pytest.approx(2 * 0.12 * 5.82, rel=0.01)
+    range_m = system_panel.detection_range_m(system, wet)
+    assert range_m < system_panel.detection_range_m(system, dry)
+    assert system_panel.target_snr_db(system, wet, range_m) == pytest.approx(13.14, abs=0.01)
+
+
+def test_the_needed_snr_is_that_of_a_steady_target() -> None:
+    """Marcum's Q function, integrated: a Rice variable beyond the threshold of Rayleigh noise."""
+    for detected, false_alarms in ((0.9, 1e-6), (0.5, 1e-4), (0.99, 1e-8)):
+        snr = 10 ** (system_panel.needed_snr_db(detected, false_alarms) / 10)
+        threshold = -2 * math.log(false_alarms)
+        assert ncx2.sf(threshold, 2, 2 * snr) == pytest.approx(detected, abs=0.03)
+
+
+@pytest.mark.parametrize("watts", [0.016, 1.0, 1000.0, 3.2e-7])
+def test_powers_are_fields_in_dbm(scene: Any, watts: float) -> None:
+    rig = active_radar(scene).radarsim
+    group = properties.settings(active_radar(scene))
+    group.transmit_power_w = watts
+    assert rig.transmit_power_dbm == pytest.approx(10 * math.log10(watts) + 30, abs=1e-4)
+    rig.transmit_power_dbm = 12.0
+    assert group.transmit_power_w == pytest.approx(10**-1.8, rel=1e-12)
+    light = next(item for item in scene.objects if item.type == "LIGHT").data
+    light.radarsim_eirp_dbm = 29.0
+    assert light.energy == pytest.approx(10**-0.1, rel=1e-6)
+    light.energy = watts
+    assert light.radarsim_eirp_dbm == pytest.approx(10 * math.log10(watts) + 30, abs=1e-4)
 
 
 # -- patterns in the viewport ----------------------------------------------------------------------

@@ -10,6 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
+from radarsim_addon.blender import addon
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.physical_materials import ASSETS
 from radarsim_addon.blender.nodes import groups
@@ -76,6 +77,28 @@ def test_library_is_added_to_the_preferences_once() -> None:
         assert len(preferences.filepaths.asset_libraries) == before + 1
     finally:
         preferences.filepaths.asset_libraries.remove(library)
+
+
+def test_the_library_goes_with_the_extension_and_comes_back_with_its_update() -> None:
+    """Uninstalling ends the extension; an update starts another one in the same session."""
+
+    def names() -> list[str]:
+        return [one.name for one in bpy.context.preferences.filepaths.asset_libraries]
+
+    before = names()
+    addon.register()
+    try:
+        assert names() == before  # nobody has asked for it
+        assert bpy.ops.radarsim.add_asset_library() == {"FINISHED"}
+        assert names() == [*before, al.LIBRARY_NAME]
+        addon.unregister()
+        assert names() == before
+        addon.register()
+        assert names() == [*before, al.LIBRARY_NAME]
+    finally:
+        addon.unregister()
+        bpy.app.driver_namespace.pop(al._REMOVED, None)
+    assert names() == before
 
 
 def test_a_missing_file_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

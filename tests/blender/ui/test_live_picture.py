@@ -17,6 +17,7 @@ from radarsim_addon.blender.ui.live_picture import (
     LivePicture,
     Quads,
     filled,
+    fitting_scale,
     lay_out_draft,
     level_colours,
     picture_quads,
@@ -162,3 +163,17 @@ def test_the_whole_picture_is_few_rectangles() -> None:
     rows = np.nonzero(blue[:, round(x) - 40])[0]
     flat_y = np.interp(x - 40, *found.curve.T)
     assert len(rows) and abs(rows.mean() + 0.5 - flat_y) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("room_px", "scale"),
+    [((2000.0, 1400.0), 2.0), ((700.0, 1400.0), 700 / 452), ((2000.0, 400.0), 400 / 372)],
+)
+def test_the_picture_fits_into_the_view(room_px: tuple[float, float], scale: float) -> None:
+    """On a display of scale 2 as large as it can be; too small to be read it is not drawn."""
+    found = fitting_scale(2.0, room_px, True, len(LINES))
+    assert found == pytest.approx(scale)
+    panel = picture(draft(), found).panel
+    assert panel.right - panel.left <= room_px[0] * (1 + 1e-9)
+    assert panel.top - panel.bottom <= room_px[1] * (1 + 1e-9)
+    assert fitting_scale(2.0, (200.0, 1400.0), True, len(LINES)) == 0.0

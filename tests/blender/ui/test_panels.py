@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import bpy
@@ -16,17 +18,25 @@ from radarsim_addon import processes
 from radarsim_addon.blender import addon
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
-from radarsim_addon.blender.scene import active_radar
-from radarsim_addon.blender.ui import scene_reading
+from radarsim_addon.blender.scene import action_curves, active_radar
+from radarsim_addon.blender.ui import link_budget_panel, overlays, scene_reading
+from radarsim_addon.blender.ui.scene_panel import RADARSIM_OT_set_values
+from radarsim_addon.errors import SceneError
 from radarsim_addon.physics import antennas as physics_antennas
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
 
 def drawn() -> str:
-    """All that the panels of a run show."""
+    """All that the panels of a run show, with the tooltips of the buttons that set values."""
     layout = recording.drawn(*recording.TAB)
-    return " ".join([*layout.texts, *(button.text for button in layout.buttons)])
+    tooltips = [
+        RADARSIM_OT_set_values.description(bpy.context, SimpleNamespace(**button.values))
+        for button in layout.buttons
+        if button.operator == "radarsim.set_values"
+    ]
+    names = [name for b in layout.buttons for name in json.loads(b.values.get("names", "[]"))]
+    return " ".join([*layout.texts, *(button.text for button in layout.buttons), *tooltips, *names])
 
 
 @pytest.fixture
@@ -108,7 +118,7 @@ def test_redraws_do_not_walk_through_the_scene(
     view = car_at(15.0)
     view.sampling_mode = mode
     calls: list[str] = []
-    for name in ("scene_extent", "keyed_speeds", "echoing_boxes"):
+    for name in ("extent_of_boxes", "limited_visibility", "echoing_boxes"):
         real = getattr(scene_reading, name)
         monkeypatch.setattr(
             scene_reading,
@@ -126,6 +136,79 @@ def test_redraws_do_not_walk_through_the_scene(
     assert len(calls) == 2 * once
 
 
+def test_panels_and_overlays_show_the_latest_record_and_read_nothing(
+    registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car_at(15.0)
+    bpy.context.window_manager.radarsim.overlay_velocities = True
+    first = drawn(), overlays.overlay_lines(recording.context())[1]
+    car = bpy.data.objects["Car"]
+    for curve in list(action_curves(car.animation_data.action)):
+        curve.mute = True
+    car.update_tag()
+    bpy.context.view_layer.update()
+    with monkeypatch.context() as patch:
+        patch.setattr(scene_reading, "read_now", lambda _: None)
+        for name in ("take_snapshot", "keyed_speeds", "rig_of"):
+            patch.delattr(scene_reading, name)
+        assert (drawn(), overlays.overlay_lines(recording.context())[1]) == first
+    assert "PRF 15.5 kHz" in first[0] and "PRF 15.5 kHz" not in drawn()
+    assert len(first[1]) == 1 and not overlays.overlay_lines(recording.context())[1]
+    bpy.context.window_manager.radarsim.overlay_velocities = False
+
+
+def test_a_scene_is_read_in_slices_once_edits_are_calm(
+    registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A change between two slices begins the reading again."""
+    car_at(15.0)
+    for number in range(100):
+        copy = bpy.data.objects["Car"].copy()
+        copy.location.x = 3.0 * number
+        bpy.context.scene.collection.objects.link(copy)
+    recording.drawn(*recording.TAB)
+    monkeypatch.setattr(scene_reading, "_SLICE_S", 0.0)
+    bpy.data.objects["Plate"].location.y += 1.0
+    bpy.context.view_layer.update()
+    assert 0.0 < scene_reading._read_slice() <= 0.2  # not calm yet
+    monkeypatch.setattr(scene_reading, "_CALM_S", 0.0)
+
+    def count_slices(moved_in: int) -> int:
+        for number in range(1000):
+            if number == moved_in:
+                bpy.data.objects["Plate"].location.y += 1.0
+                bpy.context.view_layer.update()
+            pause_s = scene_reading._read_slice()
+            if pause_s is None:
+                return number + 1
+        return 0
+
+    once = count_slices(-1)
+    assert once > 50  # two objects with F-curves each
+    assert count_slices(-1) == 1  # nothing has changed
+    bpy.data.objects["Plate"].location.y += 1.0
+    bpy.context.view_layer.update()
+    assert count_slices(30) == 30 + once
+
+
+def test_the_rig_that_is_shown_is_looked_for_again_where_it_no_longer_fits(
+    registered: None,
+) -> None:
+    car_at(0.0)
+    scene = bpy.context.scene
+    radar = active_radar(scene)
+    camera, light = (scene_reading.shown_rig(scene, radar).camera, radar.radarsim.light)
+    other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
+    scene.collection.objects.link(other)
+    radar.radarsim.camera = other
+    assert scene_reading.shown_rig(scene, radar).camera == other
+    radar.radarsim.camera = None
+    assert scene_reading.shown_rig(scene, radar).camera == camera and light is None
+    scene_reading.shown_rig(scene, radar).emitter.data.energy = 0.0
+    with pytest.raises(SceneError, match="power of 0 W"):
+        scene_reading.shown_rig(scene, radar)
+
+
 @pytest.mark.parametrize("preset", ["paper", "automotive_77ghz", "sar_c_band"])
 def test_a_redraw_takes_no_step_for_an_object(
     registered: None, preset: str, monkeypatch: pytest.MonkeyPatch
@@ -136,6 +219,7 @@ def test_a_redraw_takes_no_step_for_an_object(
     apply_preset(scene, active_radar(scene), radar_preset(preset))
     if preset == "sar_c_band":
         view.transmitter.kind, view.transmitter.width_m = "aperture", 12.0
+    monkeypatch.setattr(link_budget_panel, "_systems", {})
     integrals: list[Any] = []
     integral = physics_antennas.gauss_legendre
     monkeypatch.setattr(

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,7 +20,14 @@ from radarsim_addon.blender import addon as addon_module
 from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.rig_settings import WAVEFORMS, read_measurement, settings
 from radarsim_addon.blender.scene import active_radar
-from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene, fixes_of, time_text
+from radarsim_addon.blender.ui import scene_panel
+from radarsim_addon.blender.ui.scene_panel import (
+    RADARSIM_OT_select_subjects,
+    RADARSIM_PT_scene,
+    fixes_of,
+    time_text,
+    value_text,
+)
 from radarsim_addon.blender.ui.scene_reading import quick_findings, scene_record
 from radarsim_addon.findings import Finding, finding
 from tests.blender import radar_scenes as rs
@@ -34,12 +42,30 @@ def scene(addon: Any, tmp_path: Path) -> Iterator[Any]:
 
 
 def listed() -> dict[str, recording.Button]:
-    """Buttons of the scene panel by label, those of findings by their code."""
+    """Buttons of the scene panel: those that explain by their code, others by text or operator."""
     found = {}
     for button in recording.drawn(RADARSIM_PT_scene).buttons:
         code = button.values.get("code")
         found[code or button.text or button.operator] = button
     return found
+
+
+def buttons_of(code: str) -> list[recording.Button]:
+    """Buttons in the row of a finding, up to the one that explains it."""
+    row: list[recording.Button] = []
+    for button in recording.drawn(RADARSIM_PT_scene).buttons:
+        row.append(button)
+        if button.values.get("code") == code:
+            return row[:-1]
+        if "code" in button.values:
+            row = []
+    raise LookupError(code)
+
+
+def fix_of(code: str) -> recording.Button:
+    """The button that removes the cause of a finding."""
+    (fix,) = (button for button in buttons_of(code) if button.text == "Fix")
+    return fix
 
 
 def quick() -> list[Finding]:
@@ -83,9 +109,7 @@ def test_an_ambiguous_velocity_is_fixed_by_a_press(scene: Any, preset: str) -> N
     """60 m/s need 4 x 60 / wavelength: 61.7 kHz at 77 GHz, where the chirp has to be shorter."""
     radarsim.add_radar(preset=preset, range_stop_m=0.0)
     car(60.0)
-    assert "scene-beyond-unambiguous-velocity" in listed()
-    (fix,) = (button for text, button in listed().items() if text.startswith("PRF "))
-    press(fix)
+    press(fix_of("scene-beyond-unambiguous-velocity"))
     measurement = read_measurement(scene)  # the pulse fits
     assert measurement.radar.max_unambiguous_velocity_mps >= 60.0
     assert "scene-beyond-unambiguous-velocity" not in listed()
@@ -102,8 +126,7 @@ def test_speeds_are_in_metres_whatever_the_unit(scene: Any) -> None:
 def test_range_limits_are_extended_by_a_press(scene: Any) -> None:
     radarsim.add_radar(preset="paper", range_stop_m=30.0)
     rs.add_plate(47.0)
-    (fix,) = (button for text, button in listed().items() if text.startswith("Stop "))
-    press(fix)
+    press(fix_of("scene-beyond-range-limits"))
     assert 47.0 < settings(active_radar(scene)).range_stop_m < 55.0
     assert "scene-beyond-range-limits" not in listed()
 
@@ -121,12 +144,7 @@ def test_range_limits_are_extended_by_a_press(scene: Any) -> None:
 def test_fixes_of_rings_and_ranges(scene: Any, values: dict[str, Any], code: str) -> None:
     radarsim.add_radar(preset="paper", sampling_mode="rings", **values)
     rs.add_plate(47.0)
-    before = listed()
-    assert code in before
-    fixes = [button for button in before.values() if button.operator == "radarsim.set_values"]
-    assert fixes
-    for button in fixes:
-        press(button)
+    press(fix_of(code))
     assert code not in listed()
     if "prf_hz" in values:  # the farthest face echoes within a pulse interval
         prf_hz = settings(active_radar(scene)).prf_hz
@@ -149,19 +167,15 @@ def test_ground_at_grazing_incidence_gets_finer_pixels_by_a_press(scene: Any) ->
     pixel, range_m = 2 * math.tan(0.5) / 64, found.numbers["range_m"]
     assert isinstance(range_m, float) and 40.0 < range_m <= 50.0
     assert found.numbers["step_m"] == pytest.approx(pixel * range_m**2 / 2, rel=0.02)
-    before = listed()
-    (fix,) = (button for text, button in before.items() if text.startswith("Resolution "))
-    press(fix)
+    press(fix_of("footprints-too-coarse"))
     assert "footprints-too-coarse" not in listed()
     view = settings(rig)
     needed = 64 * pixel * range_m / 2 / 0.3
-    assert needed <= view.width_px < needed + 9
-    assert view.width_px == pytest.approx(2 * view.height_px, abs=16)
+    assert needed <= view.width_px < needed + 2
+    assert view.width_px == 2 * view.height_px and camera.angle == pytest.approx(1.0)
     # For a radar that lies on the ground no resolution is proposed.
     ground.location.z = -0.005
-    after = listed()
-    assert "footprints-too-coarse" in after
-    assert not [text for text in after if text.startswith("Resolution ")]
+    assert not [button for button in buttons_of("footprints-too-coarse") if button.text]
 
 
 def test_objects_below_a_pixel_of_rings_get_finer_pixels_by_a_press(scene: Any) -> None:
@@ -171,9 +185,8 @@ def test_objects_below_a_pixel_of_rings_get_finer_pixels_by_a_press(scene: Any) 
     (found,) = (item for item in quick() if item.code == "objects-below-a-pixel")
     diagonal_px = 0.5 * math.sqrt(2) / 47.0 * 32 / (2 * math.tan(0.5))
     assert found.numbers["size_px"] == pytest.approx(diagonal_px, rel=1e-3)
-    (fix,) = (button for text, button in listed().items() if text.startswith("Resolution "))
-    press(fix)
-    assert settings(rig).width_px == settings(rig).height_px == 8 * math.ceil(8 / diagonal_px)
+    press(fix_of("objects-below-a-pixel"))
+    assert settings(rig).width_px == settings(rig).height_px == math.ceil(64 / diagonal_px)
     assert "objects-below-a-pixel" not in listed()
     settings(rig).width_px = settings(rig).height_px = 32
     settings(rig).sampling_mode = "paths"  # with pixels of their own
@@ -203,13 +216,15 @@ def test_the_check_finds_what_a_run_would_and_leaves_no_trace(scene: Any, tmp_pa
     assert bpy.ops.radarsim.check_scene() == {"FINISHED"}
     assert not list(tmp_path.iterdir())
     assert render == (scene.render.resolution_x, scene.render.engine, scene.frame_current)
-    found = listed()
-    assert "mesh-inside-out" in found
+    assert "mesh-inside-out" in listed()
     # Select, repair, check again.
-    press(found["Cube"])
+    select = buttons_of("mesh-inside-out")[-1]
+    assert select.operator == "radarsim.select_subjects"
+    press(select)
     assert [item for item in (cube, other, rig) if item.select_get()] == [cube]
     assert bpy.context.view_layer.objects.active == cube
-    press(found["Recalculate Normals"])
+    press(fix_of("mesh-inside-out"))
+    assert "mesh-inside-out" not in listed()  # before the next check
     assert bpy.ops.radarsim.check_scene() == {"FINISHED"}
     assert "mesh-inside-out" not in listed()
 
@@ -239,7 +254,7 @@ def test_without_radar_materials_the_row_says_so(scene: Any) -> None:
     assert "1 of 2 objects are measured" in recording.drawn(RADARSIM_PT_scene).texts
     found = listed()
     assert "Bare" in found["no-radar-material"].values["message"]
-    assert found["Assign by Name..."].operator == "radarsim.suggest_materials"
+    assert fix_of("no-radar-material").operator == "radarsim.suggest_materials"
 
 
 def test_weather_is_said_in_its_header(scene: Any) -> None:
@@ -280,10 +295,8 @@ def test_a_long_run_is_said_before_it_begins(scene: Any) -> None:
     drawn = recording.drawn(*recording.TAB)
     assert "about 6 h" in drawn.texts
     assert "quality=draft" in drawn.fields
-    fix = listed()["Draft Quality"]
-    press(fix)
-    assert settings(rig).replicates == 2 and "run-takes-long" in listed()  # 3 h
-    assert "Draft Quality" not in listed()
+    press(fix_of("run-takes-long"))
+    assert settings(rig).replicates == 2 and not buttons_of("run-takes-long")  # 3 h
     scene.frame_end = 10
     assert "run-takes-long" not in listed()
     settings(rig).replicates, scene.frame_end = 4, 1000
@@ -352,3 +365,90 @@ def test_the_checklist_counts_what_is_measured(scene: Any, encoding: str) -> Non
     texts = recording.drawn(RADARSIM_PT_scene).texts
     assert f"{3 if any_material else 1} of 4 objects are measured" in texts
     assert plate.name in listed()["hidden-from-receiver"].values["message"]
+
+
+def test_optical_materials_are_seen_without_a_check(scene: Any) -> None:
+    """What a run's own check finds, and no more after each change."""
+    radarsim.add_radar()
+    rs.add_plate(10.0)
+    assert "optical-material" not in listed()
+    plate = rs.add_plate(20.0, preset=None)
+    plate.name = "Bare"
+    names = ("optical-material",)
+
+    def seen() -> dict[str, tuple[str, ...]]:
+        return {item.code: item.subjects for item in quick() if item.code in names}
+
+    assert seen() == {"optical-material": ("Bare",)}
+    mixed = rs.add_plate(30.0)
+    mixed.name = "Mixed"
+    mixed.data.materials.append(bpy.data.materials.new("Paint"))  # in a slot that no face uses
+    assert seen() == {"optical-material": ("Bare",)}
+    mixed.data.polygons[0].material_index = 1
+    mixed.data.update()
+    assert seen() == {"optical-material": ("Bare", "Mixed")}
+    plate.hide_render = True
+    bpy.context.view_layer.update()
+    assert seen() == {"optical-material": ("Mixed",)}
+
+
+def test_what_the_viewport_hides_is_counted_where_renders_show_it(scene: Any) -> None:
+    """Fog and points have no surface, and are not counted."""
+    radarsim.add_radar()
+    rs.add_plate(10.0)
+    hidden = rs.add_plate(20.0, preset=None)
+    hidden.hide_viewport = True
+    fog = rs.add_plate(30.0)
+    material = bpy.data.materials.new("Fog")
+    if material.node_tree is None:  # before Blender 5
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    output, volume = (
+        tree.nodes.new(f"ShaderNode{kind}") for kind in ("OutputMaterial", "VolumeScatter")
+    )
+    tree.links.new(volume.outputs[0], output.inputs["Volume"])
+    fog.data.materials.clear()
+    fog.data.materials.append(material)
+    scene.collection.objects.link(bpy.data.objects.new("Points", bpy.data.meshes.new("Points")))
+    bpy.context.view_layer.update()
+    drawn = recording.drawn(RADARSIM_PT_scene)
+    assert "2 of 2 objects are measured" in drawn.texts
+    assert "1 of these 2 have a Radar Material" in drawn.texts
+    assert "optical-material" in listed()
+    hidden.hide_render = True
+    bpy.context.view_layer.update()
+    assert "1 of 1 objects are measured" in recording.drawn(RADARSIM_PT_scene).texts
+
+
+def test_tooltips_say_what_a_fix_sets_and_what_is_selected(scene: Any) -> None:
+    values = {"prf_hz": 61_700.0, "chirp_duration_s": 1.54e-5, "width_px": 1024, "ramp_s": None}
+    texts = [value_text(name, value) for name, value in values.items()]
+    assert texts == ["PRF 61.7 kHz", "Chirp Duration 15.4 us", "Width 1024", "Ramp none"]
+    describe = RADARSIM_OT_select_subjects.description
+    names = SimpleNamespace(names='["Car", "Bus", "Van", "Tram", "Bike"]')
+    assert describe(bpy.context, names) == "Select 'Car', 'Bus', 'Van' and 2 more"
+
+
+@pytest.mark.parametrize(("width", "count"), [(2000, 1), (220, 2)])
+def test_a_title_is_never_cut(
+    scene: Any, width: int, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a narrow sidebar it has more lines, next to its buttons."""
+    narrow = SimpleNamespace(
+        region=SimpleNamespace(width=width),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+    )
+    with monkeypatch.context() as patch:
+        patch.setattr(scene_panel, "bpy", SimpleNamespace(context=narrow))
+        layout: Any = recording.Layout()
+        item = finding(
+            "scene-beyond-unambiguous-velocity", "Car", fastest_mps=1.0,
+            max_unambiguous_velocity_mps=1.0, prf_hz=64e3,
+        )  # fmt: skip
+        scene_panel.draw_rows(layout, [item], None)
+    assert len(layout.texts) == count
+    assert " ".join(layout.texts) == "Beyond unambiguous velocity"
+    assert [button.operator for button in layout.buttons] == [
+        "radarsim.select_subjects", "radarsim.explain",
+    ]  # fmt: skip

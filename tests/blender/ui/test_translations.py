@@ -66,7 +66,7 @@ def test_all_texts_of_the_tab_come_from_the_dictionary(
 
     app = SimpleNamespace(translations=SimpleNamespace(pgettext_iface=pgettext_iface))
     with monkeypatch.context() as patch:
-        patch.setattr(fields, "bpy", SimpleNamespace(app=app))
+        patch.setattr(fields, "bpy", SimpleNamespace(app=app, context=bpy.context))
         for kind in ("paths", "rings"):
             rs.radar().sampling_mode = kind
             rs.radar().use_link_budget = kind == "rings"

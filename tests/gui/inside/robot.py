@@ -274,8 +274,8 @@ class Robot:
                     copy()
         return str(manager.clipboard)
 
-    def find(self, wanted: str) -> Steps:
-        """Search the sidebar for a button; its place is the value.
+    def find(self, wanted: str, across: float = 0.5) -> Steps:
+        """Search the sidebar for a button at a fraction of its width; its place is the value.
 
         Where it was found last is tried first, then what is seen, from the last button downwards;
         then the sidebar is scrolled by the wheel: to its end, and once more from its top on.
@@ -291,7 +291,7 @@ class Robot:
                 yield from self.turn_wheel(-80)
             while True:
                 for line in [*lines, *sorted(self._lines(), key=lambda one: one < self._last)]:
-                    place = self._place(line)
+                    place = self._place(line, across)
                     if line in tried or place is None:
                         continue
                     tried.add(line)
@@ -322,12 +322,12 @@ class Robot:
         top = region.view2d.region_to_view(0, region.height - 12)[1]
         return range(math.ceil(-top / SCAN_PX), int((region.height - 24 - top) / SCAN_PX) + 1)
 
-    def _place(self, line: int) -> tuple[int, int] | None:
+    def _place(self, line: int, across: float = 0.5) -> tuple[int, int] | None:
         """Where a line is in the window; None: out of view."""
         region = self.sidebar
         y = region.view2d.view_to_region(0, -line * SCAN_PX, clip=False)[1]
         inside = 12 <= y <= region.height - 12
-        return (region.x + region.width // 2, region.y + y) if inside else None
+        return (region.x + int(across * region.width), region.y + y) if inside else None
 
     def click_image(self, area: Any, place: tuple[float, float]) -> Steps:
         """Click in an Image Editor of the window, at a place of its image: fractions from below."""
@@ -362,9 +362,9 @@ class Robot:
                 yield from self._leave_sidebar()
         raise TimeoutError(f"{what} did not happen after four clicks on {wanted}")
 
-    def click(self, wanted: str) -> Steps:
+    def click(self, wanted: str, across: float = 0.5) -> Steps:
         """Find a button and click it with the left mouse button."""
-        x, y = yield from self.find(wanted)
+        x, y = yield from self.find(wanted, across)
         self.log(f"click {wanted} at {x}, {y}")
         self._pointer.click(1)
         yield 0.2
