@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from .fields import may_write
+from .fields import RadarPanel, may_write
 from .picture_images import show_images, split_view
 from .result_pictures import KINDS
 
@@ -36,22 +36,38 @@ class RADARSIM_OT_workspace(bpy.types.Operator):
             context.window.workspace = workspace
             return {"FINISHED"}
         bpy.ops.workspace.duplicate()
-
-        @may_write
-        def arrange() -> float | None:  # the window changes to it a moment later
-            manager = bpy.context.window_manager
-            made = manager.windows[0].workspace
-            made.name = WORKSPACE
-            images = [bpy.data.images.get(KINDS[kind].image) for kind in _PICTURES]
-            shown = [image for image in images if image is not None]
-            if shown:
-                show_images(bpy.context, shown)
-            else:
-                split_view(bpy.context, len(_PICTURES))
-            return None
-
-        bpy.app.timers.register(arrange, first_interval=0.1)
+        steps = iter((_arrange, _open_tab))
+        bpy.app.timers.register(may_write(lambda: next(steps)(context.window)), first_interval=0.1)
         return {"FINISHED"}
+
+
+def _arrange(window: bpy.types.Window) -> float | None:
+    """Put pictures next to the scene, once the window has changed to the new workspace."""
+    window.workspace.name = WORKSPACE
+    images = [bpy.data.images.get(KINDS[kind].image) for kind in _PICTURES]
+    shown = [image for image in images if image is not None]
+    with bpy.context.temp_override(window=window):
+        if shown:
+            show_images(bpy.context, shown)
+        else:
+            split_view(bpy.context, len(_PICTURES))
+    for area in _views(window):
+        area.spaces.active.show_region_ui = True
+    return 0.3
+
+
+def _open_tab(window: bpy.types.Window) -> float | None:
+    """Choose the tab Radar, once the sidebars have their width."""
+    for area in _views(window):
+        for region in area.regions:
+            if region.type == "UI":
+                region.active_panel_category = RadarPanel.bl_category
+                area.tag_redraw()
+    return None
+
+
+def _views(window: bpy.types.Window) -> list[Any]:
+    return [area for area in window.screen.areas if area.type == "VIEW_3D"]
 
 
 class RADARSIM_MT_presets(bpy.types.Menu):

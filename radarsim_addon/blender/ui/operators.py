@@ -238,12 +238,16 @@ class _MeasuringOperator(bpy.types.Operator):
 
     def _show(self, context: bpy.types.Context) -> None:
         """Process the run, unless another one measures, which may replace it."""
+        run = self._run
+        assert run is not None
         advance()
-        if current_run() is None and self._run is not None:
-            show(self._run)
-            bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT")
-        else:
+        if current_run() is not None:
             self.report({"INFO"}, "Another run measures: its results are shown at its end")
+        elif context.scene.session_uid != run.measured.settings[0]:
+            self.report({"INFO"}, "The run is of another scene: open it and press Process Last Run")
+        else:
+            show(run)
+            bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT", folder=str(run.folder))
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender closes the window or loads another file: the run continues."""
@@ -268,7 +272,7 @@ class _MeasuringOperator(bpy.types.Operator):
             found = self._report_end(run)
             report_findings(self, run.findings, run.frames)
             if self._shows and found == {"FINISHED"}:
-                found = bpy.ops.radarsim.process_last_run()
+                found = bpy.ops.radarsim.process_last_run(folder=str(run.folder))
             return found
         return {"CANCELLED"}
 
@@ -326,6 +330,12 @@ class RADARSIM_OT_process_last_run(bpy.types.Operator):
     bl_idname = "radarsim.process_last_run"
     bl_label = "Process Last Run"
     bl_options = {"REGISTER"}
+
+    folder: bpy.props.StringProperty(
+        name="Folder",
+        options={"HIDDEN", "SKIP_SAVE"},
+        description="Folder of the run; empty: the output folder of the radar",
+    )
 
     #: Whether the user wants the processing to end.
     stops = False
@@ -396,7 +406,7 @@ class RADARSIM_OT_process_last_run(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _start(self, context: bpy.types.Context) -> None:
-        folder = output_folder(active_radar(context.scene))
+        folder = Path(self.folder) if self.folder else output_folder(active_radar(context.scene))
         fingerprint = check_own_run(context.scene, folder)
         apart = not bpy.app.background
         self._job = ProcessingJob(folder, apart, chosen_processing(context))
