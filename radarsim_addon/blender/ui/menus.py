@@ -36,8 +36,8 @@ class RADARSIM_OT_workspace(bpy.types.Operator):
             context.window.workspace = workspace
             return {"FINISHED"}
         bpy.ops.workspace.duplicate()
-        steps = iter((_arrange, _open_tab))
-        bpy.app.timers.register(may_write(lambda: next(steps)(context.window)), first_interval=0.1)
+        steps, window = iter((_arrange, _open_tab)), context.window
+        bpy.app.timers.register(may_write(lambda: next(steps)(window)), first_interval=0.1)
         return {"FINISHED"}
 
 
