@@ -409,6 +409,9 @@ def _put(
         if not group[axis].is_scale:
             group[axis].make_scale(axis)
         data.dims[number].attach_scale(group[axis])
+    # Its place in the file must not depend on when Python frees the object: a profiler's thread, as
+    # that of Dask's workers, may hold it for a while.
+    data.flush()
 
 
 def _write_channels(group: Group, channels: Sequence[Channel]) -> None:

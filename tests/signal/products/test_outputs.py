@@ -28,6 +28,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.maps import map_noise_gain
 from radarsim_addon.signal.pipeline import main
+from radarsim_addon.signal.products.frame_products import write_hdf5
 from tests.signal.synthetic import Setup, points, write_run
 
 SETUP = Setup(rings=4, radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)))
@@ -166,6 +167,30 @@ def test_hdf5_says_what_it_holds(folder: Path) -> None:
         assert file["echoes/samples"].attrs["units"] == "sqrt(W)"
         assert result.detections is not None
         assert len(file["detections/range_m"]) == len(result.detections.targets)
+
+
+def test_an_hdf5_file_does_not_depend_on_when_its_objects_are_freed(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A profiler's thread, as that of Dask's workers, holds some of them for a while."""
+    import h5py
+
+    result = result_of(folder, ProcessOptions(products=False, plots=False, cfar=Cfar()))
+    real, made = h5py.Group.create_dataset, []
+    contents = set()
+    for held in range(-1, 30):
+        made.clear()
+
+        def create(group: h5py.Group, *a: object, held: int = held, **k: object) -> h5py.Dataset:
+            data = real(group, *a, **k)
+            made.append(data if len(made) == held or held == 29 else None)
+            return data
+
+        monkeypatch.setattr(h5py.Group, "create_dataset", create)
+        (file,) = write_hdf5(result, tmp_path)
+        contents.add(file.read_bytes())
+    assert 10 < len(made) < 29
+    assert len(contents) == 1
 
 
 def test_hdf5_without_h5py_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
