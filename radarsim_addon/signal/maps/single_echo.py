@@ -63,6 +63,11 @@ class Recording:
         single = Radar(radar.waveform, Burst(radar.burst.prf_hz, 1))
         return synthesizer_for(single, self.echoes.range_limits_m)
 
+    @functools.cached_property
+    def later_s(self) -> float:
+        """How much later a moving echo of a pulse would be where it is shown [s]."""
+        return _coupling_s(self.echoes.radar.waveform, self.rd_map.range_taper)
+
     @classmethod
     def over(
         cls,
@@ -188,8 +193,7 @@ def _profiles(
     waveform = recording.echoes.radar.waveform
     if isinstance(waveform, FmcwWaveform | SteppedWaveform):
         return _still_profiles(recording, waveform, np.maximum(ranges_m, _NEAREST_M))
-    later_s = _coupling_s(waveform, recording.rd_map.range_taper)
-    ranges_m = np.maximum(ranges_m - rate_mps * later_s, _NEAREST_M)
+    ranges_m = np.maximum(ranges_m - rate_mps * recording.later_s, _NEAREST_M)
     carrier = np.exp(2j * np.pi * (2 * ranges_m / waveform.wavelength_m % 1.0))
     return carrier[:, None] * _pulse_profiles(recording, ranges_m, rate_mps), None
 
@@ -223,7 +227,6 @@ def _still_profiles(
     return own, _compressed(recording, dataclasses.replace(echo, samples=np.conj(beats)[None]))
 
 
-@functools.lru_cache(4)
 def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
     """Return how much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a
     chirp.

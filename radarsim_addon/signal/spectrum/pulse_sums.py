@@ -173,7 +173,7 @@ class CommonMotion:
         """Interpolate spectra at the nodes to spectra at the pulses, (pulses, frequencies)."""
         place = (times_s - self.nodes_s[0]) / (self.nodes_s[-1] - self.nodes_s[0])
         weights = lagrange(_lobatto(self.nodes_s.size - 1), 2 * place - 1).T
-        slow = spectra * self._turns(sums, self.nodes_s).conj()
+        slow = np.multiply(spectra, self._turns(sums, self.nodes_s).conj(), order="C")
         # real and imaginary parts as columns: a product of real matrices is half the work
         found: Complex = (weights @ slow.view(np.float64)).view(np.complex128)
         found *= self._turns(sums, times_s)
