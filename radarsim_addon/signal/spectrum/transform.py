@@ -321,14 +321,13 @@ def single_spectra(
     rows, order, _ = received_rows(sums, length_m + rate_mps * later_s)
     number = np.arange(length_m.size)[rows]
     order = np.zeros(number.size) if order is None else order
-    received = number, order
     nodes = pulse.nodes(rate_mps, grid.highest_hz, TIGHTEST)
     found = np.zeros((length_m.size, grid.count), dtype=np.complex128)
     step = max(_MAX_TERMS // (nodes * grid.count), 1)
     for start in range(0, number.size, step):
-        own, folds = (part[start : start + step, None] for part in received)
-        length, rate = length_m[own], rate_mps[own]
-        meets_s = later_s[own] + pulse.times_s(nodes) - folds * (window.period_s or 0.0)
+        own, folds = number[start : start + step], order[start : start + step, None]
+        length, rate, later = (one[own, None] for one in (length_m, rate_mps, later_s))
+        meets_s = later + pulse.times_s(nodes) - folds * (window.period_s or 0.0)
         moved_m = pulse.meeting.moved_m(length, rate, meets_s)
         cycles = reduce_cycles(folds * sums.shift_centre) - reduced_cycles(length, sums.centre)
         points = reduced_cycles(length, sums.step) - folds * sums.shift_step
@@ -336,7 +335,7 @@ def single_spectra(
         points = points + moved_m * sums.step.rate
         spectra = phasor_lines(cycles.ravel(), -points.ravel(), grid.count).T
         spectra = spectra.reshape(-1, nodes, grid.count)
-        np.add.at(found, own[:, 0], pulse.stretch(rate) * pulse.joined(spectra))
+        np.add.at(found, own, pulse.stretch(rate) * pulse.joined(spectra))
     return found
 
 
