@@ -285,15 +285,22 @@ class EchoSynthesizer:
         """Return the samples of a pulse."""
         return np.fft.ifft(np.fft.ifftshift(spectrum) * self._filter)[: self._count]
 
-    def single_echoes(self, range_m: Real, rate_mps: Real) -> Complex:
-        """Return samples of n scatterers of amplitude 1, each alone in a pulse, (n, samples), at
+    def single_echoes(self, range_m: Real, rate_mps: Real) -> Echoes:
+        """Return the echoes of n scatterers of amplitude 1, each alone in one of n pulses, at
         ranges [m] and range rates [m/s] of the middle of the pulse.
         """
         assert self._pulse is not None
         spectra = single_spectra(
             self._grid, self._window, self._pulse, 2 * range_m, 2 * rate_mps, np.zeros(range_m.size)
         )
-        return np.array([self._line(spectrum) for spectrum in spectra])
+        return Echoes(
+            np.array([[self._line(spectrum) for spectrum in spectra]]),
+            self._first_s,
+            self.range_limits_m,
+            replace(self.radar, burst=replace(self.radar.burst, pulses=range_m.size)),
+            self._options.amplitude_model,
+            float(np.mean(~spectra.any(axis=1))),
+        )
 
 
 class StretchSynthesizer:
@@ -371,9 +378,9 @@ class StretchSynthesizer:
         self._added += len(paths)
         self._beyond += int(np.count_nonzero(beyond))
 
-    def single_echoes(self, range_m: Real, rate_mps: Real) -> Complex:
-        """Return samples of n scatterers of amplitude 1, each alone in a pulse of repeated codes,
-        (n x codes, samples), at ranges [m] and range rates [m/s] of the start of the pulse.
+    def single_echoes(self, range_m: Real, rate_mps: Real) -> Echoes:
+        """Return the echoes of n scatterers of amplitude 1, each alone in one of n pulses of
+        repeated codes, at ranges [m] and range rates [m/s] of the start of the pulse.
         """
         assert isinstance(self._waveform, PmcwWaveform) and self._code is not None
         repeats = self._waveform.code_repeats
@@ -386,7 +393,14 @@ class StretchSynthesizer:
             np.repeat(2 * rate_mps, repeats),
             np.tile(later_s, range_m.size),
         )
-        return np.fft.ifft(np.fft.ifftshift(spectra, axes=-1))
+        return Echoes(
+            np.fft.ifft(np.fft.ifftshift(spectra, axes=-1))[None],
+            self._waveform.grid_start_s,
+            self.range_limits_m,
+            replace(self.radar, burst=replace(self.radar.burst, pulses=range_m.size)),
+            self._options.amplitude_model,
+            float(np.mean(~spectra.any(axis=1))),
+        )
 
     def _add_noisy(
         self,

@@ -63,6 +63,11 @@ class Recording:
         single = Radar(radar.waveform, Burst(radar.burst.prf_hz, 1))
         return synthesizer_for(single, self.echoes.range_limits_m)
 
+    @functools.cached_property
+    def later_s(self) -> float:
+        """How much later a moving echo of a pulse would be where it is shown [s]."""
+        return _coupling_s(self.echoes.radar.waveform, self.rd_map.range_taper)
+
     @classmethod
     def over(
         cls,
@@ -188,8 +193,7 @@ def _profiles(
     waveform = recording.echoes.radar.waveform
     if isinstance(waveform, FmcwWaveform | SteppedWaveform):
         return _still_profiles(recording, waveform, np.maximum(ranges_m, _NEAREST_M))
-    later_s = _coupling_s(waveform, recording.rd_map.range_taper)
-    ranges_m = np.maximum(ranges_m - rate_mps * later_s, _NEAREST_M)
+    ranges_m = np.maximum(ranges_m - rate_mps * recording.later_s, _NEAREST_M)
     carrier = np.exp(2j * np.pi * (2 * ranges_m / waveform.wavelength_m % 1.0))
     return carrier[:, None] * _pulse_profiles(recording, ranges_m, rate_mps), None
 
@@ -211,13 +215,18 @@ def _still_profiles(
     beats = np.exp(2j * np.pi * cycles)
     if isinstance(waveform, FmcwWaveform):
         beats[ranges_m >= waveform.unambiguous_range_m] = 0  # filtered out
-    own = _compressed(recording, beats, waveform)
+    echo = dataclasses.replace(
+        recording.echoes,
+        samples=beats[None],
+        radar=Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, ranges_m.size)),
+        range_limits_m=recording.range_limits_m,
+    )
+    own = _compressed(recording, echo)
     if not real:
         return own, None
-    return own, _compressed(recording, np.conj(beats), waveform)
+    return own, _compressed(recording, dataclasses.replace(echo, samples=np.conj(beats)[None]))
 
 
-@functools.lru_cache(4)
 def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
     """Return how much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a
     chirp.
@@ -241,21 +250,14 @@ def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
 
 def _pulse_profiles(recording: Recording, ranges_m: Real, rate_mps: float) -> Complex:
     """Return profiles of echoes of amplitude 1 in pulses or codes, (Q, ranges)."""
-    samples = recording.synthesizer.single_echoes(ranges_m, np.full(ranges_m.size, rate_mps))
-    return _compressed(recording, samples, recording.echoes.radar.waveform)
-
-
-def _compressed(recording: Recording, samples: Complex, waveform: AnyWaveform) -> Complex:
-    """Return profiles of samples (pulses, n) over the ranges of the map, (pulses, ranges)."""
-    pulses = samples.shape[0]
-    if isinstance(waveform, PmcwWaveform):
-        pulses //= waveform.code_repeats
-    echo = dataclasses.replace(
-        recording.echoes,
-        samples=samples[None],
-        radar=Radar(waveform, Burst(recording.echoes.radar.burst.prf_hz, pulses)),
-        range_limits_m=recording.range_limits_m,
+    echo = recording.synthesizer.single_echoes(ranges_m, np.full(ranges_m.size, rate_mps))
+    return _compressed(
+        recording, dataclasses.replace(echo, range_limits_m=recording.range_limits_m)
     )
+
+
+def _compressed(recording: Recording, echo: Echoes) -> Complex:
+    """Return profiles of echoes over the ranges of the map, (pulses, ranges)."""
     found = range_process(echo, recording.rd_map.range_taper).values[0]
     return np.asarray(found[:, : recording.rd_map.range_m.size])
 

@@ -268,9 +268,9 @@ def steps_of(
         depth = mine["transparent_depth"]
         for path_class in np.unique(depth):
             here = np.flatnonzero(depth == path_class)
-            mine = kept[here]
+            number = kept[here]
             for axis, chain in _chains(places[0][here], places[1][here], owner[here]):
-                rays = mine[chain]
+                rays = number[chain]
                 between[rays[2], axis] = _counting(length_m[rays], rays)
     return Steps(
         _differences(length_m, between),

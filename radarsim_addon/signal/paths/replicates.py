@@ -191,4 +191,5 @@ def _squared_runs(edge: Mask, labels: Integers, images: Real, size: int) -> Real
     begins = np.ones(at.size, dtype=bool)
     begins[1:] = (np.diff(at) != 1) | (label[1:] != label[:-1])
     run = np.cumsum(begins) - 1
-    return _sums_by(label[begins], _sums_by(run, images[:, *place], 0) ** 2, size)
+    sums = _sums_by(run, np.stack([values[place] for values in images]), 0)
+    return _sums_by(label[begins], sums**2, size)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -171,22 +171,35 @@ class PulseTransform(EachPulse):
             length_m, amplitude = length_m[rows], amplitude[rows]
         if length_m.size == 0:
             return PulseResult(np.zeros(count, dtype=np.complex128), ErrorSum(), 0, 0)
-        found = self.spectrum(length_m, amplitude, order)
-        return replace(found, kept=kept)
+        squares, total = self._fill(length_m, amplitude, order, None)
+        values, error = self._transformed(slice(0, length_m.size), squares, total)
+        folded = 0 if order is None else int(np.count_nonzero(order))
+        return PulseResult(values, error, kept, folded)
 
-    def spectrum(
-        self,
-        length_m: Real,
-        amplitude: Weights,
-        order: Real | None,
-        moved_m: Real | None = None,
-    ) -> PulseResult:
-        """Return the same sum over all paths, folded by `order` (None: by none). `moved_m` is added
-        to the lengths without their rounding.
+    def spectra(
+        self, length_m: Real, amplitude: Weights, order: Real | None, moved_m: Real
+    ) -> Iterator[tuple[Complex, ErrorSum]]:
+        """Yield the same sum over all n paths, folded by `order` (None: by none), for each of
+        several places of them: `moved_m`, (places, n), is added to the lengths without rounding.
         """
-        count = self._sums.grid.count
-        squares, total = self._fill(length_m, amplitude, order, moved_m)
-        points, values = self._points[: length_m.size], self._values[: length_m.size]
+        rows = length_m.size
+        # of few paths numpy is all overhead: they are treated together at several places
+        together = max(BLOCK // rows, 1)
+        for first in range(0, len(moved_m), together):
+            here = moved_m[first : first + together]
+            places = len(here)
+            folds = None if order is None else np.tile(order, places)
+            sums = self._fill(
+                np.tile(length_m, places), np.tile(amplitude, places), folds, here.ravel()
+            )
+            squares, total = (one / places for one in sums)
+            for place in range(places):
+                part = slice(place * rows, (place + 1) * rows)
+                yield self._transformed(part, squares, total)
+
+    def _transformed(self, part: slice, squares: float, total: float) -> tuple[Complex, ErrorSum]:
+        """Return the sum over a part of the buffers, and its error."""
+        count, points, values = self._sums.grid.count, self._points[part], self._values[part]
         expected = math.sqrt(count * squares)
         for engine, transform in self._engines:
             result = transform(points, values)
@@ -196,10 +209,7 @@ class PulseTransform(EachPulse):
                 break
         if self._engines[0][1].backend == "direct":
             engine = 0.0
-        folded = 0 if order is None else int(np.count_nonzero(order))
-        return PulseResult(
-            result, ErrorSum.of(engine, count, squares, total), length_m.size, folded
-        )
+        return result, ErrorSum.of(engine, count, squares, total)
 
     def _fill(
         self, length_m: Real, amplitude: Weights, order: Real | None, moved_m: Real | None
@@ -284,14 +294,15 @@ class PulseMotionTransform(EachPulse):
         amplitude = amplitude * pulse.stretch(rate_mps)
         folded_s = 0.0 if order is None else order * (sums.listening.period_s or 0.0)
         nodes = pulse.nodes(rate_mps, sums.grid.highest_hz, self._tolerance)
-        spectra, error = np.empty((nodes, count), dtype=np.complex128), ErrorSum()
-        for spectrum, time_s in zip(spectra, pulse.times_s(nodes), strict=True):
-            later_m = pulse.meeting.moved_m(middle, rate_mps, time_s - folded_s)
-            found = self._transform.spectrum(middle, amplitude, order, sum(lost_m, later_m))
-            spectrum[:] = found.values
-            error = max(error, found.error, key=lambda one: one.random)
-        error = joined_error(error, nodes, self._tolerance, count)
-        return PulseResult(pulse.joined(spectra), error, kept, found.folded)
+        later_s = pulse.times_s(nodes)[:, None] - folded_s
+        moved_m = sum(lost_m, pulse.meeting.moved_m(middle, rate_mps, later_s))
+        spectra, errors = zip(
+            *self._transform.spectra(middle, amplitude, order, moved_m), strict=True
+        )
+        worst = max(errors, key=lambda one: one.random)
+        error = joined_error(worst, nodes, self._tolerance, count)
+        folded = 0 if order is None else int(np.count_nonzero(order))
+        return PulseResult(pulse.joined(np.stack(spectra)), error, kept, folded)
 
 
 def single_spectra(
@@ -310,14 +321,13 @@ def single_spectra(
     rows, order, _ = received_rows(sums, length_m + rate_mps * later_s)
     number = np.arange(length_m.size)[rows]
     order = np.zeros(number.size) if order is None else order
-    received = number, order
     nodes = pulse.nodes(rate_mps, grid.highest_hz, TIGHTEST)
     found = np.zeros((length_m.size, grid.count), dtype=np.complex128)
     step = max(_MAX_TERMS // (nodes * grid.count), 1)
     for start in range(0, number.size, step):
-        own, folds = (part[start : start + step, None] for part in received)
-        length, rate = length_m[own], rate_mps[own]
-        meets_s = later_s[own] + pulse.times_s(nodes) - folds * (window.period_s or 0.0)
+        own, folds = number[start : start + step], order[start : start + step, None]
+        length, rate, later = (one[own, None] for one in (length_m, rate_mps, later_s))
+        meets_s = later + pulse.times_s(nodes) - folds * (window.period_s or 0.0)
         moved_m = pulse.meeting.moved_m(length, rate, meets_s)
         cycles = reduce_cycles(folds * sums.shift_centre) - reduced_cycles(length, sums.centre)
         points = reduced_cycles(length, sums.step) - folds * sums.shift_step
@@ -325,7 +335,7 @@ def single_spectra(
         points = points + moved_m * sums.step.rate
         spectra = phasor_lines(cycles.ravel(), -points.ravel(), grid.count).T
         spectra = spectra.reshape(-1, nodes, grid.count)
-        np.add.at(found, own[:, 0], pulse.stretch(rate) * pulse.joined(spectra))
+        np.add.at(found, own, pulse.stretch(rate) * pulse.joined(spectra))
     return found
 
 

@@ -117,8 +117,10 @@ def test_single_echoes_are_those_of_the_synthesis(waveform: AnyWaveform, stop_m:
         for r, v in zip(ranges_m, rates_mps, strict=True)
     ]
     truth = np.concatenate([echoes.plane for echoes in each])
-    assert found.shape == truth.shape
-    assert np.abs(found - truth).max() < 1e-11 * np.abs(truth).max()
+    assert found.plane.shape == truth.shape
+    assert np.abs(found.plane - truth).max() < 1e-11 * np.abs(truth).max()
+    assert found.first_sample_s == each[0].first_sample_s
+    assert found.outside == np.mean([echoes.outside for echoes in each])
 
 
 def test_sidelobes_of_a_shifted_code_are_no_targets() -> None:
