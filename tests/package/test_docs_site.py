@@ -84,7 +84,9 @@ def test_commands_and_version_are_on_the_pages(site: Path) -> None:
     for option in ("--max-reflections", "--cfar", "--target-height", "radarsim selfcheck"):
         assert option in commands, option
     for page in site.rglob("*.html"):
-        assert f"radarsim {radarsim_addon.__version__}" in page.read_text("utf-8"), page.name
+        text = page.read_text("utf-8")
+        assert f"radarsim {radarsim_addon.__version__}" in text, page.name
+        assert not re.search(r"<!-- (names|summary|rooms)", text), page.name  # a mark with a slip
 
 
 def test_pages_work_from_the_disk(site: Path) -> None:
