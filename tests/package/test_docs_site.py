@@ -76,6 +76,8 @@ def test_docstrings_are_shown_without_markup_of_other_tools(site: Path) -> None:
     assert 'href="api-runs.html#radarsim_addon.signal.open_run"' in pages["api-blender"]
     rows = re.sub(r"<[^>]+>|\s+", " ", pages["api-antennas"])
     assert re.search(r"loss_db \S+ all losses together, L in dB", re.sub(" +", " ", rows))
+    for name in ("range_m", "velocity_mps", "doppler_hz"):  # one entry of a docstring
+        assert f">{name}</span></code></td>" in pages["api-detection"], name
     assert "Boltzmann constant" in pages["api-errors"]  # a comment above the name
 
 
