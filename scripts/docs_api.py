@@ -139,7 +139,10 @@ class ForReaders(griffe.Extension):
             obj.docstring = griffe.Docstring(comment, parent=obj) if comment else None
         if obj.docstring is not None:
             text = described(plain_roles(obj.docstring.value))
-            obj.docstring.value = re.sub(r"::$", ":", text, flags=re.MULTILINE).strip()
+            text = re.sub(r"::$", ":", text, flags=re.MULTILINE)
+            # A quotation in Markdown.
+            text = re.sub(r"((?:^>>> .*\n)+)", r"```python\n\1```\n", text, flags=re.MULTILINE)
+            obj.docstring.value = text.strip()
 
 
 def _comment_above(code: str, line: int) -> str:

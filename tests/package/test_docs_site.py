@@ -72,7 +72,7 @@ def test_docstrings_are_shown_without_markup_of_other_tools(site: Path) -> None:
     """Roles are links or code, and each parameter has its description in a table."""
     pages = {page.stem: page.read_text("utf-8") for page in site.glob("reference/api*.html")}
     for name, page in pages.items():
-        assert not re.findall(r":(?:func|class|meth|mod):", page), name
+        assert not re.findall(r":(?:func|class|meth|mod):|<blockquote>", page), name
     assert 'href="api-runs.html#radarsim_addon.signal.open_run"' in pages["api-blender"]
     rows = re.sub(r"<[^>]+>|\s+", " ", pages["api-antennas"])
     assert re.search(r"loss_db \S+ all losses together, L in dB", re.sub(" +", " ", rows))
