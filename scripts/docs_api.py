@@ -119,16 +119,17 @@ def _described_section(title: str, body: str) -> str:
     def entry(found: re.Match[str]) -> str:
         head, below = found[1], found[2]
         name, colon, text = head.partition(" : ")
-        if below.strip() or not colon or _TYPE.fullmatch(text):
-            # What is returned has a type alone where it needs no words.
-            return head + "\n" + below
+        # What is returned has a type alone where it needs no words.
+        if not below.strip() and colon and not _TYPE.fullmatch(text):
+            colon, below = "", f"    {text}\n"
+        kind = f"{colon}{text}" if colon else ""
         names = name.split(", ") if title == "Attributes" else [name]
-        return "".join(f"{one}\n    {text}\n" for one in names) + below
+        return "".join(f"{one}{kind}\n{below}" for one in names)
 
-    return f"{title}\n{'-' * len(title)}\n{_ENTRY.sub(entry, body)}"
+    return f"{title}\n{'-' * len(title)}\n{_ENTRY.sub(entry, body)}\n"
 
 
-class ForReaders(griffe.Extension):  # type: ignore[misc]
+class ForReaders(griffe.Extension):
     """Changes docstrings when their sources have been read."""
 
     def on_instance(self, *, obj: griffe.Object, agent: Any, **_: Any) -> None:
@@ -138,7 +139,10 @@ class ForReaders(griffe.Extension):  # type: ignore[misc]
             obj.docstring = griffe.Docstring(comment, parent=obj) if comment else None
         if obj.docstring is not None:
             text = described(plain_roles(obj.docstring.value))
-            obj.docstring.value = re.sub(r"::$", ":", text, flags=re.MULTILINE).strip()
+            text = re.sub(r"::$", ":", text, flags=re.MULTILINE)
+            # A quotation in Markdown.
+            text = re.sub(r"((?:^>>> .*\n)+)", r"```python\n\1```\n", text, flags=re.MULTILINE)
+            obj.docstring.value = text.strip()
 
 
 def _comment_above(code: str, line: int) -> str:

@@ -94,7 +94,8 @@ def outputs(page: Path) -> Iterator[tuple[Block, str]]:
                 exec(compile("\n" * block.line + block.code, str(page), "exec"), names)
             yield block, out.getvalue()
         elif page.parent.name == "tutorials":
-            yield block, "".join(map(_command, block.code.splitlines()))
+            lines = block.code.replace("\\\n", " ").splitlines()
+            yield block, "".join(map(_command, lines))
 
 
 def _command(line: str) -> str:

@@ -42,6 +42,8 @@ _BLENDER_PARSERS: dict[str, Callable[[list[str]], object]] = {
 _COMMANDS = (
     "render", "coverage", "process", "info", "objects", "antennas", "merge", "selfcheck",
 )  # fmt: skip
+#: What a search shows first: what there is and is not; names of functions after explanations.
+_BOOST = {"explanation/limits": 4, "reference/api-": 0.2}
 #: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
@@ -74,6 +76,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Expand marks; name files outside of ``docs`` by their paths, without a link."""
+    boost = next((one for start, one in _BOOST.items() if page.file.src_uri.startswith(start)), 1)
+    page.meta["search"] = {"boost": boost}
     markdown = expand(markdown)
     return markdown if "/" in page.file.src_uri else _OUTSIDE.sub(r"\1 (`\2`)", markdown)
 

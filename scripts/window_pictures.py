@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copy screenshots of the window into docs/images: cropped, with few colours.
 
-    make gui-test PYTEST_ARGS="-k 'tutorial or live'" && python scripts/window_pictures.py
+    make gui-test PYTEST_ARGS="-k 'test_tutorial or test_live'" && python scripts/window_pictures.py
 
 tests/gui takes the screenshots in a real Blender window and leaves them in out/gui.
 """

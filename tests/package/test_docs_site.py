@@ -72,10 +72,12 @@ def test_docstrings_are_shown_without_markup_of_other_tools(site: Path) -> None:
     """Roles are links or code, and each parameter has its description in a table."""
     pages = {page.stem: page.read_text("utf-8") for page in site.glob("reference/api*.html")}
     for name, page in pages.items():
-        assert not re.findall(r":(?:func|class|meth|mod):", page), name
+        assert not re.findall(r":(?:func|class|meth|mod):|<blockquote>", page), name
     assert 'href="api-runs.html#radarsim_addon.signal.open_run"' in pages["api-blender"]
     rows = re.sub(r"<[^>]+>|\s+", " ", pages["api-antennas"])
     assert re.search(r"loss_db \S+ all losses together, L in dB", re.sub(" +", " ", rows))
+    for name in ("range_m", "velocity_mps", "doppler_hz"):  # one entry of a docstring
+        assert f">{name}</span></code></td>" in pages["api-detection"], name
     assert "Boltzmann constant" in pages["api-errors"]  # a comment above the name
 
 
@@ -84,7 +86,9 @@ def test_commands_and_version_are_on_the_pages(site: Path) -> None:
     for option in ("--max-reflections", "--cfar", "--target-height", "radarsim selfcheck"):
         assert option in commands, option
     for page in site.rglob("*.html"):
-        assert f"radarsim {radarsim_addon.__version__}" in page.read_text("utf-8"), page.name
+        text = page.read_text("utf-8")
+        assert f"radarsim {radarsim_addon.__version__}" in text, page.name
+        assert not re.search(r"<!-- (names|summary|rooms)", text), page.name  # a mark with a slip
 
 
 def test_pages_work_from_the_disk(site: Path) -> None:
@@ -95,7 +99,9 @@ def test_pages_work_from_the_disk(site: Path) -> None:
         assert any(one.endswith("javascripts/iframe-worker.js") for one in loaded), page.name
     index = (site / "search" / "search_index.js").read_text("utf-8")
     found = json.loads(index.partition("=")[2])["docs"]
-    assert any(one["location"].startswith("explanation/limits.html") for one in found)
+    limits = " ".join(o["title"] for o in found if o["location"].startswith("explanation/limits"))
+    for word in ("Angle of arrival", "arrays", "MIMO", "Tracking", "SAR", "RCS", "Refraction"):
+        assert word in limits, word
 
 
 def test_code_of_the_pages_fits_80_columns() -> None:

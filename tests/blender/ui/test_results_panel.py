@@ -345,7 +345,10 @@ def test_targets_have_their_names_in_pictures() -> None:
 
 
 def test_a_click_in_the_spectrogram_means_a_target_of_its_echoes(state: Any) -> None:
-    """At any time: the strongest cells are the wall's, the car's those of 8 m/s."""
+    """At any time: the strongest cells are the wall's, the car's those of 8 m/s, further up.
+
+    The cells have rising Doppler, which is drawn downwards.
+    """
     state.picture = "SPECTROGRAM"
     view = process()
     rates, level_db = spectrogram_rates(view), view.arrays["spectrogram_db"]
@@ -354,12 +357,12 @@ def test_a_click_in_the_spectrogram_means_a_target_of_its_echoes(state: Any) -> 
         strongest = {"Wall": abs(rates) < 2, "Car": abs(rates - CAR_MPS) < 2}
         for name, near in strongest.items():
             cell = np.where(near, column, -np.inf).argmax()
-            click = place_of("SPECTROGRAM", across, (cell + 0.5) / rates.size)
+            click = place_of("SPECTROGRAM", across, 1 - (cell + 0.5) / rates.size)
             assert bpy.ops.radarsim.pick_target(**click) == {"FINISHED"}
             assert chosen() == name
     state.source, state.object_name = "OBJECT", "Car"
     process()
-    still = place_of("SPECTROGRAM", 0.5, (np.abs(rates).argmin() + 0.5) / rates.size)
+    still = place_of("SPECTROGRAM", 0.5, 1 - (np.abs(rates).argmin() + 0.5) / rates.size)
     bpy.ops.radarsim.pick_target(**still)
     assert chosen() != "Wall"
     state.source, state.range_start, state.range_stop = "RANGES", 50.0, 70.0
