@@ -170,7 +170,8 @@ def test_a_scene_is_read_in_slices_once_edits_are_calm(
     monkeypatch.setattr(scene_reading, "_SLICE_S", 0.0)
     bpy.data.objects["Plate"].location.y += 1.0
     bpy.context.view_layer.update()
-    assert 0.0 < scene_reading._read_slice() <= 0.2  # not calm yet
+    calm_in_s = scene_reading._read_slice()
+    assert calm_in_s is not None and 0.0 < calm_in_s <= 0.2
     monkeypatch.setattr(scene_reading, "_CALM_S", 0.0)
 
     def count_slices(moved_in: int) -> int:
