@@ -210,7 +210,7 @@ def label_of(item: Declared) -> str:
 
 def draw_quantity(layout: bpy.types.UILayout, owner: Any, prop: str, name: str, unit: str) -> None:
     """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
-    parts = layout.split(factor=_NAMES)
+    parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
     names = parts.row()
     names.alignment = "RIGHT"
     names.label(text=name)
