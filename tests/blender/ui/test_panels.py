@@ -19,7 +19,7 @@ from radarsim_addon.blender import addon
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import action_curves, active_radar
-from radarsim_addon.blender.ui import link_budget_panel, overlays, scene_reading
+from radarsim_addon.blender.ui import fields, link_budget_panel, overlays, scene_reading
 from radarsim_addon.blender.ui.scene_panel import RADARSIM_OT_set_values
 from radarsim_addon.errors import SceneError
 from radarsim_addon.physics import antennas as physics_antennas
@@ -269,3 +269,19 @@ def test_what_a_crashed_session_left_is_removed_at_the_start(
     addon.register()
     assert not left.exists()
     assert mine.exists()
+
+
+@pytest.mark.parametrize(
+    ("width", "expected"), [(400, "about 3.4 min"), (190, "about 3.4 m\u2026"), (120, "")]
+)
+def test_the_state_in_a_header_leaves_room_for_the_name(
+    width: int, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = SimpleNamespace(
+        region=SimpleNamespace(width=width),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+    )
+    monkeypatch.setattr(fields, "bpy", SimpleNamespace(context=given))
+    panel = SimpleNamespace(layout=recording.Layout(), bl_label="Measure")
+    fields.draw_state(panel, "about 3.4 min")
+    assert panel.layout.texts == [expected]
