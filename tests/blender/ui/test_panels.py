@@ -118,7 +118,7 @@ def test_redraws_do_not_walk_through_the_scene(
     view = car_at(15.0)
     view.sampling_mode = mode
     calls: list[str] = []
-    for name in ("extent_of_boxes", "limited_visibility", "echoing_boxes"):
+    for name in ("extent_of_boxes", "visibility_in_parts", "echoing_boxes"):
         real = getattr(scene_reading, name)
         monkeypatch.setattr(
             scene_reading,
