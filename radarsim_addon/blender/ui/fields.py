@@ -279,7 +279,7 @@ def wrapped(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, i
     """Draw a sentence over as many lines as the sidebar's width needs."""
     column = layout.column(align=True)
     for index, line in enumerate(textwrap.wrap(text, letters_across(context))):
-        column.label(text=line, icon=icon if index == 0 else "BLANK1")
+        column.label(text=line, icon="BLANK1" if index and icon != "NONE" else icon)
 
 
 # -------------------------------------------------------------------------------------------------

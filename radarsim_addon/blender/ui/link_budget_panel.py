@@ -239,7 +239,7 @@ def budget_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str
     stop_m, longest_m = measurement.range_stop_m, measurement.radar.unambiguous_range_m
     if stop_m > 0:
         name = tr("SNR at {range}", range=_length(stop_m))
-        rows.append((name, f"{snr.at(stop_m):.1f} dB"))
+        rows.append((name, f"{snr.at(stop_m):.1f} dB (10 dBsm)"))
     range_m = snr.longest_m(needed_snr_db(_DETECTED, _FALSE))
     text = tr("10 dBsm is detected to {range} (Pd 0.9, Pfa 1e-6)", range=_length(range_m))
     if range_m > longest_m:

@@ -152,7 +152,7 @@ def test_panel_says_what_a_target_brings(addon: Any, preset: str) -> None:
 
     found = rows()
     (text,) = (value for name, value in found.items() if name.startswith("SNR at "))
-    snr_db = float(text.removesuffix(" dB"))
+    snr_db = float(text.removesuffix(" dB (10 dBsm)"))
     assert snr_db == pytest.approx(by_hand_db(preset, radar.radarsim.range_stop_m), abs=0.7)
     number, unit = found[""].split("detected to ")[1].split(" (Pd 0.9, Pfa 1e-6)")[0].split()
     range_m = float(number) * {"m": 1.0, "km": 1e3}[unit]
