@@ -171,7 +171,7 @@ def _read_slice() -> float | None:
         while not ended and time.perf_counter() < end_s:
             ended = _read_part(context.scene)
     except ReferenceError:  # an object was removed while it was read
-        _reader.of, ended = None, False
+        ended = False
     except AttributeError as error:
         if is_refused(error):
             raise
@@ -200,6 +200,9 @@ def _read_part(scene: bpy.types.Scene) -> bool:
         found: SceneRecord | str | None = next(_reader.reading)
     except RadarSimError as error:
         found = str(error)
+    except BaseException:
+        _reader.of = None  # what has failed cannot go on
+        raise
     if found is not None:
         _reader.latest[scene.session_uid], _reader.reading = (_reader.of[1], found), None
     return found is not None

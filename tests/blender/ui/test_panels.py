@@ -192,6 +192,27 @@ def test_a_scene_is_read_in_slices_once_edits_are_calm(
     assert count_slices(30) == 30 + once
 
 
+def test_a_reading_that_blender_refused_begins_again(
+    registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car_at(15.0)
+    refusal = "can't modify blend data in this state"
+
+    def refuse(*_: Any) -> None:
+        raise RuntimeError(refusal)
+
+    monkeypatch.setattr(scene_reading, "_CALM_S", 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(scene_reading, "keyed_speeds", refuse)
+        with pytest.raises(RuntimeError, match=refusal):
+            while scene_reading._read_slice() is not None:
+                pass
+    while scene_reading._read_slice() is not None:
+        pass
+    record = scene_reading.scene_record(recording.context(read=False))
+    assert record is not None and record.speeds_mps["Car"] == pytest.approx(15.0, rel=1e-3)
+
+
 def test_the_rig_that_is_shown_is_looked_for_again_where_it_no_longer_fits(
     registered: None,
 ) -> None:
