@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,15 @@ def ring_scene(pixels: int = 32) -> Any:
 def radar() -> Any:
     """Return the properties of the radar's settings, as the panel shows them."""
     return bpy.data.objects["Radar"].radarsim
+
+
+def finished(parts: Generator[None, None, Any]) -> Any:
+    """Return what a function that yields after parts returns in the end."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            return end.value
 
 
 def add_plate(

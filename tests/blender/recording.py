@@ -11,12 +11,18 @@ import bpy
 from radarsim_addon.blender import addon
 from radarsim_addon.blender.ui import scene_reading
 from radarsim_addon.blender.ui.fields import RadarPanel
+from radarsim_addon.blender.ui.panels import RADARSIM_PT_render
+from radarsim_addon.blender.ui.scene_panel import RADARSIM_PT_scene
 
 #: All panels of the tab, in their order.
 TAB: list[Any] = [
     item for item in addon.CLASSES
     if issubclass(item, RadarPanel) and item.bl_idname != "RADARSIM_PT_presets"  # type: ignore[attr-defined]
 ]  # fmt: skip
+
+
+#: Those that show what was read of the scene.
+_OF_THE_SCENE = {RADARSIM_PT_scene, RADARSIM_PT_render}
 
 
 class Button:
@@ -76,7 +82,7 @@ class Layout:
     separator = template_list = progress = nested
 
 
-def context() -> Any:
+def context(read: bool = True) -> Any:
     """What panels ask a context for, with a wide sidebar, once the scene was read."""
     given = SimpleNamespace(
         scene=bpy.context.scene,
@@ -86,7 +92,8 @@ def context() -> Any:
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
         evaluated_depsgraph_get=bpy.context.evaluated_depsgraph_get,
     )
-    scene_reading.read_now(given)
+    if read:  # which evaluates the scene
+        scene_reading.read_now(given)
     return given
 
 
@@ -95,7 +102,7 @@ def drawn(*panels: Any, closed: bool = False) -> Layout:
 
     closed: without the bodies of panels that are closed until a user opens them.
     """
-    layout, given = Layout(), context()
+    layout, given = Layout(), context(not _OF_THE_SCENE.isdisjoint(panels))
     for panel in panels:
         if not getattr(panel, "poll", lambda _: True)(given):
             continue

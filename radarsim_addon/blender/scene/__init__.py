@@ -104,6 +104,7 @@ from .visibility import (
     show_what_ever_renders,
     show_what_renders,
     suggest_materials,
+    visibility_in_parts,
 )
 
 __all__ = [
@@ -189,5 +190,6 @@ __all__ = [
     "suggest_materials",
     "transmitter_record",
     "unreadable_files",
+    "visibility_in_parts",
     "writes_disk_caches",
 ]

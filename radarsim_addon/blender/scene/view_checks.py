@@ -10,7 +10,7 @@ a radar.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from types import MappingProxyType
@@ -84,14 +84,16 @@ class GroundBelow:
 
 def measure_pixel_spans(
     boxes: Boxes, matrix: Real, edges: tuple[float, ...], metres: float
-) -> PixelSpans:
-    """Measure boxes of what can echo as a perspective receiver sees them.
+) -> Generator[None, None, PixelSpans]:
+    """Measure boxes of what can echo as a perspective receiver sees them; yield before parts of a
+    few milliseconds.
 
     `matrix` is the pose of the receiver, (4, 4) [Blender units], which looks along -Z; `edges` are
     left, right, bottom and top of its frame at distance 1; `metres` are those of a Blender unit.
     """
     if not boxes.rows.size:
         return PixelSpans(edges[1] - edges[0])
+    yield
     turned = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
     corners = (boxes.corners - matrix[:3, 3]) @ turned * metres  # in the receiver's axes [m]
     centres = corners.mean(axis=1)
@@ -102,12 +104,14 @@ def measure_pixel_spans(
     for row, size in zip(boxes.rows[seen].tolist(), angles.tolist(), strict=True):
         label = boxes.snapshot.label(row)
         sizes[label] = max(size, sizes.get(label, 0.0))
+    yield
     surfaces = {}
     sides = np.stack([corners[:, corner] - corners[:, 0] for corner in (4, 3, 1)], axis=1)
     lengths = np.linalg.norm(sides, axis=2)
     thin = np.sort(lengths, axis=1)
     flat = np.flatnonzero((thin[:, 0] <= _FLAT * thin[:, 1]) & (thin[:, 1] > 0))
     for row in flat[np.argsort(-radius_m[flat])][:_MOST_SURFACES].tolist():
+        yield
         places = _places(centres[row], sides[row], lengths[row], edges)
         if places.size:
             surfaces[boxes.snapshot.label(int(boxes.rows[row]))] = places

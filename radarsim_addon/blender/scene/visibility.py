@@ -14,7 +14,7 @@ without a Radar Material absorb, so they cast a radar shadow but return no echo.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from functools import cache
 from typing import Any
 
@@ -48,6 +48,8 @@ _RENDER_SETTINGS = {
     "steps": "render_steps",
     "viewport_resolution": "resolution",
 }
+#: Objects whose visibility is read in one part.
+_PART = 256
 #: Thickness of a pane that is modelled as an open mesh [m].
 _PANE_M = 4e-3
 
@@ -506,18 +508,33 @@ def _shown_by_parent(item: bpy.types.Object) -> bool:
 
 def limited_visibility(snapshot: Snapshot) -> list[Finding]:
     """Name the rendered objects without a direct echo, and those that waves pass through."""
-    layer = snapshot.depsgraph.view_layer
-    rows, layout = rendered_rows(snapshot), snapshot.layout
+    parts = visibility_in_parts(snapshot, rendered_rows(snapshot))
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            found: list[Finding] = end.value
+            return found
+
+
+def visibility_in_parts(snapshot: Snapshot, rows: Indices) -> Generator[None, None, list[Finding]]:
+    """Yield before parts of a few milliseconds; return `limited_visibility`, of `rendered_rows`."""
+    layer, layout = snapshot.depsgraph.view_layer, snapshot.layout
     items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
     # Instances also follow the settings of what makes them.
     items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
-    seen, _, echoing = ray_flags(items, layer)
-    unseen = {items[n].name_full for n in np.flatnonzero(~(seen & echoing)).tolist()}
-    passed = {
-        item.name_full
-        for item in items
-        if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy)
-    }
+    unseen: set[str] = set()
+    passed: set[str] = set()
+    for start in range(0, len(items), _PART):
+        yield
+        part = items[start : start + _PART]
+        seen, _, echoing = ray_flags(part, layer)
+        unseen |= {part[n].name_full for n in np.flatnonzero(~(seen & echoing)).tolist()}
+        passed |= {
+            item.name_full
+            for item in part
+            if not (item.visible_shadow and item.visible_diffuse and item.visible_glossy)
+        }
     found = [finding("hidden-from-receiver", *sorted(unseen))] if unseen else []
     return found + ([finding("rays-pass-through", *sorted(passed))] if passed else [])
 

@@ -210,7 +210,7 @@ def label_of(item: Declared) -> str:
 
 def draw_quantity(layout: bpy.types.UILayout, owner: Any, prop: str, name: str, unit: str) -> None:
     """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
-    parts = layout.split(factor=_NAMES)
+    parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
     names = parts.row()
     names.alignment = "RIGHT"
     names.label(text=name)
@@ -279,7 +279,7 @@ def wrapped(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, i
     """Draw a sentence over as many lines as the sidebar's width needs."""
     column = layout.column(align=True)
     for index, line in enumerate(textwrap.wrap(text, letters_across(context))):
-        column.label(text=line, icon=icon if index == 0 else "BLANK1")
+        column.label(text=line, icon="BLANK1" if index and icon != "NONE" else icon)
 
 
 # -------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -186,29 +187,39 @@ def needed_snr_db(detected: float, false_alarms: float) -> float:
     return 10 * math.log10(a + 0.12 * a * b + 1.7 * b)
 
 
-def target_snr_db(system: RadarSystem, measurement: Measurement, range_m: float) -> float:
-    """Return the SNR in the map of a target of 10 m^2 at the peaks of both patterns."""
-    record, radar = system.record, measurement.radar
-    power_w = monostatic_power_w(
-        record.transmit_power_w * system.transmitter.peak_gain, _RCS_M2, range_m,
-        system.wavelength_m, system.receiver.peak_gain,
-    ) / system.loss  # fmt: skip
-    taken_db_per_km = measurement.weather.attenuation_db_per_km(radar.waveform.carrier_hz)
-    weather_db = 2e-3 * range_m * taken_db_per_km
-    return predicted_snr(float(power_w), radar, system, *_TAPERS).burst_db - weather_db
+@dataclass(frozen=True)
+class TargetSnr:
+    """SNR in the map of a target of 10 m^2 at the peaks of both patterns, against range."""
 
+    #: At 1 m, without weather.
+    at_1_m_db: float
+    weather_db_per_m: float
 
-def detection_range_m(system: RadarSystem, measurement: Measurement) -> float:
-    """Return the range up to which a target of 10 m^2 has the SNR that its detection needs [m]."""
-    needed_db = needed_snr_db(_DETECTED, _FALSE)
-    low_m, high_m = 1e-3, 1e9
-    for _ in range(80):  # the SNR falls with the range
-        middle_m = math.sqrt(low_m * high_m)
-        if target_snr_db(system, measurement, middle_m) > needed_db:
-            low_m = middle_m
-        else:
-            high_m = middle_m
-    return low_m
+    @classmethod
+    def of(cls, system: RadarSystem, measurement: Measurement) -> TargetSnr:
+        """Return it for a link budget and a measurement, whose noise is not zero."""
+        record, radar = system.record, measurement.radar
+        power_w = monostatic_power_w(
+            record.transmit_power_w * system.transmitter.peak_gain, _RCS_M2, 1.0,
+            system.wavelength_m, system.receiver.peak_gain,
+        ) / system.loss  # fmt: skip
+        taken_db_per_km = measurement.weather.attenuation_db_per_km(radar.waveform.carrier_hz)
+        found = predicted_snr(float(power_w), radar, system, *_TAPERS)
+        return cls(found.burst_db, 2e-3 * taken_db_per_km)
+
+    def at(self, range_m: float) -> float:
+        """Return the SNR at a range [dB]."""
+        return self.at_1_m_db - 40 * math.log10(range_m) - self.weather_db_per_m * range_m
+
+    def longest_m(self, needed_db: float) -> float:
+        """Return the range at which the SNR falls to this one [m]."""
+        low_m, high_m = 1e-6, 1e12
+        for _ in range(80):
+            middle_m = math.sqrt(low_m * high_m)
+            low_m, high_m = (
+                (middle_m, high_m) if self.at(middle_m) > needed_db else (low_m, middle_m)
+            )
+        return low_m
 
 
 def budget_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str, str]]:
@@ -224,11 +235,12 @@ def budget_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str
     if noise_w <= 0:
         return rows
     rows.append((tr("Noise"), f"{watts_to_dbm(noise_w):.1f} dBm"))
+    snr = TargetSnr.of(system, measurement)
     stop_m, longest_m = measurement.range_stop_m, measurement.radar.unambiguous_range_m
     if stop_m > 0:
         name = tr("SNR at {range}", range=_length(stop_m))
-        rows.append((name, f"{target_snr_db(system, measurement, stop_m):.1f} dB"))
-    range_m = detection_range_m(system, measurement)
+        rows.append((name, f"{snr.at(stop_m):.1f} dB (10 dBsm)"))
+    range_m = snr.longest_m(needed_snr_db(_DETECTED, _FALSE))
     text = tr("10 dBsm is detected to {range} (Pd 0.9, Pfa 1e-6)", range=_length(range_m))
     if range_m > longest_m:
         text += tr(", beyond the longest range of {range}", range=_length(longest_m))

@@ -385,10 +385,11 @@ _last: dict[str, Any] = {}
 def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
     """Draw a draft and its lines of text; without one the lines alone."""
     scale = float(context.preferences.system.ui_scale)
-    corner = (context.region.width - _sidebar_px(context) - _MARGIN_PX * scale, _MARGIN_PX * scale)
+    beside = _over_px(context, "width", "UI")
+    corner = (context.region.width - beside - _MARGIN_PX * scale, _MARGIN_PX * scale)
     gpu.state.blend_set("ALPHA")
     if draft is not None:
-        room = corner[0], context.region.height - 2 * corner[1]
+        room = _room_px(context, corner)
         scale = fitting_scale(scale, room, draft.arrays["velocity_mps"].size > 1, len(lines))
     blf.size(0, _FONT_PX * scale)
     if draft is None:
@@ -415,11 +416,20 @@ def forget_drawing() -> None:
     _last.clear()
 
 
-def _sidebar_px(context: Any) -> int:
-    """Width of the sidebar where it lies over the view."""
+def _over_px(context: Any, side: str, *kinds: str) -> int:
+    """Width or height of regions that lie over the view."""
     if not context.preferences.system.use_region_overlap:
         return 0
-    return sum(region.width for region in context.area.regions if region.type == "UI")
+    regions = (region for region in context.area.regions if region.type in kinds)
+    return sum(getattr(region, side) for region in regions if min(region.width, region.height) > 1)
+
+
+def _room_px(context: Any, corner: tuple[float, float]) -> tuple[float, float]:
+    """Room between the tools, the headers and the corner, as wide and as high [px]."""
+    above = _over_px(context, "height", "HEADER", "TOOL_HEADER")
+    return corner[0] - _over_px(context, "width", "TOOLS"), context.region.height - above - corner[
+        1
+    ]
 
 
 def _picture(

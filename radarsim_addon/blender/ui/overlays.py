@@ -34,8 +34,8 @@ from .shown_results import chosen_target
 
 #: Points of a circle, and of the line around a beam.
 _POINTS = 96
-#: Largest angle from the peak at which the edge of a beam is looked for [rad].
-_WIDEST = math.radians(89.0)
+#: Angles from the peak between which the edge of a beam is looked for [rad].
+_NARROWEST, _WIDEST = math.radians(0.01), math.radians(89.0)
 
 
 class Label(NamedTuple):
@@ -98,8 +98,8 @@ def beam(antenna: Antenna, axis: Real, range_m: float) -> Real:
     phi = 2 * np.pi * np.arange(_POINTS) / _POINTS
     around = np.cos(phi)[:, None] * side + np.sin(phi)[:, None] * np.cross(side, axis)
     half = 0.5 * float(antenna.gain(axis))
-    # The first crossing: in steps of a beam's fraction, then by bisection.
-    steps = _WIDEST * np.linspace(0.0, 1.0, 721)[1:]
+    # The first crossing: in steps of a beam's fraction, however wide it is, then by bisection.
+    steps = np.geomspace(_NARROWEST, _WIDEST, 240)
     sides = np.cos(steps)[:, None, None] * axis + np.sin(steps)[:, None, None] * around
     falls = antenna.gain(sides) < half
     first = np.where(falls.any(axis=0), falls.argmax(axis=0), len(steps) - 1)
@@ -226,7 +226,8 @@ def _shown(context: bpy.types.Context) -> _Shown | None:
         measurement,
         scene_record(context),
         metres,
-        *(_pose(item.matrix_world) for item in (rig.camera, rig.emitter)),
+        _pose(rig.camera.matrix_world),
+        _pose(rig.emitter.matrix_world),
         frame_edges(camera, *size, metres) if camera.type == "PERSP" else None,
         tuple(scene.cursor.location) if "cell" in names else (0.0, 0.0, 0.0),
         target and target["lines_m"],
@@ -313,7 +314,7 @@ _beams: dict[tuple[int, str], tuple[RadarSystem, Real]] = {}
 
 def _beam(system: RadarSystem, kind: str) -> Real:
     """The edge of a beam at a distance of 1 m; the last ones are kept."""
-    key = (id(system), kind)
+    key = (id(system), "transmitter" if system.transmitter == system.receiver else kind)
     if key not in _beams:
         if len(_beams) > _MOST_BEAMS:
             _beams.clear()

@@ -225,7 +225,8 @@ class RADARSIM_PT_antenna_objects(ActiveRadarPanel, bpy.types.Panel):
         except RadarSimError as error:
             wrapped(context, layout, str(error), "ERROR")
             return
-        draw_number(column, "In Use", f"{rig.camera.name}, {rig.emitter.name}")
+        draw_number(column, "In Use", rig.camera.name)
+        draw_number(column, "", rig.emitter.name)
         if group.use_link_budget:  # its watts cancel: they are the light level of the renders
             column.prop(rig.emitter.data, "energy", text="Light")
 

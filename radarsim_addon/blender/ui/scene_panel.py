@@ -207,8 +207,8 @@ NAME_CLASSES: tuple[type, ...] = (
 
 #: Letters of a line of an explanation.
 _LETTERS = 70
-#: Letters that a button in a row takes, and the least that a line of its title has.
-_BUTTON, _LEAST_TITLE = 4, 12
+#: Letters that a button in a row, or its margins, take, and the least that its title has.
+_BUTTON, _LEAST_TITLE = 3, 12
 #: Names that a tooltip gives.
 _MOST_NAMES = 3
 #: Part of the pulse interval that a pulse is given where it has to become shorter.
@@ -497,7 +497,7 @@ def draw_rows(
     for item in findings:
         row = layout.row()
         fixes = fixes_of(item, measurement)
-        room = letters_across(bpy.context) - _BUTTON * (1 + len(fixes) + bool(item.subjects))
+        room = letters_across(bpy.context) - _BUTTON * (2 + len(fixes) + bool(item.subjects))
         lines = textwrap.wrap(translated(title_of(item.code)), max(room, _LEAST_TITLE))
         column = row.column(align=True)
         column.scale_y = 1.0 if len(lines) == 1 else 0.8
@@ -508,7 +508,7 @@ def draw_rows(
         buttons = row.row(align=True)
         buttons.alignment = "RIGHT"
         for fix in fixes:
-            button = buttons.operator(fix.operator, text="Fix")
+            button = buttons.operator(fix.operator, text="", icon="MODIFIER")
             for name, value in fix.values.items():
                 setattr(button, name, value)
         if item.subjects:

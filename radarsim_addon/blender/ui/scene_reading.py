@@ -62,11 +62,11 @@ from ..scene import (
     is_transmitter,
     keyed_speeds,
     keyed_step,
-    limited_visibility,
     measure_pixel_spans,
     nothing_moves,
     ray_flags,
     rendered_objects,
+    visibility_in_parts,
 )
 from ..state import Shape, Snapshot, take_snapshot, watch_evaluations
 from .fields import is_refused, may_write_at_need
@@ -171,7 +171,7 @@ def _read_slice() -> float | None:
         while not ended and time.perf_counter() < end_s:
             ended = _read_part(context.scene)
     except ReferenceError:  # an object was removed while it was read
-        _reader.of, ended = None, False
+        ended = False
     except AttributeError as error:
         if is_refused(error):
             raise
@@ -200,6 +200,9 @@ def _read_part(scene: bpy.types.Scene) -> bool:
         found: SceneRecord | str | None = next(_reader.reading)
     except RadarSimError as error:
         found = str(error)
+    except BaseException:
+        _reader.of = None  # what has failed cannot go on
+        raise
     if found is not None:
         _reader.latest[scene.session_uid], _reader.reading = (_reader.of[1], found), None
     return found is not None
@@ -308,10 +311,10 @@ def _read(scene: bpy.types.Scene, snapshot: Snapshot) -> Iterator[SceneRecord | 
                 place = snapshot.matrix(row)[:3, 3]
                 moving[snapshot.label(row)] = metres * np.stack([place, step * fps])
     yield None
-    visibility = limited_visibility(snapshot)
+    visibility = yield from visibility_in_parts(snapshot, surfaces.rows)
     yield None
     objects = yield from _objects(surfaces, visibility)
-    pixels = _pixel_spans(radar, rig, boxes, metres)
+    pixels = yield from _pixel_spans(radar, rig, boxes, metres)
     yield None
     measured = {
         name: one for name, one in objects.items() if one.seen and (any_material or one.is_radar)
@@ -415,14 +418,16 @@ def _is_optical(snapshot: Snapshot, shape: Shape, known: Callable[[Any], bool]) 
     return not all(slots) and any(True for _ in foreign_objects(alone, known))
 
 
-def _pixel_spans(radar: Any, rig: Rig, boxes: Boxes, metres: float) -> PixelSpans | None:
-    """What pixels span of the flat surfaces in view."""
+def _pixel_spans(
+    radar: Any, rig: Rig, boxes: Boxes, metres: float
+) -> Generator[None, None, PixelSpans | None]:
+    """Yield before parts; return what pixels span of the flat surfaces in view."""
     camera, view = rig.camera, settings(radar)
     if camera.data.type != "PERSP":
         return None
     edges = frame_edges(camera.data, view.width_px, view.height_px, metres)
     matrix = np.array(camera.matrix_world, dtype=np.float64)
-    return measure_pixel_spans(boxes, matrix, edges, metres)
+    return (yield from measure_pixel_spans(boxes, matrix, edges, metres))
 
 
 def quick_findings(

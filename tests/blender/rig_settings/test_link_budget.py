@@ -152,7 +152,7 @@ def test_panel_says_what_a_target_brings(addon: Any, preset: str) -> None:
 
     found = rows()
     (text,) = (value for name, value in found.items() if name.startswith("SNR at "))
-    snr_db = float(text.removesuffix(" dB"))
+    snr_db = float(text.removesuffix(" dB (10 dBsm)"))
     assert snr_db == pytest.approx(by_hand_db(preset, radar.radarsim.range_stop_m), abs=0.7)
     number, unit = found[""].split("detected to ")[1].split(" (Pd 0.9, Pfa 1e-6)")[0].split()
     range_m = float(number) * {"m": 1.0, "km": 1e3}[unit]
@@ -173,11 +173,13 @@ def test_rain_takes_from_the_range_of_detection(addon: Any) -> None:
     system = system_panel.scene_system(scene)
     dry, radar.radarsim.rain_mm_per_h = properties.read_measurement(scene), 10.0
     wet = properties.read_measurement(scene)
-    snr_db = [system_panel.target_snr_db(system, one, 120.0) for one in (dry, wet)]
-    assert snr_db[0] - snr_db[1] == pytest.approx(2 * 0.12 * 5.82, rel=0.01)
-    range_m = system_panel.detection_range_m(system, wet)
-    assert range_m < system_panel.detection_range_m(system, dry)
-    assert system_panel.target_snr_db(system, wet, range_m) == pytest.approx(13.14, abs=0.01)
+    snr = [system_panel.TargetSnr.of(system, one) for one in (dry, wet)]
+    assert snr[0].at(120.0) - snr[1].at(120.0) == pytest.approx(2 * 0.12 * 5.82, rel=0.01)
+    range_m = [one.longest_m(13.14) for one in snr]
+    assert range_m[1] < range_m[0]
+    assert [one.at(far_m) for one, far_m in zip(snr, range_m, strict=True)] == pytest.approx(
+        [13.14] * 2
+    )
 
 
 def test_the_needed_snr_is_that_of_a_steady_target() -> None:

@@ -307,7 +307,7 @@ def test_pixels_are_of_objects_ahead_and_within_the_frame() -> None:
     bpy.context.view_layer.update()
     boxes = echoing_boxes(evaluated_snapshot(bpy.context.view_layer), any_material=True)
     matrix = np.array(bpy.context.scene.camera.matrix_world, dtype=np.float64)
-    sizes = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 1.0).sizes
+    sizes = rs.finished(measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 1.0)).sizes
     assert set(sizes) == {"Ahead", "Right", "Above"}
     assert sizes["Ahead"] == pytest.approx(0.2 * math.sqrt(3) / 10)
 
@@ -320,7 +320,7 @@ def test_pixels_on_the_ground_are_long_in_metres() -> None:
     bpy.context.view_layer.update()
     boxes = echoing_boxes(evaluated_snapshot(bpy.context.view_layer), any_material=True)
     matrix = np.array(bpy.context.scene.camera.matrix_world, dtype=np.float64)
-    found = measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 0.5)
+    found = rs.finished(measure_pixel_spans(boxes, matrix, (-0.5, 0.5, -0.3, 0.3), 0.5))
     range_m, span_m = found.surfaces["Ground"]
     along_m = range_m * np.sqrt(range_m**2 - 1)
     # a step across the image turns by its cosine, of 0.864 in the corners

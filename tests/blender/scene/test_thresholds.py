@@ -13,6 +13,7 @@ import pytest
 from radarsim_addon.blender.scene import finite_checks, mesh_checks, rig, view_checks
 from radarsim_addon.blender.state import evaluated_snapshot, read_mesh
 from radarsim_addon.errors import SceneError
+from tests.blender import radar_scenes as rs
 
 pytestmark = pytest.mark.blender
 
@@ -48,7 +49,9 @@ def _flat(thickness: float) -> bool:
     )
     pose = np.eye(4)
     pose[2, 3] = 10.0
-    return bool(view_checks.measure_pixel_spans(boxes, pose, (-1, 1, -1, 1), 1.0).surfaces)
+    return bool(
+        rs.finished(view_checks.measure_pixel_spans(boxes, pose, (-1, 1, -1, 1), 1.0)).surfaces
+    )
 
 
 def _far(coordinate: float) -> bool:

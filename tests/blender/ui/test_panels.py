@@ -19,7 +19,7 @@ from radarsim_addon.blender import addon
 from radarsim_addon.blender.plan import radar_preset
 from radarsim_addon.blender.rig_settings import apply_preset, settings
 from radarsim_addon.blender.scene import action_curves, active_radar
-from radarsim_addon.blender.ui import link_budget_panel, overlays, scene_reading
+from radarsim_addon.blender.ui import fields, link_budget_panel, overlays, scene_reading
 from radarsim_addon.blender.ui.scene_panel import RADARSIM_OT_set_values
 from radarsim_addon.errors import SceneError
 from radarsim_addon.physics import antennas as physics_antennas
@@ -118,7 +118,7 @@ def test_redraws_do_not_walk_through_the_scene(
     view = car_at(15.0)
     view.sampling_mode = mode
     calls: list[str] = []
-    for name in ("extent_of_boxes", "limited_visibility", "echoing_boxes"):
+    for name in ("extent_of_boxes", "visibility_in_parts", "echoing_boxes"):
         real = getattr(scene_reading, name)
         monkeypatch.setattr(
             scene_reading,
@@ -170,7 +170,8 @@ def test_a_scene_is_read_in_slices_once_edits_are_calm(
     monkeypatch.setattr(scene_reading, "_SLICE_S", 0.0)
     bpy.data.objects["Plate"].location.y += 1.0
     bpy.context.view_layer.update()
-    assert 0.0 < scene_reading._read_slice() <= 0.2  # not calm yet
+    calm_in_s = scene_reading._read_slice()
+    assert calm_in_s is not None and 0.0 < calm_in_s <= 0.2
     monkeypatch.setattr(scene_reading, "_CALM_S", 0.0)
 
     def count_slices(moved_in: int) -> int:
@@ -189,6 +190,27 @@ def test_a_scene_is_read_in_slices_once_edits_are_calm(
     bpy.data.objects["Plate"].location.y += 1.0
     bpy.context.view_layer.update()
     assert count_slices(30) == 30 + once
+
+
+def test_a_reading_that_blender_refused_begins_again(
+    registered: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    car_at(15.0)
+    refusal = "can't modify blend data in this state"
+
+    def refuse(*_: Any) -> None:
+        raise RuntimeError(refusal)
+
+    monkeypatch.setattr(scene_reading, "_CALM_S", 0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(scene_reading, "keyed_speeds", refuse)
+        with pytest.raises(RuntimeError, match=refusal):
+            while scene_reading._read_slice() is not None:
+                pass
+    while scene_reading._read_slice() is not None:
+        pass
+    record = scene_reading.scene_record(recording.context(read=False))
+    assert record is not None and record.speeds_mps["Car"] == pytest.approx(15.0, rel=1e-3)
 
 
 def test_the_rig_that_is_shown_is_looked_for_again_where_it_no_longer_fits(
@@ -268,3 +290,19 @@ def test_what_a_crashed_session_left_is_removed_at_the_start(
     addon.register()
     assert not left.exists()
     assert mine.exists()
+
+
+@pytest.mark.parametrize(
+    ("width", "expected"), [(400, "about 3.4 min"), (190, "about 3.4 m\u2026"), (120, "")]
+)
+def test_the_state_in_a_header_leaves_room_for_the_name(
+    width: int, expected: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = SimpleNamespace(
+        region=SimpleNamespace(width=width),
+        preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+    )
+    monkeypatch.setattr(fields, "bpy", SimpleNamespace(context=given))
+    panel = SimpleNamespace(layout=recording.Layout(), bl_label="Measure")
+    fields.draw_state(panel, "about 3.4 min")
+    assert panel.layout.texts == [expected]

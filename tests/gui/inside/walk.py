@@ -109,7 +109,7 @@ def script(robot: Any) -> Any:
     robot.view.tag_redraw()
     yield from robot.settle()
     yield from robot.shot("04_checklist")
-    yield from robot.click("radarsim.set_values", across=0.66)  # Fix, select, explain
+    yield from robot.click("prf_hz", across=0.7)  # the first of three small buttons
     yield from robot.wait(lambda: settings.prf_hz > 9e3, "the button of the checklist", 20)
     result["fixed_prf_hz"] = settings.prf_hz
     settings.prf_hz = 40e3
