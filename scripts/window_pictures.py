@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 #: What is shown of a screenshot of 1600 x 1000 pixels: left, top, right, bottom. Letters keep their
 #: size, so that they are readable at half of it.
 WINDOW = (450, 0, 1600, 1000)
-#: The window with the pictures of the results.
-RESULTS, EDITORS = "tutorial_5_map.png", (40, 50, 1560, 850)
+#: The pictures of the results next to the scene.
+RESULTS, EDITORS = "tutorial_5_map.png", (0, 0, 1320, 895)
 
 
 def main() -> int:

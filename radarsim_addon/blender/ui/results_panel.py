@@ -549,9 +549,11 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
     def draw_header_preset(self, context: bpy.types.Context) -> None:
         view = shown_view()
         if view is not None:
-            draw_state(
-                self, tr("frame {n}, {count} targets", n=view.frame, count=len(view.targets))
-            )
+            count = len(view.targets)
+            text = tr("frame {n}, 1 target", n=view.frame)
+            if count != 1:
+                text = tr("frame {n}, {count} targets", n=view.frame, count=count)
+            draw_state(self, text)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = split(self.layout)

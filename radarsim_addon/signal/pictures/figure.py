@@ -20,7 +20,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -214,7 +214,9 @@ def _figure_class() -> type[Figure]:
     return type("Figure", (base,), {"_repr_png_": as_png})
 
 
-def second_scale(axis: Axes, factor: float, label: str, side: str = "top") -> None:
+def second_scale(
+    axis: Axes, factor: float, label: str, side: Literal["top", "bottom"] = "top"
+) -> None:
     """Draw a second scale above or below axes: the numbers of the first one times `factor`."""
     second = axis.secondary_xaxis(
         side, functions=(lambda x: np.multiply(x, factor), lambda x: np.divide(x, factor))
