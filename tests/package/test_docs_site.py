@@ -85,6 +85,8 @@ def test_commands_and_version_are_on_the_pages(site: Path) -> None:
     commands = (site / "reference" / "commands.html").read_text("utf-8")
     for option in ("--max-reflections", "--cfar", "--target-height", "radarsim selfcheck"):
         assert option in commands, option
+    cited = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {radarsim_addon.__version__}\n" in cited
     for page in site.rglob("*.html"):
         text = page.read_text("utf-8")
         assert f"radarsim {radarsim_addon.__version__}" in text, page.name
