@@ -18,6 +18,7 @@ import pytest
 
 import radarsim_addon
 from radarsim_addon import blender, errors, physics, signal
+from scripts.docs_site import COMMANDS_PAGE, commands_page
 
 ROOT = Path(__file__).resolve().parents[2]
 pytest.importorskip("mkdocstrings")
@@ -117,6 +118,9 @@ def test_code_of_the_pages_fits_80_columns() -> None:
     for page in ROOT.glob("docs/notebooks/*.ipynb"):
         cells = json.loads(page.read_text("utf-8"))["cells"]
         found[page] = "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "code")
+    helps = re.findall(r"```text\n(.*?)```", commands_page(), re.DOTALL)
+    assert len(helps) == 8
+    found[ROOT / COMMANDS_PAGE] = "\n".join(helps)
     wide = [
         f"{page.name}: {line}"
         for page, text in found.items()
