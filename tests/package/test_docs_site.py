@@ -18,6 +18,7 @@ import pytest
 
 import radarsim_addon
 from radarsim_addon import blender, errors, physics, signal
+from scripts.docs_site import COMMANDS_PAGE, commands_page
 
 ROOT = Path(__file__).resolve().parents[2]
 pytest.importorskip("mkdocstrings")
@@ -85,6 +86,8 @@ def test_commands_and_version_are_on_the_pages(site: Path) -> None:
     commands = (site / "reference" / "commands.html").read_text("utf-8")
     for option in ("--max-reflections", "--cfar", "--target-height", "radarsim selfcheck"):
         assert option in commands, option
+    cited = (ROOT / "CITATION.cff").read_text("utf-8")
+    assert f"\nversion: {radarsim_addon.__version__}\n" in cited
     for page in site.rglob("*.html"):
         text = page.read_text("utf-8")
         assert f"radarsim {radarsim_addon.__version__}" in text, page.name
@@ -115,6 +118,9 @@ def test_code_of_the_pages_fits_80_columns() -> None:
     for page in ROOT.glob("docs/notebooks/*.ipynb"):
         cells = json.loads(page.read_text("utf-8"))["cells"]
         found[page] = "\n".join("".join(c["source"]) for c in cells if c["cell_type"] == "code")
+    helps = re.findall(r"```text\n(.*?)```", commands_page(), re.DOTALL)
+    assert len(helps) == 8
+    found[ROOT / COMMANDS_PAGE] = "\n".join(helps)
     wide = [
         f"{page.name}: {line}"
         for page, text in found.items()

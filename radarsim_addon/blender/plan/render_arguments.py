@@ -69,12 +69,13 @@ _EXAMPLES = """examples:
   radarsim render scene.blend --out run --frames 1:10 --max-standard-error 5
   blender -b scene.blend -P scripts/render_radar.py -- --out run
 
-What is not given comes from the settings of the file's radar. The same command again resumes a run
-that was stopped, if the files of the scene have not changed. Scripts inside the .blend file are not
-run (under blender -b give --disable-autoexec, -Y, if your preferences allow them).
+What is not given comes from the settings of the file's radar. The same command
+again resumes a run that was stopped, if the files of the scene have not
+changed. Scripts inside the .blend file are not run (under blender -b give
+--disable-autoexec, -Y, if your preferences allow them).
 
-exit codes: 0 done, 1 failed, 2 bad arguments, 3 done but a finding of severity error concerns all
-frames (no echo, open meshes), 130 stopped by Ctrl-C"""
+exit codes: 0 done, 1 failed, 2 bad arguments, 3 done but a finding of severity
+error concerns all frames (no echo, open meshes), 130 stopped by Ctrl-C"""
 
 
 def render_settings() -> dict[str, Declared]:
@@ -214,10 +215,10 @@ COVERAGE_SETTINGS = ("carrier_hz", "polarisation", "beyond_band")
 _STEPS = 400
 _MOST_STEPS = 100_000
 _EXAMPLE = """example:
-  radarsim coverage scene.blend --target-height 0:60:0.5 --range-limits 500:20000
+  radarsim coverage scene.blend --target-height 0:60 --range-limits 500:20000
 
-Writes coverage.png (height against range), coverage.npz (all numbers) and coverage.csv (over height
-at one range) into the folder. Nothing is rendered."""
+Writes coverage.png (height against range), coverage.npz (all numbers) and
+coverage.csv (over height at one range) into the folder. Nothing is rendered."""
 
 
 @dataclass(frozen=True)
@@ -267,8 +268,8 @@ def parse_coverage_arguments(words: list[str]) -> argparse.Namespace:
     """
     parser = CommandParser(
         prog="radarsim coverage",
-        description="Draw the echo of a target over the ground of a .blend file: height against "
-        "range.",
+        description="Draw the echo of a target over the ground of a .blend file.\n"
+        "Height is drawn against range.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
