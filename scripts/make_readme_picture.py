@@ -87,7 +87,7 @@ def main() -> int:
         image = plt.imread(picture)
     with np.load(products / "frame_0001_map.npz", allow_pickle=False) as data:
         power, range_m = data["power"][0], data["range_m"]
-        doppler_hz, velocity = data["doppler_hz"], data["velocity_mps"]
+        doppler_hz, rate_mps = data["doppler_hz"], data["velocity_mps"]
     level = signal.power_to_db(power, power.max(), -80.0)
 
     use_readable_text(plt)
@@ -108,23 +108,18 @@ def main() -> int:
             ha="center",
             arrowprops={"arrowstyle": "-", "lw": 0.8},
         )
-    mesh = right.pcolormesh(doppler_hz, range_m, level.T, cmap="viridis", shading="nearest")
-    right.invert_xaxis()  # range rates rise to the right, as in all maps
-    right.set_xlabel("Doppler [Hz], receding on the right")
+    mesh = right.pcolormesh(rate_mps, range_m, level.T, cmap="viridis", shading="nearest")
+    right.set_xlabel("range rate [m/s], receding on the right")
     right.set_ylabel("one-way range [m]")
-    top = right.secondary_xaxis(
-        "top",
-        functions=(
-            lambda f: f * velocity[0] / doppler_hz[0],
-            lambda v: v * doppler_hz[0] / velocity[0],
-        ),
-    )
-    top.set_xlabel("range rate [m/s]")
+    mps_per_hz = rate_mps[0] / doppler_hz[0]
+    both = (lambda v: v / mps_per_hz, lambda f: f * mps_per_hz)
+    top = right.secondary_xaxis("top", functions=both)
+    top.set_xlabel("Doppler [Hz]")
     figure.colorbar(mesh, ax=right, label="power [dB re strongest cell]")
     for text, place, shift in (
         ("block, 1000 m", (0, 1000), (24, 14)),
         ("block, 2500 m", (0, 2500), (24, 14)),
-        ("target", (-353.6, 1750), (-50, 22)),
+        ("target", (10.0, 1750), (-50, 22)),
     ):
         right.annotate(
             text,
