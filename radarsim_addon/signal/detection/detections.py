@@ -252,10 +252,12 @@ class PathFinder:
         self._moves = np.zeros(0, bool) if motion is None else which_move(motion.bodies)
         if motion is not None and motion.tracks is not None:  # these deform
             self._moves[motion.tracks.body - 1] = True
-        columns = []
+        columns, start = [], 0
         for rows in iter_rows(self._rows):
+            number = np.arange(start, start + rows.size)  # the link has kept gains of most
+            start += rows.size
             power = path_power_w(
-                rows, self._record, waveform.carrier_hz, link, waveform.range_resolution_m
+                rows, self._record, waveform.carrier_hz, link, waveform.range_resolution_m, number
             )
             power = np.where(usable(rows), power, 0.0)
             range_m, rate = rows["length_m"] / 2, rows["range_rate_mps"]
