@@ -64,7 +64,6 @@ class WindowField:
     #: From SI to the unit, and back.
     shown: Callable[[float], float]
     to_si: Callable[[float], float]
-    digits: int = 2
 
 
 def watts_to_dbm(watts: float) -> float:
@@ -73,7 +72,7 @@ def watts_to_dbm(watts: float) -> float:
 
 
 def dbm_to_watts(dbm: float) -> float:
-    """Return a power [W] from dBm, as Blender's float32 fields show it."""
+    """Return a power [W] from dBm, which Blender's fields have in float32."""
     return float(10 ** (shortest_decimal(dbm) / 10 - 3))
 
 
@@ -169,7 +168,7 @@ def _window_property(item: Declared, field: WindowField) -> Any:
         get=lambda group: field.shown(float(group.get(item.name, item.initial))),
         set=put,
         min=field.minimum,
-        precision=field.digits,
+        precision=2,
     )
 
 

@@ -427,9 +427,8 @@ def _over_px(context: Any, side: str, *kinds: str) -> int:
 def _room_px(context: Any, corner: tuple[float, float]) -> tuple[float, float]:
     """Room between the tools, the headers and the corner, as wide and as high [px]."""
     above = _over_px(context, "height", "HEADER", "TOOL_HEADER")
-    return corner[0] - _over_px(context, "width", "TOOLS"), context.region.height - above - corner[
-        1
-    ]
+    left = _over_px(context, "width", "TOOLS")
+    return corner[0] - left, context.region.height - above - corner[1]
 
 
 def _picture(

@@ -318,8 +318,10 @@ def _beam(system: RadarSystem, kind: str) -> Real:
     if key not in _beams:
         if len(_beams) > _MOST_BEAMS:
             _beams.clear()
-        antenna = getattr(system, kind)
-        _beams[key] = system, beam(antenna, peak_direction(antenna), 1.0)
+        antenna, axis = getattr(system, kind), np.array([0.0, 0.0, -1.0])
+        if float(antenna.gain(axis)) < antenna.peak_gain * (1 - 1e-9):  # to look for it takes long
+            axis = peak_direction(antenna)
+        _beams[key] = system, beam(antenna, axis, 1.0)
     return _beams[key][1]
 
 

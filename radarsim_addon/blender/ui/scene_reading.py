@@ -41,6 +41,7 @@ from ..plan import (
     shortest_decimal,
 )
 from ..rig_settings import (
+    PROGRESS_PROPERTY,
     RADAR_PROPERTY,
     carrier_hz,
     read_measurement,
@@ -177,7 +178,7 @@ def _read_slice() -> float | None:
             raise
         return None  # the extension was disabled
     if ended:
-        redraw_panels(context)
+        _redraw_record(context)
     return None if ended else _PAUSE_S
 
 
@@ -209,11 +210,31 @@ def _read_part(scene: bpy.types.Scene) -> bool:
 
 
 def redraw_panels(context: bpy.types.Context) -> None:
-    """Draw the sidebars again; Blender does not do so by itself for our numbers."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+    """Draw the 3D views and their sidebars again; Blender does not do so for our numbers."""
+    for area in _views(context):
+        area.tag_redraw()
+
+
+def _views(context: bpy.types.Context) -> list[Any]:
+    """3D views of all windows."""
+    areas = (area for one in context.window_manager.windows for area in one.screen.areas)
+    return [area for area in areas if area.type == "VIEW_3D"]
+
+
+def _redraw_record(context: bpy.types.Context) -> None:
+    """Draw what shows the record: sidebars, and the views where overlays depend on it.
+
+    To draw a view of a large scene takes long.
+    """
+    measurement, _ = current_measurement(context.scene)
+    moving = getattr(context.window_manager, PROGRESS_PROPERTY).overlay_velocities
+    if moving or measurement is None or not measurement.range_stop_m:
+        redraw_panels(context)
+        return
+    for area in _views(context):
+        for region in area.regions:
+            if region.type == "UI":
+                region.tag_redraw()
 
 
 def _key(scene: bpy.types.Scene) -> Any:
