@@ -261,7 +261,7 @@ def assign_by_name(
     scene = bpy.context.scene if scene is None else scene
     layer = scene.view_layers[0]
     taken = {}
-    for material, known in suggest_materials(evaluated_snapshot(layer), carrier_hz(scene)).items():
+    for material, known in suggest_materials(evaluated_snapshot(layer)).items():
         ready = known or default
         if ready:
             replace_material(material, ready, carrier_hz(scene), evaluated_snapshot(layer))

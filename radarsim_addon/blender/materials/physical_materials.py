@@ -492,40 +492,7 @@ READY: dict[str, Asset] = {
         Asset("Plastic", "", "permittivity", 0.1e-3, 2e-3, {"eps_real": 2.6, "eps_imag": 0.02}),
         Asset("Cloth", "", "permittivity", 0.5e-3, 4e-3, {"eps_real": 1.7, "eps_imag": 0.05}),
         Asset("Leaves", "", "permittivity", 0.5e-3, 5e-3, {"eps_real": 15.0, "eps_imag": 6.0}),
-        # in place of media that end below: dry stones, and soil with an eighth of water
-        Asset(
-            "Asphalt, mm waves",
-            "",
-            "permittivity",
-            1.5e-3,
-            8e-3,
-            {"eps_real": 3.2, "eps_imag": 0.1},
-        ),
-        Asset(
-            "Brick, mm waves", "", "permittivity", 2e-3, 1.5e-2, {"eps_real": 3.9, "eps_imag": 0.02}
-        ),
-        Asset("Marble, mm waves", "", "permittivity", 0, 0, {"eps_real": 7.1, "eps_imag": 0.07}),
-        Asset(
-            "Dry ground, mm waves",
-            "",
-            "permittivity",
-            1e-2,
-            8e-2,
-            {"eps_real": 3.0, "eps_imag": 0.1},
-        ),
-        Asset(
-            "Ground, mm waves", "", "permittivity", 1e-2, 8e-2, {"eps_real": 3.5, "eps_imag": 1.0}
-        ),
     )
-}
-#: Ready materials in place of others at carriers outside the band of their medium.
-_BEYOND = {
-    "Asphalt": "Asphalt, mm waves",
-    "Brick": "Brick, mm waves",
-    "Marble": "Marble, mm waves",
-    "Very dry ground": "Dry ground, mm waves",
-    "Medium dry ground": "Ground, mm waves",
-    "Sea water": "Fresh water",
 }
 #: Words in the names of materials, and the material they stand for; the first that fits counts.
 _WORDS: tuple[tuple[str, str], ...] = (
@@ -566,13 +533,6 @@ def suggest_material(*names: str) -> str | None:
                 ):
                     return ready
     return None
-
-
-def ready_at(ready: str, carrier_hz: float) -> str:
-    """Return a ready material, or the one in its place where its medium is not defined."""
-    asset = READY[ready]
-    beyond = Medium(asset.medium).model.out_of_band(carrier_hz, **asset.parameters)
-    return ready if beyond is None else _BEYOND.get(ready, ready)
 
 
 # Where the models of a material do not hold: bands of media, and Kirchhoff's surfaces.

@@ -30,7 +30,7 @@ from ..materials import (
     foreign_objects,
     slot_materials,
 )
-from ..materials.physical_materials import READY, ready_at, suggest_material
+from ..materials.physical_materials import READY, suggest_material
 from ..nodes import is_radar_material
 from ..state import SettingsRestorer, Snapshot, read_mesh
 
@@ -553,24 +553,19 @@ def hiding_is_animated() -> bool:
     return any("hide" in curve.data_path for curve in (*drivers, *curves))
 
 
-def suggest_materials(snapshot: Snapshot, carrier_hz: float) -> dict[Any, str | None]:
+def suggest_materials(snapshot: Snapshot) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
-    By material the key of `READY` for its name, else for that of an object with it, else None. The
-    medium is one that is defined at the carrier, where there is one.
+    By material the key of `READY` for its name, else for that of an object with it, else None.
     """
     owners: dict[Any, list[str]] = {}
     for item, materials in assigned_materials(snapshot):
         for material in materials:
             if material is not None and not is_radar_material(material):
                 owners.setdefault(material, []).append(item.name)
-    found = {
+    return {
         material: suggest_material(material.name, *names)
         for material, names in sorted(owners.items(), key=lambda pair: pair[0].name)
-    }
-    return {
-        material: None if ready is None else ready_at(ready, carrier_hz)
-        for material, ready in found.items()
     }
 
 

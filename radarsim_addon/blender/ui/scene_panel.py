@@ -123,7 +123,7 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
         with reported(self):
             snapshot = take_snapshot(context.evaluated_depsgraph_get())
-            found = suggest_materials(snapshot, carrier_hz(context.scene))
+            found = suggest_materials(snapshot)
             rows.clear()
             for material, ready in found.items():
                 row = rows.add()

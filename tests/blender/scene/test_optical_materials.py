@@ -16,7 +16,6 @@ from radarsim_addon.blender.materials import media_beyond_their_band, read_surfa
 from radarsim_addon.blender.materials import physical_materials as pm
 from radarsim_addon.blender.materials.physical_materials import READY, suggest_material
 from radarsim_addon.blender.nodes.materials import is_radar_material
-from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.scene import replace_material, suggest_materials
 from radarsim_addon.blender.state import evaluated_snapshot
 from radarsim_addon.errors import ConfigError
@@ -79,7 +78,7 @@ def test_suggestions_and_replacement() -> None:
     rs.new_scene()
     made = street()
     snapshot = evaluated_snapshot(bpy.context.view_layer)
-    found = {item.name: ready for item, ready in suggest_materials(snapshot, 5.3e9).items()}
+    found = {item.name: ready for item, ready in suggest_materials(snapshot).items()}
     assert found == {"Wood": "Wood", "Window": "Glass", "Mat.001": "Asphalt", "Misc": None}
     new = {
         name: replace_material(made[name], ready, 5.3e9, evaluated_snapshot(bpy.context.view_layer))
@@ -94,26 +93,6 @@ def test_suggestions_and_replacement() -> None:
     )  # open
     assert made["Wood"].users == 1 and made["Wood"].use_fake_user  # kept for the way back
     assert bpy.data.objects["Thing"].data.materials[0] == made["Misc"]
-
-
-@pytest.mark.parametrize(
-    "carrier_hz", [preset.settings["carrier_hz"] for preset in PRESETS.values()]
-)
-def test_a_suggestion_brings_no_caution(addon: Any, carrier_hz: float) -> None:
-    """Asphalt's and brick's media end at 40 GHz: at 77 GHz others are in their place."""
-    rs.new_scene()
-    rs.radar().carrier_ghz = carrier_hz / 1e9
-    names = ("Road", "Brick wall", "Marble", "Desert", "Lawn", "Ocean")
-    for number, name in enumerate(names):
-        corners = [(number, 8, -1), (number + 1, 8, -1), (number + 1, 8, 1), (number, 8, 1)]
-        ph.quad(name, corners, ph.principled(name, (0.4, 0.4, 0.4)))
-    assert bpy.ops.radarsim.suggest_materials() == {"FINISHED"}
-    rows = bpy.context.window_manager.radarsim.suggestions
-    taken = {row.material: row.ready for row in rows}
-    assert set(taken) == set(names) and "KEEP" not in taken.values()
-    assert (taken["Road"] == "Asphalt") == (carrier_hz <= 40e9)
-    assert bpy.ops.radarsim.apply_materials() == {"FINISHED"}
-    assert not pm.media_beyond_their_band(carrier_hz)
 
 
 def test_the_list_in_the_window(addon: Any) -> None:
