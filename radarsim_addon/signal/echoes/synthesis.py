@@ -290,6 +290,8 @@ class EchoSynthesizer:
         ranges [m] and range rates [m/s] of the middle of the pulse.
         """
         assert self._pulse is not None
+        radar = replace(self.radar, burst=replace(self.radar.burst, pulses=range_m.size))
+        radar.check_size(self._grid.count)
         spectra = single_spectra(
             self._grid, self._window, self._pulse, 2 * range_m, 2 * rate_mps, np.zeros(range_m.size)
         )
@@ -297,7 +299,7 @@ class EchoSynthesizer:
             np.array([[self._line(spectrum) for spectrum in spectra]]),
             self._first_s,
             self.range_limits_m,
-            replace(self.radar, burst=replace(self.radar.burst, pulses=range_m.size)),
+            radar,
             self._options.amplitude_model,
             float(np.mean(~spectra.any(axis=1))),
         )

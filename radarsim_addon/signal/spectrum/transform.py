@@ -4,6 +4,7 @@
 In: lengths of n paths at one pulse [m] and amplitudes. Out: `PulseResult`. Three transforms with
 the same interface: `PulseTransform` (no path moves during a pulse), `PulseMotionTransform` (paths
 move during the pulse), `RampTransform` (the frequencies of a ramp, one after the other).
+`single_spectra` has the spectrum of each path by itself.
 `SynthesisReport` says which methods were used, their cost and their errors.
 """
 
