@@ -176,7 +176,8 @@ def test_an_hdf5_file_does_not_depend_on_when_its_objects_are_freed(
     import h5py
 
     result = result_of(folder, ProcessOptions(products=False, plots=False, cfar=Cfar()))
-    real, made = h5py.Group.create_dataset, []
+    real = h5py.Group.create_dataset
+    made: list[h5py.Dataset | None] = []
     contents = set()
     for held in range(-1, 30):
         made.clear()
