@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import RadarSimError
 from ...findings import to_json
 from ...messages import open_messages, write_message
-from ...signal.pictures import FrameProfile, FrameView, Target
+from ...signal.pictures import FrameProfile, FrameView, Target, decimals_for, fixed
 
 #: Farthest target that a place in a picture means, in a picture of `WIDTH` [px].
 NEAR_PX = 30.0
@@ -156,9 +156,12 @@ def read_out(kind: str, axes: PictureAxes, view: FrameView, across: float, up: f
     x, y = axes.value(across, up)
     parts = []
     if kind in ("MAP", "SPECTROGRAM"):
-        rate_mps = -view.wavelength_m / 2 * (x if kind == "MAP" else y)
+        doppler_hz, ends, along = (x, axes.x, 0) if kind == "MAP" else (y, axes.y, 1)
+        cells = view.arrays["map_db" if kind == "MAP" else "spectrogram_db"].shape[along]
+        rates = [-view.wavelength_m / 2 * value for value in (doppler_hz, *ends)]
+        digits = decimals_for(abs(rates[2] - rates[1]) / cells)
         first = f"{y:.4g} m" if kind == "MAP" else f"{1e3 * x:.4g} ms"
-        parts = [first, f"{rate_mps:+.3g} m/s"]
+        parts = [first, f"{fixed(rates[0], digits, signed=True)} m/s"]
         parts.append(f"{view.level_db(kind.lower(), x, y):.1f} {view.unit}")
     elif kind == "PROFILE":
         parts = [f"{x:.4g} m", f"{y:.1f} dB"]

@@ -167,7 +167,7 @@ def test_the_whole_picture_is_few_rectangles() -> None:
 
 @pytest.mark.parametrize(
     ("room_px", "scale"),
-    [((2000.0, 1400.0), 2.0), ((700.0, 1400.0), 700 / 452), ((2000.0, 400.0), 400 / 372)],
+    [((2000.0, 1400.0), 2.0), ((700.0, 1400.0), 700 / 452), ((2000.0, 400.0), 400 / 432)],
 )
 def test_the_picture_fits_into_the_view(room_px: tuple[float, float], scale: float) -> None:
     """On a display of scale 2 as large as it can be; too small to be read it is not drawn."""

@@ -322,7 +322,7 @@ def test_operators_are_found_by_search_and_undone_in_one_step(addon: Any) -> Non
     }
     assert internal == {
         "radarsim.set_values", "radarsim.select_subjects",
-        "radarsim.recalculate_normals", "radarsim.explain",
+        "radarsim.recalculate_normals", "radarsim.explain", "radarsim.read_out",
     }  # fmt: skip
     changing = {item.bl_idname for item in operators if "UNDO" in getattr(item, "bl_options", ())}
     assert changing >= {

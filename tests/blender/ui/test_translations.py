@@ -115,9 +115,9 @@ def test_the_german_dictionary_has_the_texts_of_the_code(addon: None) -> None:
 
 def test_the_script_adds_texts_and_keeps_translations(addon: None, tmp_path: Path) -> None:
     path = tmp_path / "de_DE.json"
-    path.write_text(json.dumps({"Esc stops": "Esc bricht ab", "long gone": "lange weg"}))
+    path.write_text(json.dumps({"Not measured yet": "Nicht gemessen", "long gone": "lange weg"}))
     assert make_translation.main(["de_DE", "--out", str(tmp_path)]) == 0
     texts = json.loads(path.read_text(encoding="utf-8"))
-    assert texts["Esc stops"] == "Esc bricht ab" and "long gone" not in texts
+    assert texts["Not measured yet"] == "Nicht gemessen" and "long gone" not in texts
     wanted = {"about {time}", "Set Up Radar", "Range Profile", "Beyond unambiguous velocity"}
     assert wanted <= set(texts) and len(texts) > 300

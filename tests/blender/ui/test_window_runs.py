@@ -184,7 +184,7 @@ def test_esc_in_the_operator_stops_its_run(scene: Any, tmp_path: Path) -> None:
     """The steps of the operator by hand. Esc that comes while the copy is saved is the next one."""
     said: list[str] = []
     operator: Any = SimpleNamespace(
-        _run=None, _announced=False, _timer=None,
+        _run=None, _announced=False, _timer=None, _shows=False,
         report=lambda kind, text: said.append(text), _leave=lambda context, result: result,
     )  # fmt: skip
     for name in ("_report_end", "modal"):
