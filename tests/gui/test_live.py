@@ -33,6 +33,7 @@ def live(installed: Chroot, shots_dir: Path) -> dict[str, Any]:
 
 
 def test_the_preview_follows_a_moving_object(live: dict[str, Any]):
+    assert live["on"]
     assert 1e5 <= live["triangles"] < 1.01e5
     found = live["moving"]
     assert found["slices"] > found["drafts"] >= found["first_drafts"] >= 2

@@ -85,8 +85,12 @@ def script(robot: Robot) -> Any:
     yield 0.5
     yield from robot.open_tab("Radar")
     yield from robot.click("radarsim.setup_rig")
+    yield from robot.settle()
+    robot.press("Return")  # the first preset of the list
     yield from robot.wait(lambda: "Radar" in bpy.data.objects, "the radar", 20)
     radar = bpy.data.objects["Radar"]
+    result["on"] = bpy.context.window_manager.radarsim_live  # a new radar has switched it on
+    bpy.context.window_manager.radarsim_live = False
     radar.location, radar.rotation_euler = (0.0, 0.0, 0.0), (math.pi / 2, 0.0, 0.0)
     yield 1.0
     robot.start_watching()
