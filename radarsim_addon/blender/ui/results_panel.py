@@ -143,7 +143,7 @@ class RadarResults(bpy.types.PropertyGroup):
         description="Choose the processed frame that is shown",
     )
     span_db: bpy.props.FloatProperty(
-        name="Dynamic Range [dB]",
+        name="Range of dB",
         default=80.0,
         min=10.0,
         max=200.0,

@@ -462,11 +462,16 @@ def _fill_rows(context: bpy.types.Context) -> None:
     state.rows.clear()
     for item in view.targets if view is not None else ():
         row = state.rows.add()
-        row.name, row.range_text = item["name"] or "?", f"{item['range_m']:.4g}"
+        row.name, row.range_text = item["name"] or "?", _short(item["range_m"])
         row.rate_text = f"{item['velocity_mps']:+z.1f}"
         row.snr_text = "" if item["snr_db"] is None else f"{item['snr_db']:.0f}"
         if item["rcs_dbsm"] is not None:
             row.rcs_text = f"{item['rcs_dbsm']:.0f}{uncertain_text(item)}"
+
+
+def _short(range_m: float) -> str:
+    """Return a range with three digits, from 1000 m in whole metres."""
+    return f"{range_m:.3g}" if range_m < 999.5 else f"{range_m:.0f}"
 
 
 def target_text(item: Target) -> str:
