@@ -407,6 +407,7 @@ class RunRecord:
     range_start_m: float = 0.0
     range_stop_m: float = 0.0  # 0: as far as the rings, with paths the scene, reach
     weather: dict[str, Any] = field(default_factory=dict)  # fields of Weather; empty: clear air
+    channels: list[dict[str, Any]] = field(default_factory=list)  # Channel; empty: a single one
     scene: str = ""
     schema: str = "radarsim/run"
     schema_version: int = SCHEMA_VERSION

@@ -23,6 +23,7 @@ ROOMS = (
     "signal.scene", "signal.radar", "signal.motion", "signal.runs", "signal.paths",
     "signal.spectrum",
     "signal.decoding", "signal.tracing", "signal.scattering", "signal.echoes", "signal.maps",
+    "signal.angles",
     "signal.detection", "signal.draft", "signal.products", "signal.pictures",
     "signal.pipeline", "signal",
     "blender.state", "blender.plan", "blender.nodes", "blender.materials", "blender.scene",

@@ -12,7 +12,15 @@ from typing import Any
 from ...contract import MAX_PIXELS, MAX_RINGS, LinkBudget
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
-from ...signal.radar import AnyWaveform, Burst, Radar, Weather
+from ...signal.radar import (
+    SINGLE_CHANNEL,
+    AnyWaveform,
+    Burst,
+    Channel,
+    Radar,
+    Weather,
+    array_preset,
+)
 
 #: Blender's own limit is a little larger.
 LAST_FRAME = 999_999
@@ -167,8 +175,27 @@ class Measurement:
         ),
     )
 
+    array: str = setting(
+        "Array",
+        "Choose the elements that measure angles: transmitters, which send in turn, x receivers",
+        "single",
+        choices=(
+            ("single", "One Element", "No angles. A radar file may hold elements of its own"),
+            ("1x4", "1 x 4", "4 receivers in a row"),
+            ("1x8", "1 x 8", "8 receivers in a row"),
+            ("8x8", "1 x 64 (8 x 8)", "64 receivers in a square: azimuth and elevation"),
+            ("3x4", "3 x 4", "A single 77 GHz chip: 8 virtual elements in a row, 4 above"),
+            ("12x16", "12 x 16", "Four 77 GHz chips: 86 virtual elements in a row, some above"),
+        ),
+    )
+    #: Those of a radar file; a chosen array replaces them.
+    channels: tuple[Channel, ...] = (SINGLE_CHANNEL,)
+
     def __post_init__(self) -> None:
-        Radar(self.waveform, self.burst)  # the chirp must fit into the pulse interval
+        if self.array != "single":
+            array = array_preset(self.array, self.waveform.wavelength_m)
+            object.__setattr__(self, "channels", array.channels(self.burst))
+        self.radar  # noqa: B018  # the chirp must fit into the pulse interval
         check_settings(self)
         if not self.frames:
             raise ConfigError("No frame is to be rendered; expected at least one.")
@@ -191,8 +218,8 @@ class Measurement:
 
     @property
     def radar(self) -> Radar:
-        """Waveform and burst together."""
-        return Radar(self.waveform, self.burst)
+        """Waveform, burst and channels together."""
+        return Radar(self.waveform, self.burst, self.channels)
 
     def renders(self, rings: int) -> int:
         """Number of Cycles renders when the run has `rings` rings."""

@@ -24,7 +24,7 @@ from ... import contract
 from ...contract import MAX_RINGS
 from ...errors import ConfigError
 from ...findings import Finding
-from ...signal.radar import Weather, waveform_to_dict
+from ...signal.radar import Weather, channels_to_dict, waveform_to_dict
 from .measurement import Measurement
 
 #: Path lengths per length of the range encoding. exp(-2*8) in G leaves 20 decades of float32 for
@@ -198,6 +198,12 @@ def make_plan(
             f"Visibility updates is {visibility_updates}; expected at most one per pulse of the "
             f"burst, {measurement.burst.pulses}. Lower it, or send more pulses."
         )
+    if sampling_mode == "rings" and any(one.displaced for one in measurement.channels):
+        raise ConfigError(
+            f"An array of {len(measurement.channels)} channels is asked for, and rings know no "
+            "scatterers, so that lengths to its elements are unknown. Choose the sampling mode "
+            "Paths, or Array: One Element."
+        )
     check_unit_scale(metres_per_unit)
     check_frame_rate(fps)
     rings = measurement.rings or automatic_rings(measurement.ring_step_m, extent)
@@ -258,7 +264,7 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
 
 #: What changes no render.
 _AFTER_RENDERING = (
-    "waveform", "burst", "link_budget", "frames", "rings", "weather",
+    "waveform", "burst", "array", "channels", "link_budget", "frames", "rings", "weather",
     "range_start_m", "range_stop_m",
 )  # fmt: skip
 
@@ -266,9 +272,9 @@ _AFTER_RENDERING = (
 def fingerprint(plan: Plan, scene_digest: str, versions: dict[str, str]) -> str:
     """Return a hash (SHA-256) of everything that changes the pixels of a render.
 
-    Waveform, burst, link budget, weather and range limits are excluded, because they come in after
-    rendering. Frames are excluded, because a run may resume with more of them. `scene_digest` names
-    the scene: a hash of its files, or a text that no other run has.
+    Waveform, burst, array, link budget, weather and range limits are excluded, because they come in
+    after rendering. Frames are excluded, because a run may resume with more of them. `scene_digest`
+    names the scene: a hash of its files, or a text that no other run has.
     """
     measurement: dict[str, Any] = dataclasses.asdict(plan.measurement)
     for key in _AFTER_RENDERING:
@@ -323,6 +329,7 @@ def run_record(
         extinction_length_m=plan.extinction_length_m,
         waveform=waveform_to_dict(measurement.waveform),
         burst=dataclasses.asdict(measurement.burst),
+        channels=channels_to_dict(measurement.channels),
         blend_file=blend_file,
         scene=scene,
         fingerprint=fingerprint(plan, scene_digest, versions),

@@ -27,9 +27,11 @@ from ...errors import ConfigError, OutputError, RadarSimError, SceneError, Setti
 from ...options import Declared, declared
 from ...signal.radar import (
     PATTERNS,
+    SINGLE_CHANNEL,
     WAVEFORM_KINDS,
     AnyWaveform,
     Burst,
+    Channel,
     Weather,
     load_radar,
     make_system,
@@ -478,7 +480,7 @@ def read_measurement(scene: bpy.types.Scene, radar: Any = None, **given: Any) ->
     """
     view = settings(active_radar(scene) if radar is None else radar)
     burst = view.record(Burst, **_of(Burst, given))
-    waveform, burst = _radar(view, given, burst)
+    waveform, burst, channels = _radar(view, given, burst)
     numbers: dict[str, Any] = (
         {"extinction_length_m": waveform.wavelength_m}
         if given.get("extinction", view.extinction) == "wavelength"
@@ -487,14 +489,16 @@ def read_measurement(scene: bpy.types.Scene, radar: Any = None, **given: Any) ->
     numbers |= _of(Measurement, given)
     numbers["frames"] = given.get("frames") or _frames(scene, view)
     numbers["weather"] = view.record(Weather, **_of(Weather, given))
-    return view.record(Measurement, waveform=waveform, burst=burst, **numbers)
+    return view.record(Measurement, waveform=waveform, burst=burst, channels=channels, **numbers)
 
 
 def _of(kind: type[Any], given: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in given.items() if name in declared(kind)}
 
 
-def _radar(view: Settings, given: dict[str, Any], burst: Burst) -> tuple[AnyWaveform, Burst]:
+def _radar(
+    view: Settings, given: dict[str, Any], burst: Burst
+) -> tuple[AnyWaveform, Burst, tuple[Channel, ...]]:
     kind = "file" if "waveform_file" in given else given.get("waveform_kind", view.waveform_kind)
     numbers = {
         name: value
@@ -509,12 +513,12 @@ def _radar(view: Settings, given: dict[str, Any], burst: Burst) -> tuple[AnyWave
             "choose another waveform."
         )
     if kind != "file":
-        return view.record(WAVEFORMS[kind], **numbers), burst
+        return view.record(WAVEFORMS[kind], **numbers), burst, (SINGLE_CHANNEL,)
     file = str(given.get("waveform_file") or view.waveform_file)
     if not file.strip():
         raise ConfigError("No waveform file is chosen. Choose one in Radar > Waveform.")
     found = load_radar(Path(bpy.path.abspath(file)), burst)
-    return found.waveform, found.burst
+    return found.waveform, found.burst, found.channels
 
 
 def _frames(scene: bpy.types.Scene, view: Settings) -> tuple[int, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 from ...arrays import Indices, Mask, Real, distances
 from ...messages import Message
 from ...signal.draft import DraftScene, mesh_message, scene_message
+from ...signal.radar import Radar
 from ...signal.scene import Mesh, Surface
 from ..materials import slot_materials, surface_at
 from ..plan import check_unit_scale, shortest_decimal
@@ -217,7 +218,7 @@ def _scene(
     fps = render.fps / shortest_decimal(render.fps_base)
     size = measurement.width_px, measurement.height_px
     drafted = DraftScene(
-        radar=measurement.radar,
+        radar=Radar(measurement.waveform, measurement.burst),  # one channel, for speed
         link_budget=own_link_budget(radar),
         weather=measurement.weather,
         polarisation=measurement.polarisation,

@@ -261,6 +261,7 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
             draw_quantity(layout, group, "fm_rate_mhz_per_us", "FM Rate", "MHz/us")
         labels = {"pulses": tr("Chirps")} if group.waveform_kind == "fmcw" else {}
         draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses", after=after, labels=labels)
+        draw_fields(layout, group, RADAR_SETTINGS, "array")
         if measurement is None and not shown_at_field(group, wrong):
             wrapped(context, layout, wrong, "ERROR")
 

@@ -3,12 +3,13 @@
 
 `peaks` interpolates local maxima of a map trigonometrically and finds leading edges of a profile.
 `cfar` has thresholds for the correlated cells of a tapered map, `detections` the targets above them
-and the paths that make a target. `moving_targets` subtracts echo after echo (CLEAN) and keeps what
-no other echo's response explains. `objects` sums the paths of each object to power and cross
-section, `power_budget` compares these with noise and clutter, `statistics` counts paths and reports
-doubtful ones.
+and the paths that make a target, `array_targets` those of several channels, with directions.
+`moving_targets` subtracts echo after echo (CLEAN) and keeps what no other echo's response explains.
+`objects` sums the paths of each object to power and cross section, `power_budget` compares these
+with noise and clutter, `statistics` counts paths and reports doubtful ones.
 """
 
+from .array_targets import DirectedDetection, detect_in_directions, named_in_directions
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
 from .detections import Detection, Detections, PathFinder, detect_targets, target_count
 from .moving_targets import (
@@ -40,6 +41,7 @@ __all__ = [
     "CfarResult",
     "Detection",
     "Detections",
+    "DirectedDetection",
     "DopplerFolds",
     "FrameBudget",
     "FrameStatistics",
@@ -48,6 +50,7 @@ __all__ = [
     "Peak",
     "StatisticsSum",
     "cfar_threshold",
+    "detect_in_directions",
     "detect_targets",
     "find_edges",
     "find_moving_targets",
@@ -55,6 +58,7 @@ __all__ = [
     "frame_statistics",
     "leading_edges",
     "matching_objects",
+    "named_in_directions",
     "object_echoes",
     "paths_of_objects",
     "peak_to_background_db",

@@ -32,7 +32,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Complex, Mask, Real
+from ...arrays import Complex, Indices, Mask, Real
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
 from ..maps import RangeDopplerMap, line_weights
@@ -200,6 +200,20 @@ def _fitted(cfar: Cfar, shape: tuple[int, int]) -> tuple[tuple[int, int], tuple[
             f"{cfar.guard}. Use fewer guard cells, more pulses or wider range limits."
         )
     return (guard0, guard1), (train0, cfar.train[1])
+
+
+def ring_mask(
+    cfar: Cfar, shape: tuple[int, ...], row: int, col: int
+) -> tuple[tuple[Indices, Indices], Mask]:
+    """Return rows and columns about a cell of a map of this shape, and which of these cells, (rows,
+    columns), are training cells.
+    """
+    guard, train = _fitted(cfar, (shape[0], shape[1]))
+    reach = guard[0] + train[0], guard[1] + train[1]
+    apart = np.arange(-reach[0], reach[0] + 1)
+    cols = np.arange(max(0, col - reach[1]), min(shape[1], col + reach[1] + 1))
+    inside = (np.abs(apart) > guard[0])[:, None] | (np.abs(cols - col) > guard[1])
+    return ((row + apart) % shape[0], cols), inside
 
 
 def _ring_sums(power: Real, guard: tuple[int, int], train: tuple[int, int]) -> tuple[Real, Real]:

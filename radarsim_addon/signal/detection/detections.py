@@ -13,11 +13,11 @@ import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ...arrays import Integers, Real
+from ...arrays import Integers, Mask, Real
 from ...contract import ImageRecord
 from ...physics.mirrors import mirror_matrix
 from ..decoding import FrameInput
@@ -27,7 +27,7 @@ from ..motion import mean_over_burst, which_move
 from ..paths import iter_rows, motion_of_rows, usable
 from ..scattering import Link
 from .cfar import Cfar, CfarResult, cfar_threshold, widened_guard
-from .objects import path_power_w
+from .objects import path_power_w, path_rcs_m2
 from .peaks import Peak, local_maxima, refine_peak
 
 #: Maximum number of interpolated targets; the strongest are kept.
@@ -153,13 +153,13 @@ def detect_targets(
             left_out += 1
         rows = (row + np.arange(-guard[0], guard[0] + 1)) % power.shape[0]
         free[rows, max(0, col - guard[1]) : col + guard[1] + 1] = False
-    targets = _interpolate(rd_map, chosen, result, cfar, wide or rd_map, noise_power)
+    targets = interpolated_targets(rd_map, chosen, result, cfar, wide or rd_map, noise_power)
     targets.sort(key=lambda target: -target.snr_db)
     cells, independent = result.cells
     return Detections(targets, int(above.sum()), left_out, cfar, cells, independent)
 
 
-def _interpolate(
+def interpolated_targets(
     rd_map: RangeDopplerMap,
     chosen: list[tuple[int, int]],
     result: CfarResult,
@@ -167,6 +167,10 @@ def _interpolate(
     wide: RangeDopplerMap,
     noise_power: Real | None,
 ) -> list[Detection]:
+    """Return the targets of chosen cells (row, column), interpolated between the cells of `wide`.
+
+    `result` has the noise around them, `noise_power` (Doppler,) is the receiver's; None: unknown.
+    """
     if not chosen:
         return []
     found: list[Detection] = []
@@ -223,11 +227,11 @@ _REACH_CELLS = 1.5
 
 @dataclass(frozen=True)
 class TargetPaths:
+    """Paths of a target of a map, the strongest first."""
+
     #: Objects that the largest part of their power touches: "Car", "Car via House" (the car moves,
     #: the house does not, or is a mirror), "Car and House"; "": unknown. The number of reflections
     #: follows if the path touches more than these.
-    """Paths of a target of a map, the strongest first."""
-
     name: str
     #: Object of the last scatterer of the strongest path; object lists count its power there.
     last_object: str
@@ -235,6 +239,24 @@ class TargetPaths:
     lines_m: list[Real]
     #: Power of each path, (n,) [W].
     power_w: Real
+    #: Part of the power that touches the objects of the name; None: no path is there.
+    purity: float | None = None
+    #: Mean direction in which these arrive, a unit vector in world space, (3,).
+    direction: Real | None = None
+    #: Of the strongest path: reflections, and cross section for a watt of received power [m^2/W];
+    #: None over mirrors.
+    reflections: int = 0
+    rcs_m2_per_w: float | None = None
+
+
+class BeamSines(NamedTuple):
+    """Where an array sees a target: along axes, unit vectors in world space (k, 3), the sines of
+    its direction, (k,), give or take `reach`, (k,).
+    """
+
+    axes: Real
+    sines: Real
+    reach: Real
 
 
 class PathFinder:
@@ -266,6 +288,7 @@ class PathFinder:
             elif burst_s > 0:
                 range_m = range_m + burst_s / 2 * rate
             columns.append(np.stack([range_m, rate, power]).astype(np.float32))
+        self._transmitter_m = np.asarray(self._record.transmitter.matrix_world)[:3, 3]
         joined = np.concatenate(columns, axis=1) if columns else np.zeros((3, 0), np.float32)
         period_m = self._radar.range_period_m
         self._range_m = joined[0] % np.float32(period_m) if np.isfinite(period_m) else joined[0]
@@ -273,11 +296,14 @@ class PathFinder:
         self._order = np.argsort(self._range_m, kind="stable")
         self._sorted_m = self._range_m[self._order]
 
-    def of_target(self, range_m: float, velocity_mps: float, most: int = 12) -> TargetPaths:
+    def of_target(
+        self, range_m: float, velocity_mps: float, most: int = 12, beam: BeamSines | None = None
+    ) -> TargetPaths:
         """Return the strongest paths within 1.5 resolution cells of a target, maybe none.
 
         Range is that in the middle of the burst, the range rate may have folded. The name is that
-        of all such paths, not only of the `most` that are returned.
+        of all such paths, not only of the `most` that are returned. With a `beam` paths from other
+        directions do not count.
         """
         radar = self._radar
         reach_m = _REACH_CELLS * radar.waveform.range_resolution_m
@@ -288,12 +314,26 @@ class PathFinder:
         apart_mps = np.minimum(apart_mps, interval_mps - apart_mps)
         reach_mps = _REACH_CELLS * radar.velocity_resolution_mps
         inside = apart_mps <= reach_mps
+        if beam is not None:
+            inside &= self._in_beam(near, beam)
         near, apart_mps = near[inside], apart_mps[inside]
         # what is next to the peak counts less
         weight = np.exp(
             -2 * ((self._range_m[near] - range_m) / reach_m) ** 2 - 2 * (apart_mps / reach_mps) ** 2
         )
         return self._answer(near, self._power_w[near] * weight, most)
+
+    def _in_beam(self, rows: Integers, beam: BeamSines) -> Mask:
+        """Return which paths an array sees in a beam: the mean of where they leave and arrive."""
+        arrives = self._rows["direction"][rows].astype(np.float64)
+        leaves = self._rows["last_scatterer_m"][rows] - self._transmitter_m
+        leaves /= np.linalg.norm(leaves, axis=1, keepdims=True)
+        if "mirrors" in self._rows.names:  # towards the mirror, not the scatterer behind it
+            over = self._rows["transmitter_image"][rows] > 0
+            leaves[over] = np.nan
+        leaves = np.where(np.isfinite(leaves).all(axis=1)[:, None], leaves, arrives)
+        sines = (arrives + leaves) / 2 @ beam.axes.T
+        return np.asarray((np.abs(sines - beam.sines) <= beam.reach).all(axis=1))
 
     def of_object(self, name: str, most: int = 12) -> TargetPaths:
         """Return the strongest paths whose first or last scatterer is on an object."""
@@ -320,13 +360,26 @@ class PathFinder:
         ends = np.sort([self._rows[end][rows] for end in ("first_object", "last_object")], axis=0)
         _, pair = np.unique(ends, axis=1, return_inverse=True)
         # A path and its reverse touch the same objects.
-        strongest = np.flatnonzero(pair == np.bincount(pair, weight).argmax())
-        row = self._rows[int(rows[strongest[weight[strongest].argmax()]])]
+        of_pair = np.bincount(pair, weight)
+        strongest = np.flatnonzero(pair == of_pair.argmax())
+        number = int(rows[strongest[weight[strongest].argmax()]])
+        row = self._rows[number]
         last = self._record.objects[row["last_object"] - 1] if row["last_object"] else ""
         chosen = rows[np.argsort(-weight, kind="stable")[:most]]
         lines = [self._line(self._rows[number]) for number in chosen.tolist()]
         powers_w = np.asarray(self._power_w[chosen], dtype=np.float64)
-        return TargetPaths(self._name(row), last, lines, powers_w)
+        arrives = weight[strongest] @ self._rows["direction"][rows[strongest]].astype(np.float64)
+        rcs_m2 = float(path_rcs_m2(self._rows[number : number + 1], self._record)[0])
+        return TargetPaths(
+            self._name(row),
+            last,
+            lines,
+            powers_w,
+            float(of_pair.max() / of_pair.sum()),
+            arrives / np.linalg.norm(arrives),
+            int(row["order"]),
+            rcs_m2 / float(self._power_w[number]) if rcs_m2 > 0 else None,
+        )
 
     def _name(self, row: Mapping[str, Any]) -> str:
         names = self._record.objects

@@ -254,6 +254,21 @@ def refine_peak(rd_map: RangeDopplerMap, row: int, col: int, peak_to_background_
     )
 
 
+def value_weights(
+    rd_map: RangeDopplerMap, range_m: float, doppler_hz: float
+) -> tuple[Complex, Complex]:
+    """Return weights of the rows, (Doppler,), and of the columns, (ranges,), whose sum is the value
+    of the map's trigonometric interpolation at a range and a Doppler.
+    """
+    pulses, ranges = rd_map.values.shape[1:]
+    cycles = doppler_hz / rd_map.radar.burst.prf_hz
+    rows = np.fft.fftshift(np.fft.ifft(np.exp(-2j * np.pi * cycles * np.arange(pulses))))
+    step_m = float(rd_map.range_m[1] - rd_map.range_m[0]) if ranges > 1 else 1.0
+    place = (range_m - float(rd_map.range_m[0])) / step_m
+    cols = np.fft.fft(np.exp(2j * np.pi * np.fft.fftfreq(ranges) * place)) / ranges
+    return rows, cols
+
+
 def _climb(
     factors: Callable[[float], Complex],
     terms: Complex,

@@ -19,6 +19,7 @@ from ...arrays import Real, read_npz
 from ...atomic_files import replaced
 from ...errors import FrameFileError
 from ...movie_file import MovieWriter
+from ..detection import DirectedDetection
 from ..maps import power_unit
 from ..products import FrameResult, frame_file, result_writer
 from .echo import draw_echo, plot_echo, plot_rings
@@ -34,9 +35,10 @@ from .map import (
     plot_clutter,
     plot_spectrogram,
 )
+from .points import plot_points
 from .profile import draw_range_profile
 
-_NAMES = ("rings", "echo", "range_profile", "range_doppler", "clutter", "spectrogram")
+_NAMES = ("rings", "echo", "range_profile", "range_doppler", "points", "clutter", "spectrogram")
 #: Pictures per second.
 FRAMES_PER_SECOND = 5
 #: Pixels per inch.
@@ -86,6 +88,12 @@ def draw_results(result: FrameResult, folder: Path) -> list[Path]:
         unit=unit,
     )
     files.append(save_picture(pixels, file("range_doppler")))
+    points = [one for one in found.targets if isinstance(one, DirectedDetection)] if found else []
+    if points:
+        fastest_mps = result.source.radar.max_unambiguous_velocity_mps
+        elevations = points[0].elevation_deg is not None
+        figure = plot_points(points, f"Point cloud, {title}", fastest_mps, elevations)
+        files.append(save_figure(figure, file("points")))
     if result.spectrogram is not None:
         name = result.spectrogram.options.object_name
         figure = plot_spectrogram(

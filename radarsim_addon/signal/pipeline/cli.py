@@ -22,7 +22,14 @@ from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, exit_code, finding_lines, from_json, to_json
 from ...options import CommandParser, add_arguments, add_share_arguments, declared, given, share_of
 from ...terminal import error_line, printable
-from ..detection import Cfar, Detection, Peak, target_count, velocity_before_folding_mps
+from ..detection import (
+    Cfar,
+    Detection,
+    DirectedDetection,
+    Peak,
+    target_count,
+    velocity_before_folding_mps,
+)
 from ..echoes import Receiver
 from ..maps import RangeDopplerMap, SpectrogramOptions, level_unit
 from ..pictures import MapFile, cell_width, decimals_for, fixed, map_file
@@ -369,12 +376,21 @@ def detection_lines(
     digits = map_digits(rd_map)
     lines = [
         f"target       {digits.range_text(t.range_m)}   SNR {t.snr_db:z8.2f} dB   "
-        f"{digits.motion_text(t)}{_name_text(t)}"
+        f"{digits.motion_text(t)}{_angle_text(t)}{_name_text(t)}"
         for t in targets[:_MOST_LINES]
     ]
     if len(targets) > _MOST_LINES:
         lines.append(f"{len(targets) - _MOST_LINES} more targets in the files")
     return lines
+
+
+def _angle_text(target: Detection) -> str:
+    """Return the angles of a target of an array, with the digits that its SNR bears."""
+    if not isinstance(target, DirectedDetection):
+        return ""
+    angles = {"azimuth": target.azimuth_deg, "elevation": target.elevation_deg}
+    known = [f"{name} {angle:+.2f}" for name, angle in angles.items() if angle is not None]
+    return f"   {', '.join(known)} deg"
 
 
 def _name_text(target: Peak | Detection) -> str:

@@ -3,24 +3,30 @@
 
 Paths of the frame get the gains of the link budget and, where they are rough, random phases; the
 synthesizer adds up their echoes, weather and receiver change them. Then come range profiles and the
-range-Doppler map, and in parallel what is expected on average over the speckle. Moving targets and
-detections are found in the first channel. With several visibility updates in a burst the echoes of
-all updates are interpolated.
+range-Doppler map, and in parallel what is expected on average over the speckle. Moving targets are
+found in the first channel, detections in all of them, with their directions. With several
+visibility updates in a burst the echoes of all updates are interpolated.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Collection, Generator
+from typing import Any
 
-from ...arrays import Mask
+import numpy as np
+
+from ...arrays import Mask, Real
 from ...findings import NO_ECHO_CODES, Finding, finding
+from ..angles import ArrayGeometry
 from ..decoding import FrameInput, iter_path_chunks
 from ..detection import (
     MAX_EDGES,
     SLOWEST_CELLS,
     BudgetReport,
+    Cfar,
     Detections,
     DopplerFolds,
     FrameBudget,
@@ -28,10 +34,12 @@ from ..detection import (
     PathFinder,
     Peak,
     StatisticsSum,
+    detect_in_directions,
     detect_targets,
     find_edges,
     find_moving_targets,
     matching_objects,
+    named_in_directions,
     paths_of_objects,
     received_recording,
     statistics_findings,
@@ -61,6 +69,7 @@ from ..maps import (
     range_process,
     spectrogram,
 )
+from ..motion import axes_of, places_m
 from ..paths import PathRows, Paths, TableFootprints
 from ..products import FrameResult
 from ..radar import Weather, find_suspicious_parameters
@@ -72,6 +81,9 @@ _CARRIER_SLACK = 0.01
 #: Slowest moving target, in Doppler cells, where echoes are blended over the burst: blending
 #: makes sidelobes next to 0 Hz.
 _SLOWEST_BLENDED_CELLS = 3.0
+
+#: Sine of the angle up to which an array without grating lobes measures.
+_WHOLE_SECTOR = 0.95
 
 
 def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameResult:
@@ -166,7 +178,7 @@ def frame_steps(
         expected=expected,
         receiver_gain=options.receiver_gain,
     )
-    # detection works on one channel
+    # of several channels detections take all, moving targets the first
     first_map = rd_map.channel(0)
     recording = received_recording(
         received.echoes.channel(0), first_map, options.mti, compressed.channel(0)
@@ -174,12 +186,21 @@ def frame_steps(
     shown_rain = _shows_rain(frame_input, options.weather)
     shown_weather = dataclasses.replace(options.weather, rain_echo=shown_rain)
     moving = _moving_targets(frame_input, options, received, first_map, recording, folds)
-    detections = _detections(options, received, first_map, recording, folds)
+    array = _array_of(echo_sum.budget, received.echoes)
+    if array is None:
+        detections = _detections(options, received, first_map, recording, folds)
+    else:
+        detections = _array_detections(options, received, rd_map, compressed, folds, array)
     if frame_input.tables and (moving or (detections is not None and detections.targets)):
         finder = PathFinder(frame_input, budget.link)
         moving = finder.named(moving)
         if detections is not None:
-            detections = dataclasses.replace(detections, targets=finder.named(detections.targets))
+            targets: list[Any] = (
+                finder.named(detections.targets)
+                if array is None
+                else [*named_in_directions(finder, detections.targets, *array)]
+            )
+            detections = dataclasses.replace(detections, targets=targets)
     speckle, edges = echo_sum.speckle, find_edges(profile_sum.result(within=True))
     result = FrameResult(
         source=frame_input,
@@ -195,7 +216,8 @@ def frame_steps(
         budget=report,
         findings=findings_of_frame(
             frame_input, statistics, report, speckle, expected, received, shown_weather
-        ),
+        )
+        + ([] if array is None else _array_findings(array[0], number)),
         expected=expected,
         speckle=speckle.report(),
         detections=detections,
@@ -328,6 +350,50 @@ def _detections(
     gain = map_noise_rows(rd_map, options.range_taper, options.doppler_taper, options.mti)
     found = detect_targets(
         rd_map, options.cfar, dynamics_db(options.tolerance), wide=recording.rd_map,
+        noise_power=received.floor_power_w * gain if known else None,
+    )  # fmt: skip
+    return dataclasses.replace(found, targets=folds.unfolded(found.targets))
+
+
+def _array_of(budget: FrameBudget, echoes: Echoes) -> tuple[ArrayGeometry, Real] | None:
+    """Return the elements of an array, and the receiver's pose, in the middle of the burst; None:
+    one channel, or elements whose places have no effect.
+    """
+    radar, antennas = echoes.radar, budget.antennas
+    if antennas is None or len(radar.channels) < 2:
+        return None
+    middle_s = (radar.burst.pulses - 1) / (2 * radar.burst.prf_hz)
+    geometry = ArrayGeometry.of(radar, antennas, middle_s)
+    if not any(geometry.measures):
+        return None
+    pose, at = np.eye(4), np.array([middle_s])
+    pose[:3, :3] = axes_of(antennas.receiver, at)[0]
+    pose[:3, 3] = places_m(antennas.receiver, at)[0]
+    return geometry, pose
+
+
+def _array_findings(geometry: ArrayGeometry, frame: int) -> list[Finding]:
+    """Name angles that the array measures with more than one answer."""
+    found = []
+    sectors = zip(("azimuth", "elevation"), geometry.unambiguous_sines(), strict=True)
+    for axis, sine in sectors:
+        if sine < _WHOLE_SECTOR:
+            sector_deg = math.degrees(math.asin(sine))
+            found.append(finding("angles-ambiguous", axis=axis, sector_deg=sector_deg))
+    return [item.in_frame(frame) for item in found]
+
+
+def _array_detections(
+    options: ResolvedOptions, received: ReceivedSignal, rd_map: RangeDopplerMap,
+    compressed: RangeProfiles, folds: DopplerFolds, array: tuple[ArrayGeometry, Real],
+) -> Detections:  # fmt: skip
+    known = received.noise_power_w > 0 and options.receiver.phase_noise is None
+    gain = map_noise_rows(
+        rd_map.channel(0), options.range_taper, options.doppler_taper, options.mti
+    )
+    found = detect_in_directions(
+        rd_map, *array, options.cfar or Cfar(), dynamics_db(options.tolerance),
+        wide=received_recording(received.echoes, rd_map, options.mti, compressed).rd_map,
         noise_power=received.floor_power_w * gain if known else None,
     )  # fmt: skip
     return dataclasses.replace(found, targets=folds.unfolded(found.targets))

@@ -47,7 +47,8 @@ class ProcessOptions:
     weather
         Rain, fog and gases, see :class:`.radar.Weather`; None: the run's own.
     cfar
-        Detector, see :class:`.detection.Cfar`; None: no detections.
+        Detector, see :class:`.detection.Cfar`; None: no detections, but those of an array with the
+        default detector.
     spectrogram
         Windows, ranges or object of a spectrogram, see :class:`.maps.SpectrogramOptions`; None: no
         spectrogram.
@@ -247,7 +248,10 @@ class ResolvedOptions(ProcessOptions):
     @property
     def writers(self) -> tuple[str, ...]:
         """Names of the writers of result files, pictures and summary apart."""
-        wanted = {"hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products}
+        array = len(self.radar.channels) > 1
+        wanted = {
+            "points": array, "hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products,
+        }  # fmt: skip
         return ("npz", "csv", *(name for name, wish in wanted.items() if wish))
 
     def open(self, frame: RadarFrame) -> FrameInput:

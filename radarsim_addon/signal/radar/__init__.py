@@ -4,12 +4,23 @@
 In: numbers in SI, or radar and link-budget files. Out: frozen records that were checked when they
 were made, and the spectra of their pulses. Gains are linear, angles in radians.
 
-`config` has the radar and the protocol of its waveforms, `waveforms` their kinds, the spectra of
+`config` has the radar and the protocol of its waveforms, `arrays` the elements of several antennas,
+`waveforms` their kinds, the spectra of
 pulses, matched filters and windows, `radar_files` reads and writes them. `link_budget` has
 antennas, powers, losses, noise and weather, `coverage` the diagram of a radar over a smooth ground.
 """
 
 from ...contract import AntennaRecord, LinkBudget
+from .arrays import (
+    ARRAY_PRESETS,
+    MAX_CHANNELS,
+    AntennaArray,
+    array_from_dict,
+    array_preset,
+    channels_from_dict,
+    channels_to_dict,
+    linear_array,
+)
 from .config import MAX_SAMPLES, SINGLE_CHANNEL, AnyWaveform, Burst, Channel, Element, Radar
 from .coverage import (
     Coverage,
@@ -62,11 +73,14 @@ from .waveforms import (
 )
 
 __all__ = [
+    "ARRAY_PRESETS",
+    "MAX_CHANNELS",
     "MAX_SAMPLES",
     "PATTERNS",
     "SINGLE_CHANNEL",
     "WAVEFORM_KINDS",
     "WINDOW_NAMES",
+    "AntennaArray",
     "AntennaRecord",
     "AnyWaveform",
     "ArbitraryPulse",
@@ -89,14 +103,19 @@ __all__ = [
     "SteppedWaveform",
     "Waveform",
     "Weather",
+    "array_from_dict",
+    "array_preset",
     "band_window",
     "burst_from_dict",
+    "channels_from_dict",
+    "channels_to_dict",
     "compute_coverage",
     "coverage_curve",
     "cut_dbi",
     "find_suspicious_parameters",
     "frequencies_hz",
     "half_power_width_rad",
+    "linear_array",
     "load_radar",
     "make_antenna",
     "make_system",

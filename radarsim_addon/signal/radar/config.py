@@ -148,6 +148,14 @@ class PulseNumbers(WaveformNumbers):
 Vector = tuple[float, float, float]
 
 
+def _numbers(values: object) -> Real:
+    """Return numbers as an array; an empty one where they are none."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.empty(0)
+
+
 @dataclass(frozen=True)
 class Element:
     """One antenna element of the transmitter or of the receiver.
@@ -175,19 +183,22 @@ class Element:
     polarisation: str = ""
 
     def __post_init__(self) -> None:
-        if np.shape(self.position_m) != (3,) or not np.isfinite(self.position_m).all():
+        place_m, turn = _numbers(self.position_m), _numbers(self.orientation)
+        if place_m.shape != (3,) or not np.isfinite(place_m).all():
             raise ConfigError(
-                f"Position of an antenna element is {self.position_m!r}; expected three finite "
+                f"Position of an antenna element is {self.position_m!r:.60}; expected three finite "
                 "numbers of metres."
             )
-        turn = np.asarray(self.orientation, dtype=np.float64)
         if turn.shape != (3, 3) or not (
             np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-6) and np.linalg.det(turn) > 0
         ):
             raise ConfigError(
-                f"Orientation of an antenna element is {self.orientation!r}; expected a rotation "
-                "matrix of three rows."
+                f"Orientation of an antenna element is {self.orientation!r:.60}; expected a "
+                "rotation matrix of three rows."
             )
+        # Lists of a file become tuples, so that equal elements are equal.
+        object.__setattr__(self, "position_m", tuple(place_m.tolist()))
+        object.__setattr__(self, "orientation", tuple(map(tuple, turn.tolist())))
 
     @property
     def displaced(self) -> bool:

@@ -19,6 +19,7 @@ from ...arrays import Complex, read_npy
 from ...errors import ConfigError, FrameFileError
 from ...findings import Finding, finding
 from ...typed_json import from_json, read_json
+from .arrays import array_from_dict
 from .config import MAX_WAVEFORM_SAMPLES, AnyWaveform, Burst, Radar
 from .waveforms import (
     ArbitraryPulse,
@@ -196,7 +197,10 @@ def burst_from_dict(data: dict[str, Any], waveform: AnyWaveform | None = None) -
 
 
 def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
-    """Read a radar from a JSON file: {"waveform": {"kind": ..., ...}, "burst": {...}}.
+    """Read a radar from a JSON file.
+
+    It holds the objects "waveform" ({"kind": ..., ...}), "burst", and, where the radar has several
+    antennas, "array": see :func:`.array_from_dict`.
 
     Parameters
     ----------
@@ -208,7 +212,7 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
     Returns
     -------
     Radar
-        Waveform and burst.
+        Waveform, burst and channels.
 
     Raises
     ------
@@ -223,9 +227,10 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
         '"prf_hz": ...}}; samples belong into a file of their own.'
     )
     data = read_json(path, _MAX_RADAR_BYTES, remedy, FrameFileError)
-    if not {"waveform"} <= set(data) <= {"waveform", "burst"}:
+    if not {"waveform"} <= set(data) <= {"waveform", "burst", "array"}:
         raise ConfigError(
-            f"{path} holds {', '.join(sorted(data)):.60}; expected the objects waveform and burst."
+            f"{path} holds {', '.join(sorted(data)):.60}; expected the objects waveform and burst, "
+            "and array where there are several antennas."
         )
     try:
         waveform = waveform_from_dict(data["waveform"], path.parent)
@@ -233,7 +238,10 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
             burst = burst_from_dict(data["burst"], waveform)
         if burst is None:
             raise ConfigError("It holds no burst; expected pulses and prf_hz.")
-        return Radar(waveform, burst)
+        if "array" not in data:
+            return Radar(waveform, burst)
+        array = array_from_dict(data["array"], waveform.wavelength_m)
+        return Radar(waveform, burst, array.channels(burst))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
 

@@ -37,7 +37,7 @@ from ...contract import (
 from ...errors import ConfigError, FrameFileError, SchemaError
 from ...findings import Finding, frames_text
 from ...typed_json import check_run, file_sha256, from_json, read_record
-from ..radar import Radar, Weather, burst_from_dict, waveform_from_dict
+from ..radar import Radar, Weather, burst_from_dict, channels_from_dict, waveform_from_dict
 from .exr import read_exr
 
 #: Fields of a plan that list its frames: parts of one run differ in them.
@@ -370,7 +370,8 @@ def open_run(path: str | Path) -> Run:
         )
     try:
         waveform = waveform_from_dict(dict(record.waveform), path)
-        return Run(path, record, Radar(waveform, burst_from_dict(dict(record.burst))))
+        burst = burst_from_dict(dict(record.burst))
+        return Run(path, record, Radar(waveform, burst, channels_from_dict(record.channels)))
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from error
 

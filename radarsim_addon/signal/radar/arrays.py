@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Antenna arrays: their elements, and the times at which the transmitters send.
+
+With several transmitters each has a slot of its own in the pulse interval (time division, TDM), so
+that every receiver hears one of them at a time. A pair of transmitter and receiver is a channel. To
+a distant target it acts as one element at the sum of both positions, the virtual element (Bliss and
+Forsythe, 37th Asilomar Conference, 54, 2003). Channels are numbered by transmitter, then receiver.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Real
+from ...errors import ConfigError
+from ...typed_json import from_json
+from .config import SINGLE_CHANNEL, Burst, Channel, Element
+
+#: More channels than this are a mistake: the largest radars on one board have 12 x 16.
+MAX_CHANNELS = 4096
+#: Elements nearer to one another than this are one element entered twice [m].
+_APART_M = 1e-6
+
+
+@dataclass(frozen=True)
+class AntennaArray:
+    """Elements of a radar with several antennas.
+
+    Attributes
+    ----------
+    transmitters, receivers
+        Elements, in the axes of the transmitting and of the receiving antenna: x right, y up,
+        z back [m].
+    slot_s
+        Time from the start of one transmitter's pulse to that of the next one's [s]; None: the
+        slots share the pulse interval evenly.
+
+    Raises
+    ------
+    ConfigError
+        No element, two elements in one place, too many channels, or a slot that is not above 0.
+    """
+
+    transmitters: tuple[Element, ...]
+    receivers: tuple[Element, ...]
+    slot_s: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, elements in (("transmitters", self.transmitters), ("receivers", self.receivers)):
+            if not elements:
+                raise ConfigError(f"The array has no {name}; expected at least one.")
+            places = np.array([element.position_m for element in elements])
+            apart_m = np.linalg.norm(places[:, None] - places[None], axis=2)
+            same = np.argwhere(np.triu(apart_m < _APART_M, 1))
+            if same.size:
+                one, other = same[0].tolist()
+                raise ConfigError(
+                    f"Elements {one} and {other} of the array's {name} are both at "
+                    f"{elements[one].position_m} m. Give each element a place of its own."
+                )
+        count = len(self.transmitters) * len(self.receivers)
+        if count > MAX_CHANNELS:
+            raise ConfigError(
+                f"An array of {len(self.transmitters)} transmitters and {len(self.receivers)} "
+                f"receivers has {count} channels; expected at most {MAX_CHANNELS}."
+            )
+        if self.slot_s is not None and not self.slot_s > 0:
+            raise ConfigError(f"slot_s of the array is {self.slot_s!r} s; expected above 0.")
+
+    def channels(self, burst: Burst) -> tuple[Channel, ...]:
+        """Return a channel for each pair of transmitter and receiver.
+
+        Parameters
+        ----------
+        burst
+            Its PRF is that of the whole cycle, in which each transmitter sends once.
+
+        Returns
+        -------
+        tuple of Channel
+            By transmitter, then receiver.
+        """
+        slot_s = self.slot_s
+        if slot_s is None:
+            slot_s = 1 / (burst.prf_hz * len(self.transmitters))
+        return tuple(
+            Channel(tx, rx, number * slot_s)
+            for number, tx in enumerate(self.transmitters)
+            for rx in self.receivers
+        )
+
+    @property
+    def virtual_m(self) -> Real:
+        """Places of the virtual elements, (channels, 3) [m]."""
+        return np.array(
+            [
+                np.add(tx.position_m, rx.position_m)
+                for tx in self.transmitters
+                for rx in self.receivers
+            ]
+        )
+
+
+def linear_array(count: int, spacing_m: float, axis: int = 0) -> tuple[Element, ...]:
+    """Return elements in a row, its middle at the antenna's origin.
+
+    Parameters
+    ----------
+    count
+        Number of elements.
+    spacing_m
+        Distance between neighbours [m].
+    axis
+        0: along x (to the right), 1: along y (upwards).
+    """
+    places_m = (np.arange(count) - (count - 1) / 2) * spacing_m
+    return tuple(Element(tuple((np.eye(3)[axis] * place).tolist())) for place in places_m)
+
+
+def _placed(steps: Sequence[tuple[float, float]], wavelength_m: float) -> tuple[Element, ...]:
+    """Return elements at places (right, up) in half wavelengths, their middle at the origin."""
+    places = np.array(steps, dtype=np.float64)
+    places = (places - (places.max(axis=0) + places.min(axis=0)) / 2) * wavelength_m / 2
+    return tuple(Element((float(right), float(up), 0.0)) for right, up in places)
+
+
+def _uniform(columns: int, rows: int) -> Callable[[float], AntennaArray]:
+    steps = [(x, y) for y in range(rows) for x in range(columns)]
+    return lambda wavelength_m: AntennaArray((Element(),), _placed(steps, wavelength_m))
+
+
+def _single_chip(wavelength_m: float) -> AntennaArray:
+    """Two transmitters in a row with the receivers, one raised by half a wavelength."""
+    receivers = [(x, 0) for x in range(4)]
+    return AntennaArray(
+        _placed([(0, 0), (2, 1), (4, 0)], wavelength_m), _placed(receivers, wavelength_m)
+    )
+
+
+def _cascade(wavelength_m: float) -> AntennaArray:
+    """Four chips: nine transmitters in a row, three raised, and sixteen receivers."""
+    row = [(4 * x, 0) for x in range(9)]
+    raised = [(9, 1), (10, 4), (11, 6)]
+    receivers = [(x, 0) for start in (0, 11, 46, 50) for x in range(start, start + 4)]
+    return AntennaArray(_placed(row + raised, wavelength_m), _placed(receivers, wavelength_m))
+
+
+#: Arrays by name. The places of "3x4" and "12x16" are those of common 77 GHz evaluation boards
+#: (Texas Instruments, AWR1843BOOST and TIDEP-01012), in half wavelengths.
+ARRAY_PRESETS: dict[str, Callable[[float], AntennaArray]] = {
+    "1x4": _uniform(4, 1),
+    "1x8": _uniform(8, 1),
+    "8x8": _uniform(8, 8),
+    "3x4": _single_chip,
+    "12x16": _cascade,
+}
+
+
+def array_preset(name: str, wavelength_m: float) -> AntennaArray:
+    """Return an array by its name.
+
+    Parameters
+    ----------
+    name
+        "1x4" and "1x8": one transmitter, receivers in a row. "8x8": one transmitter, 64
+        receivers. "3x4": a single chip, 8 virtual elements in a row and 4 above them. "12x16": four
+        chips, 86 virtual elements in a row and others up to 3 wavelengths above them.
+    wavelength_m
+        Wavelength of the carrier; elements are multiples of half of it apart [m].
+
+    Raises
+    ------
+    ConfigError
+        Another name.
+    """
+    if name not in ARRAY_PRESETS:
+        raise ConfigError(
+            f"There is no array preset {name!r:.40}; expected one of {', '.join(ARRAY_PRESETS)}."
+        )
+    return ARRAY_PRESETS[name](wavelength_m)
+
+
+def array_from_dict(data: object, wavelength_m: float) -> AntennaArray:
+    """Return an array from the object "array" of a radar file.
+
+    Parameters
+    ----------
+    data
+        {"preset": NAME}, or {"transmitters": [...], "receivers": [...]}, of places [x, y, z] in
+        metres or of objects with the fields of `Element`; both may have "slot_s".
+    wavelength_m
+        Wavelength of the carrier [m].
+
+    Raises
+    ------
+    ConfigError
+        Unknown or missing fields, or numbers that do not fit.
+    """
+    if not isinstance(data, dict):
+        raise ConfigError(f"Array is {data!r:.60}; expected an object with its fields.")
+    slot_s = data.get("slot_s")
+    if slot_s is not None and not (isinstance(slot_s, int | float) and slot_s > 0):
+        raise ConfigError(f"Array: slot_s is {slot_s!r:.40}; expected seconds above 0.")
+    rest = set(data) - {"slot_s"}
+    if rest == {"preset"}:
+        chosen = array_preset(
+            data["preset"] if isinstance(data["preset"], str) else "", wavelength_m
+        )
+        return AntennaArray(chosen.transmitters, chosen.receivers, slot_s)
+    if rest != {"transmitters", "receivers"}:
+        raise ConfigError(
+            f"Array has the fields {', '.join(sorted(map(str, rest))):.80}; expected preset, or "
+            "transmitters and receivers, and maybe slot_s."
+        )
+    elements = [_elements(data[name], f"Array: {name}") for name in ("transmitters", "receivers")]
+    return AntennaArray(elements[0], elements[1], slot_s)
+
+
+def channels_to_dict(channels: Sequence[Channel]) -> list[dict[str, Any]]:
+    """Return channels as plain JSON; an empty list for a single one at the antennas' origins."""
+    if tuple(channels) == (SINGLE_CHANNEL,):
+        return []
+    return [dataclasses.asdict(channel) for channel in channels]
+
+
+def channels_from_dict(data: Sequence[dict[str, Any]]) -> tuple[Channel, ...]:
+    """Return channels from plain JSON, see `channels_to_dict`.
+
+    Raises
+    ------
+    ConfigError
+        Too many channels, or fields that do not fit.
+    """
+    if len(data) > MAX_CHANNELS:
+        raise ConfigError(f"There are {len(data)} channels; expected at most {MAX_CHANNELS}.")
+    found = tuple(from_json(Channel, one, f"Channel {n}") for n, one in enumerate(data))
+    return found or (SINGLE_CHANNEL,)
+
+
+def _elements(data: Any, where: str) -> tuple[Element, ...]:
+    if not isinstance(data, list) or len(data) > MAX_CHANNELS:
+        raise ConfigError(f"{where} is {data!r:.60}; expected a list of at most {MAX_CHANNELS}.")
+    return tuple(
+        from_json(
+            Element,
+            {"position_m": one} if isinstance(one, list) else one,
+            f"{where}[{number}]",
+        )
+        for number, one in enumerate(data)
+    )

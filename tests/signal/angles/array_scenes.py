@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Points that move, seen by an array: their maps, with directions by closed form."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
+from radarsim_addon.signal.angles import ArrayGeometry
+from radarsim_addon.signal.echoes import EchoOptions, Echoes, synthesizer_for
+from radarsim_addon.signal.maps import RangeDopplerMap, range_doppler, range_process
+from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, FrameMotion
+from radarsim_addon.signal.motion.body_motion import Segment
+from radarsim_addon.signal.paths import PathRows, geometry_of, make_paths, motion_of_rows
+from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar, array_preset
+
+CARRIER_HZ = 77e9
+WAVELENGTH_M = SPEED_OF_LIGHT_MPS / CARRIER_HZ
+#: 500 MHz: cells of 0.3 m, 128 of them.
+WAVEFORM = FmcwWaveform(CARRIER_HZ, 500e6, 256, 20e6)
+BURST = Burst(10e3, 64)
+SPAN_S = 0.01
+
+
+def radar_of(preset: str, burst: Burst = BURST, waveform: FmcwWaveform = WAVEFORM) -> Radar:
+    return Radar(waveform, burst, array_preset(preset, WAVELENGTH_M).channels(burst))
+
+
+def moving(place_m: np.ndarray, velocity_mps: np.ndarray) -> BodyMotion:
+    """A body at a place that moves steadily."""
+    pose = np.eye(4)
+    pose[:3, 3] = place_m
+    if not np.any(velocity_mps):
+        return BodyMotion(pose)
+    half = np.asarray(velocity_mps) * SPAN_S / 2
+    translation = np.array([np.asarray(place_m) + half, half])
+    still = np.zeros((1, 3)), np.eye(3)
+    return BodyMotion(pose, (Segment(0.0, SPAN_S, translation, np.zeros(3), *still),))
+
+
+def antennas_at(
+    receiver_m: tuple[float, float, float] = (0, 0, 0),
+    apart_m: tuple[float, float, float] = (0, 0, 0),
+    velocity_mps: tuple[float, float, float] = (0, 0, 0),
+) -> AntennaMotion:
+    """Antennas that look along -z, moving together."""
+    places = np.array(receiver_m, float), np.add(receiver_m, apart_m)
+    receiver, transmitter = (moving(place, np.array(velocity_mps)) for place in places)
+    return AntennaMotion(receiver, transmitter)
+
+
+def direction_of(azimuth_deg: float, elevation_deg: float = 0.0) -> np.ndarray:
+    """Unit vector in the antenna's axes: x right, y up, z back."""
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    return np.array(
+        [
+            math.cos(elevation) * math.sin(azimuth),
+            math.sin(elevation),
+            -math.cos(elevation) * math.cos(azimuth),
+        ]
+    )
+
+
+def echoes_of(
+    radar: Radar,
+    points_m: list[np.ndarray],
+    *,
+    radial_mps: float = 0.0,
+    powers_w: list[float] | None = None,
+    antennas: AntennaMotion | None = None,
+    range_limits_m: tuple[float, float] | None = None,
+) -> Echoes:
+    """Echoes of points that recede from the receiver, each of a power in every channel."""
+    antennas = antennas or antennas_at()
+    ends = [np.asarray(one.pose[:3, 3]) for one in (antennas.receiver, antennas.transmitter)]
+    rows = PathRows.zeros(len(points_m))
+    bodies = []
+    for number, point in enumerate(points_m):
+        row = rows[number : number + 1]
+        way = [np.asarray(point) - end for end in ends]
+        row["length_m"] = sum(np.linalg.norm(leg) for leg in way)
+        row["order"] = 1
+        row["first_scatterer_m"] = row["last_scatterer_m"] = point
+        row["first_body"] = row["last_body"] = number + 1
+        row["direction"] = way[0] / np.linalg.norm(way[0])
+        bodies.append(moving(np.asarray(point), radial_mps * way[0] / np.linalg.norm(way[0])))
+    scene = FrameMotion(SPAN_S, antennas.receiver, antennas.transmitter, False, bodies)
+    aperture_m2 = WAVELENGTH_M**2 / (4 * math.pi)
+    paths = dataclasses.replace(
+        make_paths(np.array(powers_w or [1.0] * len(points_m)) / aperture_m2, rows["length_m"]),
+        geometry=geometry_of(rows),
+        motion=motion_of_rows(rows, scene),
+    )
+    limits_m = range_limits_m or (0.0, radar.waveform.unambiguous_range_m)
+    synthesizer = synthesizer_for(
+        radar, limits_m, EchoOptions(speckle_seed=None), antennas=antennas
+    )
+    synthesizer.add(paths)
+    return synthesizer.result()
+
+
+def map_of(echoes: Echoes, taper: str = "hann") -> RangeDopplerMap:
+    return range_doppler(range_process(echoes, taper), taper)
+
+
+def geometry_at(
+    radar: Radar, antennas: AntennaMotion | None = None, time_s: float = 0.0
+) -> ArrayGeometry:
+    return ArrayGeometry.of(radar, antennas or antennas_at(), time_s)
