@@ -23,6 +23,7 @@ MODULES = (
     "paper_chain",
     "moving_echoes",
     "detection",
+    "angles",
     "energy",
     "motion",
     "weather",

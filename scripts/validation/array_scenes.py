@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Points that move, seen by an array: their maps, with directions by closed form."""
+"""Points that move, seen by an array, and their maps; no renders."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal.angles import ArrayGeometry
-from radarsim_addon.signal.echoes import EchoOptions, Echoes, synthesizer_for
+from radarsim_addon.signal.echoes import Echoes, EchoOptions, synthesizer_for
 from radarsim_addon.signal.maps import RangeDopplerMap, range_doppler, range_process
 from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Phases of an array's channels, and the directions found from them; no renders."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from radarsim_addon.arrays import Complex
+from radarsim_addon.signal.angles import DirectionFinder, angles_deg, covariance_of, esprit, music
+from radarsim_addon.signal.detection import detect_in_directions
+from radarsim_addon.signal.motion import FrameMotion
+from radarsim_addon.signal.paths import (
+    PathRows,
+    channel_lengths,
+    geometry_of,
+    make_paths,
+    motion_of_rows,
+)
+from radarsim_addon.signal.radar import AntennaArray, Radar, linear_array
+
+from . import array_scenes as scenes
+from .case import Bench, Case, Check, Group, absolute_check, relative_check, worst_of
+
+#: Directions off all axes (azimuth, elevation) [degrees].
+_DIRECTIONS = ((0.0, 0.0), (10.3, 4.0), (-34.7, 7.0), (57.0, -3.0))
+_MIDDLE_S = (scenes.BURST.pulses - 1) / (2 * scenes.BURST.prf_hz)
+_TRIALS = 1000
+
+
+def phases(_: Bench) -> list[Check]:
+    """Eight elements, antennas and a point that move, against distances in extended precision."""
+    times_s = np.array([0.0, 1.3e-3, 6.1e-3])
+    velocity = np.array([2.0, 0.5, -14.0])
+    antennas = scenes.antennas_at((0.3, 1.2, -0.4), velocity_mps=tuple(velocity.tolist()))
+    radar = scenes.radar_of("1x8")
+    checks = []
+    for range_m in (5.0, 80.0, 1e3, 1e4):
+        worst = 0.0
+        for azimuth_deg, elevation_deg in _DIRECTIONS:
+            start_m = np.array([0.3, 1.2, -0.4])
+            point_m = start_m + range_m * scenes.direction_of(azimuth_deg, elevation_deg)
+            speed = np.array([-3.0, 1.0, 22.0])
+            body = scenes.moving(point_m, speed)
+            row = PathRows.zeros(1)
+            row["length_m"], row["order"] = 2 * np.linalg.norm(point_m - start_m), 1
+            row["first_scatterer_m"] = row["last_scatterer_m"] = point_m
+            row["first_body"] = row["last_body"] = 1
+            row["direction"] = (point_m - start_m) / np.linalg.norm(point_m - start_m)
+            motion = FrameMotion(
+                scenes.SPAN_S, antennas.receiver, antennas.transmitter, False, [body]
+            )
+            paths = dataclasses.replace(
+                make_paths(np.ones(1), row["length_m"]),
+                geometry=geometry_of(row),
+                motion=motion_of_rows(row, motion),
+            )
+            for channel in radar.channels:
+                ours = channel_lengths(paths, channel, antennas).lengths_m(times_s, slice(None))[0]
+                exact = [
+                    sum(
+                        np.linalg.norm(
+                            (point_m - start_m - np.array(element.position_m)).astype(np.longdouble)
+                            + (speed - velocity).astype(np.longdouble) * np.longdouble(time_s)
+                        )
+                        for element in (channel.tx, channel.rx)
+                    )
+                    for time_s in times_s.tolist()
+                ]
+                apart = float(np.abs(ours - np.array(exact, dtype=np.longdouble)).max())
+                worst = max(worst, 360 * apart / scenes.WAVELENGTH_M)
+        checks.append(
+            absolute_check(f"{range_m:g} m", 0.0, worst, 0.1, "exact distances", unit="degrees")
+        )
+    return checks
+
+
+def points(_: Bench) -> list[Check]:
+    """A point alone through the whole chain: near field, folded Doppler, TDM."""
+    checks = []
+    for preset in ("1x8", "3x4"):
+        radar = scenes.radar_of(preset)
+        found: list[Check] = []
+        for range_m in (5.0, 17.3, 31.0):
+            for speed_mps in (0.0, 3.0, 30.0):
+                for azimuth_deg, elevation_deg in _DIRECTIONS:
+                    up = elevation_deg if preset == "3x4" else 0.0
+                    name = f"{range_m:g} m, {speed_mps:g} m/s, {azimuth_deg:g} degrees"
+                    error = _error_deg(radar, range_m, speed_mps, azimuth_deg, up)
+                    found.append(absolute_check(name, 0.0, error, 0.01, "geometry", unit="degrees"))
+        checks.append(worst_of(f"{preset}: azimuth, elevation of", found))
+    return checks
+
+
+def _error_deg(
+    radar: Radar, range_m: float, speed_mps: float, azimuth_deg: float, elevation_deg: float
+) -> float:
+    """Larger error of azimuth and elevation; noise is 80 dB below the echo."""
+    point = range_m * scenes.direction_of(azimuth_deg, elevation_deg)
+    echoes = scenes.echoes_of(radar, [point], radial_mps=speed_mps)
+    noise = np.random.default_rng(1).standard_normal((2, *echoes.samples.shape)) * 1e-5
+    echoes = dataclasses.replace(echoes, samples=echoes.samples + noise[0] + 1j * noise[1])
+    geometry = scenes.geometry_at(radar, time_s=_MIDDLE_S)
+    target = detect_in_directions(
+        scenes.map_of(echoes), geometry, np.eye(4), dynamics_db=60.0
+    ).targets[0]
+    errors = [target.azimuth_deg - azimuth_deg]
+    if target.elevation_deg is not None:
+        errors.append(target.elevation_deg - elevation_deg)
+    return float(max(np.abs(errors)))
+
+
+def noise(_: Bench) -> list[Check]:
+    """Eight elements at 20 dB, one snapshot of a cell, against the Cramer-Rao bound."""
+    geometry, rng = scenes.geometry_at(scenes.radar_of("1x8")), np.random.default_rng(11)
+    finder, step = DirectionFinder(geometry), np.arange(8) - 3.5
+    errors: dict[str, list[float]] = {"beam": [], "MUSIC": [], "ESPRIT": []}
+    for _trial in range(_TRIALS):
+        sine = float(rng.uniform(-0.7, 0.7))
+        samples = 10 * np.exp(1j * np.pi * sine * step) + _noise(rng, 8)
+        (source,) = finder.find(samples, 1e3, 0.0, math.inf, 1)
+        smooth = covariance_of(samples[:, None], subarray=6)
+        errors["beam"].append(source.direction[0] - sine)
+        errors["ESPRIT"].append(float(esprit(smooth, 0.5, 1)[0]) - sine)
+        errors["MUSIC"].append(_music_peak(smooth, sine) - sine)
+    # variance of the phase step: 6 / (SNR N (N^2 - 1))
+    bound = math.sqrt(6 / (100 * 8 * 63)) / math.pi
+    return [
+        absolute_check(
+            f"rms over the bound, {name}",
+            1.0,
+            math.sqrt(np.mean(np.square(found))) / bound,
+            0.6,
+            "Rife and Boorstyn 1974; at most 1.6",
+            standard_error=1 / math.sqrt(2 * _TRIALS),
+        )
+        for name, found in errors.items()
+    ]
+
+
+def _noise(rng: np.random.Generator, count: int) -> Complex:
+    values = rng.standard_normal((2, count)) / math.sqrt(2)
+    return np.asarray(values[0] + 1j * values[1])
+
+
+def _music_peak(covariance: Complex, near: float) -> float:
+    """Place of the spectrum's peak, by three grids of which each is finer."""
+    place, reach = near, 0.1
+    for _grid in range(3):
+        grid = np.linspace(place - reach, place + reach, 201)
+        steering = np.exp(1j * np.pi * np.outer(grid, np.arange(len(covariance))))
+        place, reach = float(grid[music(covariance, steering, 1).argmax()]), reach / 50
+    return place
+
+
+def turns(_: Bench) -> list[Check]:
+    """Two transmitters in turn at 30 m/s: with the phases of their slots, and without."""
+    spacing_m = scenes.WAVELENGTH_M / 2
+    array = AntennaArray(linear_array(2, 4 * spacing_m), linear_array(4, spacing_m))
+    radar = Radar(scenes.WAVEFORM, scenes.BURST, array.channels(scenes.BURST))
+    checks = []
+    for speed_mps in (30.0, -13.0):
+        for azimuth_deg in (12.0, -40.0):
+            name = f"{speed_mps:g} m/s, {azimuth_deg:g} degrees"
+            error = _error_deg(radar, 25.0, speed_mps, azimuth_deg, 0.0)
+            checks.append(
+                absolute_check(f"compensated, {name}", 0.0, error, 0.01, "geometry", unit="degrees")
+            )
+            point = 25.0 * scenes.direction_of(azimuth_deg)
+            rd_map = scenes.map_of(scenes.echoes_of(radar, [point], radial_mps=speed_mps))
+            row, col = np.unravel_index(rd_map.power[0].argmax(), rd_map.power[0].shape)
+            geometry = scenes.geometry_at(radar, time_s=_MIDDLE_S)
+            unaware = DirectionFinder(dataclasses.replace(geometry, offset_s=np.zeros(8)))
+            (source,) = unaware.find(rd_map.values[:, row, col], 25.0, 0.0, math.inf, 1)
+            jump = 4 * math.pi * speed_mps / scenes.WAVELENGTH_M * geometry.offset_s
+            sines = np.linspace(-1, 1, 100_001)
+            ahead = math.sin(math.radians(azimuth_deg)) - sines
+            beams = np.exp(1j * (np.pi * np.outer(ahead, np.arange(8)) - jump)).sum(axis=1)
+            theory_deg = math.degrees(math.asin(sines[np.abs(beams).argmax()]))
+            checks.append(
+                absolute_check(
+                    f"not compensated, {name}",
+                    theory_deg,
+                    angles_deg(source.direction)[0],
+                    0.1,
+                    "sum of the phases",
+                    unit="degrees",
+                )
+            )
+    return checks
+
+
+def pairs(_: Bench) -> list[Check]:
+    """Two points of 0 and -3 dB in one cell, 12 and 6 degrees apart (0.8 and 0.4 beam widths)."""
+    radar, checks = scenes.radar_of("3x4"), []
+    geometry = scenes.geometry_at(radar, time_s=_MIDDLE_S)
+    for apart_deg in (12.0, 6.0):
+        places = [20 * scenes.direction_of(angle) for angle in (3.0, 3.0 + apart_deg)]
+        echoes = scenes.echoes_of(radar, places, radial_mps=3.0, powers_w=[1.0, 0.5])
+        rd_map = scenes.map_of(echoes)
+        targets = detect_in_directions(rd_map, geometry, np.eye(4), dynamics_db=40.0).targets
+        targets = sorted(targets, key=lambda one: one.azimuth_deg)
+        for target, azimuth_deg, power in zip(
+            targets, (3.0, 3.0 + apart_deg), (1, 0.5), strict=True
+        ):
+            name = f"{apart_deg:g} degrees apart, at {azimuth_deg:g}"
+            checks += [
+                absolute_check(
+                    f"azimuth, {name}", azimuth_deg, target.azimuth_deg, 0.05, "geometry",
+                    unit="degrees",
+                ),
+                relative_check(f"power, {name}", power, 10 ** (target.level_db / 10), 0.02, "given"),
+            ]  # fmt: skip
+    return checks
+
+
+GROUP = Group(
+    "angles",
+    "Angles",
+    "Arrays of 1 x 8, 2 x 4 and 3 x 4 elements at 77 GHz, 500 MHz, bursts of 64 chirps. Points "
+    "through synthesis, map, detection and direction.",
+    (
+        Case("phases of eight elements", phases, 10.0),
+        Case("a point alone", points, 60.0),
+        Case("noise of 20 dB", noise, 20.0, quick=True),
+        Case("transmitters in turn", turns, 20.0),
+        Case("two points in one cell", pairs, 10.0),
+    ),
+)
