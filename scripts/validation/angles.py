@@ -211,7 +211,9 @@ def pairs(_: Bench) -> list[Check]:
                     f"azimuth, {name}", azimuth_deg, target.azimuth_deg, 0.05, "geometry",
                     unit="degrees",
                 ),
-                relative_check(f"power, {name}", power, 10 ** (target.level_db / 10), 0.02, "given"),
+                relative_check(
+                    f"power, {name}", power, 10 ** (target.level_db / 10), 0.02, "given"
+                ),
             ]  # fmt: skip
     return checks
 

@@ -115,6 +115,12 @@ class ArrayGeometry:
         return np.asarray(np.ptp(self.virtual_m[:, :2], axis=0) / self.wavelength_m)
 
     @property
+    def reach_m(self) -> float:
+        """Range that no echo can have: half the distance of the antennas, or to an element [m]."""
+        places = np.vstack([self.receiver_m, self.transmitter_m - self.origin_m, self.origin_m / 2])
+        return float(np.linalg.norm(places, axis=1).max())
+
+    @property
     def measures(self) -> tuple[bool, bool]:
         """Whether the array measures azimuth, and elevation."""
         right, up = self.extent_wavelengths > _LEAST_EXTENT
@@ -146,13 +152,10 @@ class ArrayGeometry:
             return np.asarray(np.exp(2j * np.pi / self.wavelength_m * towards))
         # |P| + |P - origin| = 2 range along each direction
         there_m = 2 * range_m - directions @ self.origin_m
-        nearest_m = max(
-            np.linalg.norm(self.receiver_m, axis=1).max(), np.linalg.norm(self.origin_m)
-        )
-        if not (2 * range_m > nearest_m and (there_m > 0).all()):
+        if not range_m > self.reach_m:
             raise ConfigError(
                 f"An echo at a range of {range_m:g} m is within the array, which reaches "
-                f"{nearest_m:g} m. Put the array's elements closer together, or the scene "
+                f"{self.reach_m:g} m. Put the array's elements closer together, or the scene "
                 "farther away."
             )
         reach_m = (4 * range_m**2 - self.origin_m @ self.origin_m) / (2 * there_m)

@@ -204,6 +204,7 @@ class _Search:
         count = self._channels
         rise = 1 + _UNSEEN / count - 1 / math.sqrt(count)
         rises = self._power > np.maximum(self._result.noise * rise, self._least)
+        rises[:, self._map.range_m <= self._finder.geometry.reach_m] = False
         places = np.argwhere(rises & local_maxima(self._power))
         order = np.argsort(-self._power[places[:, 0], places[:, 1]], kind="stable")
         return [(int(row), int(col)) for row, col in places[order[:_MAX_CANDIDATES]]]

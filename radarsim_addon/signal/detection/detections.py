@@ -376,7 +376,7 @@ class PathFinder:
             lines,
             powers_w,
             float(of_pair.max() / of_pair.sum()),
-            arrives / np.linalg.norm(arrives),
+            arrives / np.linalg.norm(arrives) if arrives.any() else None,
             int(row["order"]),
             rcs_m2 / float(self._power_w[number]) if rcs_m2 > 0 else None,
         )

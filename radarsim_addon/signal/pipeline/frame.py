@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ...arrays import Mask, Real
+from ...errors import ConfigError
 from ...findings import NO_ECHO_CODES, Finding, finding
 from ..angles import ArrayGeometry
 from ..decoding import FrameInput, iter_path_chunks
@@ -186,7 +187,7 @@ def frame_steps(
     shown_rain = _shows_rain(frame_input, options.weather)
     shown_weather = dataclasses.replace(options.weather, rain_echo=shown_rain)
     moving = _moving_targets(frame_input, options, received, first_map, recording, folds)
-    array = _array_of(echo_sum.budget, received.echoes)
+    array = _array_of(echo_sum.budget, received.echoes, statistics.nearest_m)
     if array is None:
         detections = _detections(options, received, first_map, recording, folds)
     else:
@@ -355,9 +356,11 @@ def _detections(
     return dataclasses.replace(found, targets=folds.unfolded(found.targets))
 
 
-def _array_of(budget: FrameBudget, echoes: Echoes) -> tuple[ArrayGeometry, Real] | None:
+def _array_of(
+    budget: FrameBudget, echoes: Echoes, nearest_m: float | None
+) -> tuple[ArrayGeometry, Real] | None:
     """Return the elements of an array, and the receiver's pose, in the middle of the burst; None:
-    one channel, or elements whose places have no effect.
+    one channel, or elements whose places have no effect. ConfigError: an echo is within the array.
     """
     radar, antennas = echoes.radar, budget.antennas
     if antennas is None or len(radar.channels) < 2:
@@ -366,6 +369,12 @@ def _array_of(budget: FrameBudget, echoes: Echoes) -> tuple[ArrayGeometry, Real]
     geometry = ArrayGeometry.of(radar, antennas, middle_s)
     if not any(geometry.measures):
         return None
+    if nearest_m is not None and nearest_m <= geometry.reach_m:
+        raise ConfigError(
+            f"The array reaches {geometry.reach_m:g} m from the antenna's origin, and the nearest "
+            f"echo is at {nearest_m:g} m. Put the elements closer together, or the radar farther "
+            "away."
+        )
     pose, at = np.eye(4), np.array([middle_s])
     pose[:3, :3] = axes_of(antennas.receiver, at)[0]
     pose[:3, 3] = places_m(antennas.receiver, at)[0]
