@@ -16,8 +16,8 @@ receding, and Doppler is -2 v / lambda, so what recedes is at negative Doppler.
 
 Radar
     Waveform (LFM pulse), FmcwWaveform, SteppedWaveform, PmcwWaveform, PhaseCodedPulse,
-    ArbitraryPulse, Burst, Radar; Channel, Element; waveform_from_dict, waveform_to_dict,
-    load_radar; LinkBudget, AntennaRecord
+    ArbitraryPulse, Burst, Radar; Channel, Element; AntennaArray, array_preset, linear_array;
+    waveform_from_dict, waveform_to_dict, load_radar; LinkBudget, AntennaRecord
 Files
     open_run -> Run, Run.frame -> RadarFrame, RadarFrame.image; Run.missing -> MissingRender;
     read_exr, write_exr
@@ -44,6 +44,9 @@ Standard errors (acquisition "paths")
     expected_power -> ExpectedPower
 Map
     range_doppler -> RangeDopplerMap; power_to_db; spectrogram -> Spectrogram, SpectrogramOptions
+Angles
+    detect_in_directions -> Detections of DirectedDetection; ArrayGeometry; covariance_of, bartlett,
+    capon, music, esprit, count_sources
 MTI
     mti_cancel, mti_response
 Detection
@@ -67,6 +70,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .angles import *
     from .decoding import *
     from .detection import *
     from .echoes import *
@@ -81,8 +85,10 @@ if TYPE_CHECKING:
     from .spectrum import *
 
 __all__ = [
+    "AntennaArray",
     "AntennaRecord",
     "ArbitraryPulse",
+    "ArrayGeometry",
     "Burst",
     "Cfar",
     "CfarResult",
@@ -90,6 +96,7 @@ __all__ = [
     "Decoded",
     "Detection",
     "Detections",
+    "DirectedDetection",
     "EchoOptions",
     "EchoSynthesizer",
     "Echoes",
@@ -134,9 +141,16 @@ __all__ = [
     "Weather",
     "amplitude",
     "apply_receiver",
+    "array_preset",
+    "bartlett",
+    "capon",
     "cfar_threshold",
+    "count_sources",
+    "covariance_of",
     "decode",
+    "detect_in_directions",
     "detect_targets",
+    "esprit",
     "expected_power",
     "expected_power_profile",
     "find_peaks",
@@ -144,6 +158,7 @@ __all__ = [
     "frame_statistics",
     "iter_path_chunks",
     "leading_edges",
+    "linear_array",
     "load_phase_noise",
     "load_radar",
     "make_paths",
@@ -151,6 +166,7 @@ __all__ = [
     "matched_filter",
     "mti_cancel",
     "mti_response",
+    "music",
     "nufft1",
     "open_frame",
     "open_run",
@@ -196,6 +212,7 @@ _PARTS = (
     "decoding",
     "echoes",
     "maps",
+    "angles",
     "detection",
     "products",
     "pictures",

@@ -240,9 +240,19 @@ def bartlett(covariance: Complex, steering: Complex) -> Real:
 
 
 def capon(covariance: Complex, steering: Complex, loading: float = 1e-6) -> Real:
-    """Return the power of the beams of least output, 1 / (a^H R^-1 a), (k,).
+    """Return the power of the beams of least output, 1 / (a^H R^-1 a).
 
-    `loading` times the mean power is added to the diagonal, so that few snapshots will do.
+    Parameters
+    ----------
+    covariance, steering
+        As for `bartlett`.
+    loading
+        Part of the mean power that is added to the diagonal, so that few snapshots will do.
+
+    Returns
+    -------
+    ndarray
+        (k,).
     """
     count = len(covariance)
     loaded = covariance + loading * np.trace(covariance).real / count * np.eye(count)
@@ -250,7 +260,25 @@ def capon(covariance: Complex, steering: Complex, loading: float = 1e-6) -> Real
 
 
 def music(covariance: Complex, steering: Complex, sources: int) -> Real:
-    """Return n / (a^H E E^H a) with the noise's eigenvectors E, (k,): peaks, not powers."""
+    """Return n / (a^H E E^H a) with the noise's eigenvectors E.
+
+    Parameters
+    ----------
+    covariance, steering
+        As for `bartlett`.
+    sources
+        Number of sources, below n.
+
+    Returns
+    -------
+    ndarray
+        (k,); peaks, not powers.
+
+    Raises
+    ------
+    ConfigError
+        No source, or as many as channels.
+    """
     count = _checked_sources(covariance, sources)
     noise = np.linalg.eigh(covariance)[1][:, : count - sources]
     apart = np.sum(np.abs(steering.conj() @ noise) ** 2, axis=1)
@@ -274,6 +302,11 @@ def esprit(covariance: Complex, spacing_wavelengths: float, sources: int) -> Rea
     ndarray
         Parts of the unit vectors along the row (sine of the angle off broadside), ascending,
         (sources,). Beyond 0.5 / spacing they are ambiguous.
+
+    Raises
+    ------
+    ConfigError
+        No source, or as many as channels.
     """
     count = _checked_sources(covariance, sources)
     signal = np.linalg.eigh(covariance)[1][:, count - sources :]
@@ -290,7 +323,20 @@ def _checked_sources(covariance: Complex, sources: int) -> int:
 
 
 def count_sources(covariance: Complex, snapshots: int) -> int:
-    """Return the number of sources by the minimum description length (Wax and Kailath, 1985)."""
+    """Return the number of sources by the minimum description length (Wax and Kailath, 1985).
+
+    Parameters
+    ----------
+    covariance
+        Mean of x x^H over snapshots, (n, n).
+    snapshots
+        Number of snapshots.
+
+    Returns
+    -------
+    int
+        0 to n - 1.
+    """
     count = len(covariance)
     levels = np.maximum(np.linalg.eigvalsh(covariance)[::-1], np.finfo(np.float64).tiny)
     costs = []
@@ -303,11 +349,26 @@ def count_sources(covariance: Complex, snapshots: int) -> int:
 
 
 def covariance_of(snapshots: Complex, subarray: int | None = None) -> Complex:
-    """Return the covariance of snapshots (n, m), averaged forwards and backwards.
+    """Return the covariance of snapshots.
 
-    With `subarray` it is that of so many neighbouring elements of a row, averaged over all places:
-    echoes of one radar are coherent with one another, and only such averaging tells them apart
-    (Pillai and Kwon, IEEE TASSP 37, 8, 1989).
+    Parameters
+    ----------
+    snapshots
+        Values of n channels, (n, m).
+    subarray
+        Neighbouring elements of a row over whose places the covariance is averaged, forwards and
+        backwards: echoes of one radar are coherent with one another, and only such averaging tells
+        them apart (Pillai and Kwon, IEEE TASSP 37, 8, 1989). None: all elements, not averaged.
+
+    Returns
+    -------
+    ndarray
+        (n, n), or (subarray, subarray).
+
+    Raises
+    ------
+    ConfigError
+        A subarray of no element, or of more than there are.
     """
     count = snapshots.shape[0]
     size = count if subarray is None else subarray

@@ -53,6 +53,10 @@ class DirectedDetection(Detection):
 
     Attributes
     ----------
+    range_m, velocity_mps, doppler_hz, level_db, noise_db, snr_db, surroundings_db, row, col
+        As in `Detection`.
+    unfolded_velocity_mps, name
+        As in `Peak`.
     azimuth_deg, elevation_deg
         Direction from the receiver: azimuth to the right, elevation upwards. None: the array has
         no extent in this direction, and 0 is assumed.

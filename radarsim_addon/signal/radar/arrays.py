@@ -117,6 +117,11 @@ def linear_array(count: int, spacing_m: float, axis: int = 0) -> tuple[Element, 
         Distance between neighbours [m].
     axis
         0: along x (to the right), 1: along y (upwards).
+
+    Returns
+    -------
+    tuple of Element
+        From left to right, or upwards.
     """
     places_m = (np.arange(count) - (count - 1) / 2) * spacing_m
     return tuple(Element(tuple((np.eye(3)[axis] * place).tolist())) for place in places_m)
@@ -172,6 +177,11 @@ def array_preset(name: str, wavelength_m: float) -> AntennaArray:
         chips, 86 virtual elements in a row and others up to 3 wavelengths above them.
     wavelength_m
         Wavelength of the carrier; elements are multiples of half of it apart [m].
+
+    Returns
+    -------
+    AntennaArray
+        Its middle at the antennas' origins.
 
     Raises
     ------
