@@ -18,7 +18,15 @@ TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 #: Other pages with Python in them, but for those that read the run of `make demo`.
 PAGES = [
     ROOT / "docs" / f"{name}.md"
-    for name in ("arrays", "clutter", "headless", "materials", "mirrors", "physics", "reference/api")
+    for name in (
+        "arrays",
+        "clutter",
+        "headless",
+        "materials",
+        "mirrors",
+        "physics",
+        "reference/api",
+    )
 ]
 
 

@@ -70,10 +70,10 @@ from ..maps import (
     range_process,
     spectrogram,
 )
-from ..motion import axes_of, places_m
+from ..motion import AntennaMotion, axes_of, places_m
 from ..paths import PathRows, Paths, TableFootprints
 from ..products import FrameResult
-from ..radar import Weather, find_suspicious_parameters
+from ..radar import Radar, Weather, find_suspicious_parameters
 from ..scattering import FrameSpeckle, rain_paths, rain_rows, table_footprints
 from .options import ResolvedOptions
 
@@ -218,7 +218,7 @@ def frame_steps(
         findings=findings_of_frame(
             frame_input, statistics, report, speckle, expected, received, shown_weather
         )
-        + ([] if array is None else _array_findings(array[0], number)),
+        + _array_findings(radar, echo_sum.budget.antennas, array, number),
         expected=expected,
         speckle=speckle.report(),
         detections=detections,
@@ -360,15 +360,13 @@ def _array_of(
     budget: FrameBudget, echoes: Echoes, nearest_m: float | None
 ) -> tuple[ArrayGeometry, Real] | None:
     """Return the elements of an array, and the receiver's pose, in the middle of the burst; None:
-    one channel, or elements whose places have no effect. ConfigError: an echo is within the array.
+    the channels measure no angles (`_why_no_angles`). ConfigError: an echo is within the array.
     """
     radar, antennas = echoes.radar, budget.antennas
-    if antennas is None or len(radar.channels) < 2:
+    if len(radar.channels) < 2 or _why_no_angles(radar, antennas):
         return None
     middle_s = (radar.burst.pulses - 1) / (2 * radar.burst.prf_hz)
     geometry = ArrayGeometry.of(radar, antennas, middle_s)
-    if not any(geometry.measures):
-        return None
     if nearest_m is not None and nearest_m <= geometry.reach_m:
         raise ConfigError(
             f"The array reaches {geometry.reach_m:g} m from the antenna's origin, and the nearest "
@@ -381,9 +379,28 @@ def _array_of(
     return geometry, pose
 
 
-def _array_findings(geometry: ArrayGeometry, frame: int) -> list[Finding]:
-    """Name angles that the array measures with more than one answer."""
-    found = []
+def _why_no_angles(radar: Radar, antennas: AntennaMotion) -> str:
+    """Return why channels measure no angles; empty: they do."""
+    if antennas.orthographic:
+        return "an orthographic camera receives parallel rays"
+    if any(channel.active is not None for channel in radar.channels):
+        return "some channels are silent at some pulses"
+    if not any(ArrayGeometry.of(radar, antennas).measures):
+        return "the virtual elements lie within a quarter of a wavelength"
+    return ""
+
+
+def _array_findings(
+    radar: Radar, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None, frame: int
+) -> list[Finding]:
+    """Name angles that are not measured, or with more than one answer."""
+    if len(radar.channels) < 2:
+        return []
+    if array is None:
+        reason = _why_no_angles(radar, antennas)
+        missing = finding("angles-not-measured", channels=len(radar.channels), reason=reason)
+        return [missing.in_frame(frame)]
+    found, geometry = [], array[0]
     sectors = zip(("azimuth", "elevation"), geometry.unambiguous_sines(), strict=True)
     for axis, sine in sectors:
         if sine < _WHOLE_SECTOR:

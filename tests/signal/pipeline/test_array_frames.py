@@ -16,11 +16,11 @@ import pytest
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import ProcessOptions, Radar, open_run, process_run
-from radarsim_addon.signal.detection import DirectedDetection
+from radarsim_addon.signal.detection import Cfar, DirectedDetection
 from radarsim_addon.signal.echoes import Receiver
 from radarsim_addon.signal.pipeline.cli import main
 from radarsim_addon.signal.products import FrameResult
-from radarsim_addon.signal.radar import AntennaArray, linear_array
+from radarsim_addon.signal.radar import AntennaArray, Channel, Element, linear_array
 from tests.signal import path_runs as pr
 
 WAVELENGTH_M = pr.C0_MPS / pr.WAVEFORM.carrier_hz
@@ -179,3 +179,25 @@ def test_an_echo_within_the_array_is_refused(run: Path, tmp_path: Path) -> None:
     radar = Radar(pr.WAVEFORM, pr.BURST, array.channels(pr.BURST))
     with pytest.raises(ConfigError, match=r"array reaches 1000 m .* nearest echo is at 30\d"):
         processed(run, tmp_path, radar=radar)
+
+
+@pytest.mark.parametrize(
+    ("channels", "reason"),
+    [
+        ((Channel(), Channel(rx=Element((1e-4, 0, 0)))), "within a quarter of a wavelength"),
+        (
+            (Channel(), Channel(rx=Element((0.1, 0, 0)), active=(True, False) * 32)),
+            "silent at some pulses",
+        ),
+    ],
+)
+def test_channels_that_measure_no_angles_say_why(
+    run: Path, tmp_path: Path, channels: tuple[Channel, ...], reason: str
+) -> None:
+    """Detections are then those of the first channel, as without an array."""
+    radar = Radar(pr.WAVEFORM, pr.BURST, channels)
+    found = processed(run, tmp_path, radar=radar, cfar=Cfar())
+    (missing,) = (item for item in found.findings if item.code == "angles-not-measured")
+    assert reason in missing.text
+    assert found.detections is not None
+    assert not any(isinstance(one, DirectedDetection) for one in found.detections.targets)
