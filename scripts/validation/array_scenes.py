@@ -10,6 +10,7 @@ import numpy as np
 
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal.angles import ArrayGeometry
+from radarsim_addon.signal.detection import Detection, DirectedDetection
 from radarsim_addon.signal.echoes import Echoes, EchoOptions, synthesizer_for
 from radarsim_addon.signal.maps import RangeDopplerMap, range_doppler, range_process
 from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, FrameMotion
@@ -104,6 +105,14 @@ def echoes_of(
 
 def map_of(echoes: Echoes, taper: str = "hann") -> RangeDopplerMap:
     return range_doppler(range_process(echoes, taper), taper)
+
+
+def angles_of(target: Detection) -> tuple[float, float]:
+    """Azimuth and elevation of a target of an array [degrees]; NaN where not measured."""
+    assert isinstance(target, DirectedDetection)
+    angles = target.azimuth_deg, target.elevation_deg
+    azimuth, elevation = (math.nan if angle is None else angle for angle in angles)
+    return azimuth, elevation
 
 
 def geometry_at(

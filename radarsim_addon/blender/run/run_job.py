@@ -73,6 +73,7 @@ from ..state import (
     Snapshot,
     evaluated_snapshot,
     follow_evaluations,
+    forget_snapshot,
     ignore_evaluations,
     read_all_again,
 )
@@ -473,6 +474,7 @@ class SceneTime:
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:
             show_as_rendered(self._restorer, self._scene)
+            forget_snapshot()  # meshes are those of renders from now on
             self._hiding_moves = hiding_is_animated()
         if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
             show_what_renders(self._restorer, self._view_layer)

@@ -582,6 +582,11 @@ def ignore_evaluations() -> None:
     _latest.forget()
 
 
+def forget_snapshot() -> None:
+    """Have the next snapshot read all objects and meshes, whatever Blender has reported."""
+    _latest.forget()
+
+
 def read_all_again() -> None:
     """Have Blender evaluate all data again, and the next snapshot read all of it."""
     for name in dir(bpy.data):
@@ -592,7 +597,7 @@ def read_all_again() -> None:
                 tree = getattr(item, "node_tree", None)
                 if tree is not None:
                     tree.update_tag()
-    _latest.forget()
+    forget_snapshot()
 
 
 def _reports() -> tuple[tuple[Any, Any], ...]:

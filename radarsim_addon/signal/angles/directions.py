@@ -483,7 +483,8 @@ class DirectionFinder:
         return int(folds[best]), self._directions[place][:2]
 
     def _offsets(self, doppler_hz: float, folds: Integers) -> Complex:
-        return self.geometry.doppler_phases(doppler_hz + folds * self.geometry.prf_hz)
+        all_hz = np.asarray(doppler_hz + folds * self.geometry.prf_hz, dtype=np.float64)
+        return self.geometry.doppler_phases(all_hz)
 
     def _fitted(
         self, samples: Complex, places: list[Real], range_m: float
@@ -494,15 +495,15 @@ class DirectionFinder:
         projection; Golub and Pereyra, SIAM J. Numer. Anal. 10, 413, 1973).
         """
         start = np.array(places)
-        free, scale = self._free, 1.0
-        if free.size:
-            scale = 1 / self.geometry.extent_wavelengths[free]
+        free = self._free
+        scale = 1 / self.geometry.extent_wavelengths[free]
         unit = float(np.linalg.norm(samples)) or 1.0
 
         def places_of(steps: Real) -> Real:
             moved = start.copy()
             moved[:, free] += steps.reshape(len(start), free.size) * scale
-            return moved / np.maximum(1.0, np.hypot(*moved.T))[:, None]  # not behind the array
+            length = np.maximum(1.0, np.hypot(*moved.T))[:, None]
+            return np.asarray(moved / length)  # not behind the array
 
         def solved(at: Real) -> tuple[Complex, Complex]:
             phases = self.geometry.steering(unit_vectors(*at.T), range_m).T

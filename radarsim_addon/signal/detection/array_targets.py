@@ -236,7 +236,7 @@ class _Search:
         return found
 
     def _is_above(self, source: Source, noise: float, col: int) -> bool:
-        return abs(source.amplitude) ** 2 > max(noise * self._ratio[col], self._least)
+        return bool(abs(source.amplitude) ** 2 > max(noise * self._ratio[col], self._least))
 
     def _values_at(self, target: Detection) -> Complex:
         """Return the channels' values at a target's range and Doppler, between the cells, (n,)."""

@@ -86,7 +86,7 @@ def test_targets_have_the_directions_and_names_of_their_objects(result: FrameRes
 def test_files_hold_the_points(result: FrameResult) -> None:
     assert result.detections is not None
     files = {path.name.removeprefix("frame_0001").lstrip("_."): path for path in result.files}
-    targets = result.detections.targets
+    targets = [x for x in result.detections.targets if isinstance(x, DirectedDetection)]
     with open(files["detections.csv"], newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [float(row["azimuth_deg"]) for row in rows] == [one.azimuth_deg for one in targets]
