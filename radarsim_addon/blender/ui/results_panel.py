@@ -626,11 +626,13 @@ def _draw_chosen(layout: bpy.types.UILayout) -> None:
     draw_number(column, "Range Rate", f"{target['velocity_mps'] + 0.0:+.4g} m/s")
     for label, key, unit in (
         (tr("Power"), "power_dbm", "dBm"), (tr("RCS"), "rcs_dbsm", "dBsm"),
-        (tr("SNR in Map"), "snr_db", "dB"),
+        (tr("SNR in Map"), "snr_db", "dB"), (tr("Azimuth"), "azimuth_deg", "°"),
+        (tr("Elevation"), "elevation_deg", "°"),
     ):  # fmt: skip
         value = target[key]  # type: ignore[literal-required]
         if value is not None:
-            draw_number(column, label, f"{value:.1f} {unit}{uncertain_text(target)}")
+            doubt = "" if unit == "°" else uncertain_text(target)
+            draw_number(column, label, f"{value:.1f} {unit}{doubt}")
 
 
 CLASSES: tuple[type, ...] = (

@@ -19,7 +19,7 @@ import numpy as np
 
 from ...arrays import Real, read_npz
 from ...typed_json import from_json
-from ..detection import FrameBudget, PathFinder, matching_objects
+from ..detection import DirectedDetection, FrameBudget, PathFinder, matching_objects
 from ..products import FrameResult
 from .echo import EchoAxes, echo_axes
 from .figure import MOST_CELLS, cell_width, strongest
@@ -33,7 +33,8 @@ _MOST_PATHS = 12
 class Target(TypedDict):
     """A detection, or an object where nothing was detected; None where a number is not known.
 
-    map_range_m and map_velocity_mps are its place in the map; lines_m the corners of its paths.
+    map_range_m and map_velocity_mps are its place in the map; lines_m the corners of its paths. The
+    angles are those that an array measures, to the right and upwards.
     """
 
     name: str
@@ -45,6 +46,8 @@ class Target(TypedDict):
     rcs_dbsm: float | None
     snr_db: float | None
     power_error: float
+    azimuth_deg: float | None
+    elevation_deg: float | None
     lines_m: list[list[list[float]]]
 
 
@@ -147,6 +150,8 @@ def write_view(result: Any, folder: Path) -> None:
             rcs_dbsm=_finite(echo.rcs_dbsm),
             snr_db=None if snr is None else snr.burst_db,
             power_error=echo.power_error,
+            azimuth_deg=None,
+            elevation_deg=None,
             lines_m=_lines(finder.of_object(echo.name, _MOST_PATHS)) if finder else [],
         )
 
@@ -154,16 +159,19 @@ def write_view(result: Any, folder: Path) -> None:
         found = finder.of_target(item.range_m, item.velocity_mps, _MOST_PATHS) if finder else None
         watts = result.echoes.amplitude_model == "radar-equation"
         true_mps = item.unfolded_velocity_mps
+        directed = isinstance(item, DirectedDetection)
         return Target(
-            name=found.name if found else "",
+            name=item.name if directed else found.name if found else "",
             range_m=item.range_m,
             velocity_mps=item.velocity_mps if true_mps is None else true_mps,
             map_range_m=item.range_m,
             map_velocity_mps=item.velocity_mps,
             power_dbm=item.level_db + 30 if watts else None,
-            rcs_dbsm=None,
+            rcs_dbsm=item.rcs_dbsm if directed else None,
             snr_db=item.snr_db,
             power_error=errors.get(found.last_object, 0.0) if found else 0.0,
+            azimuth_deg=item.azimuth_deg if directed else None,
+            elevation_deg=item.elevation_deg if directed else None,
             lines_m=_lines(found) if found else [],
         )
 
