@@ -29,6 +29,7 @@ MODULES = (
     "mirrors",
     "reverse_paths",
     "coverage",
+    "other_programs",
 )
 
 
