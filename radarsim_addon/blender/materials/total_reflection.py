@@ -331,14 +331,16 @@ def straight_interiors(snapshot: Snapshot, metres_per_unit: float) -> list[Findi
 
 
 def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
-    """Return what a straight line through a layer and back is longer than the refracted wave."""
+    """Return the error of a straight ray through a layer and back [m]: its length minus that of the
+    refracted wave.
+    """
     cosine = math.cos(math.radians(angle_deg))
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
 
 def averaging_objects(snapshot: Snapshot) -> dict[str, complex]:
-    """Return the objects that let waves through in the mean of both polarisations, by name, with
-    their largest index.
+    """Return the objects whose walls transmit the mean of both polarisations, by name, with the
+    largest index of their materials.
     """
     found = {}
     surfaces = surfaces_of(snapshot)
@@ -352,8 +354,8 @@ def averaging_objects(snapshot: Snapshot) -> dict[str, complex]:
 def average_in_a_row(snapshot: Snapshot, objects: Collection[str]) -> bool:
     """Return whether waves may pass several walls of these objects, by name, one after the other.
 
-    Also for one object that consists of several walls, or has several instances; layer normals are
-    set.
+    This is also true for one object that consists of several walls, or has several instances. The
+    layer normals must be set.
     """
     shapes = [shape.original for shape in snapshot.shapes]
     ours = snapshot.of_shapes([item.name_full in objects for item in shapes])
@@ -369,10 +371,10 @@ def average_in_a_row(snapshot: Snapshot, objects: Collection[str]) -> bool:
 
 
 def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
-    """Return the finding that these objects take the mean each by itself.
+    """Return the finding that radarsim averages the two polarisations at each wall separately.
 
-    `objects` are those of `averaging_objects`, at least one; `paths` names the paths that it
-    concerns. The error is that of two walls of the largest index.
+    `objects` are those of `averaging_objects`, at least one. `paths` names the paths that pass
+    several walls. The finding gives the error for two walls of the largest index.
     """
     index = max(objects.values(), key=abs)
     return finding(
@@ -385,7 +387,11 @@ def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
 
 
 def _loss_db(index: complex, angle_deg: float) -> float:
-    """Return what two walls pass on both ways over what they pass with a mean at each [dB]."""
+    """Return the ratio of two powers through two walls, both ways [dB].
+
+    The first power is exact: both polarisations pass both walls, and the mean is taken at the end.
+    The second power has a mean at each wall.
+    """
     wall = slab_power(index, 1e-12, 1.0, math.cos(math.radians(angle_deg)), "single-pass")
     s, p = float(wall.transmitted_s), float(wall.transmitted_p)
     return 20 * math.log10((s**2 + p**2) / 2 / ((s + p) / 2) ** 2)

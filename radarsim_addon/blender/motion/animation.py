@@ -130,9 +130,10 @@ def deforms_linearly_between_frames(item: bpy.types.Object) -> bool:
 
 
 def cache_frames(item: bpy.types.Object) -> tuple[float, float] | None:
-    """Return the scene's frame of a cache's frame 0, and scene frames from one to the next.
+    """Return the scene frame that shows frame 0 of a cache, and the number of scene frames from one
+    cache frame to the next.
 
-    (0, 1) for simulations, None for a file whose frames Blender does not say.
+    This is (0, 1) for simulations, and None for a file whose frames Blender does not give.
     """
     for modifier in item.modifiers:
         if modifier.type == "MESH_CACHE":
@@ -148,8 +149,10 @@ def cache_frames(item: bpy.types.Object) -> tuple[float, float] | None:
 def displacement_changes(item: bpy.types.Object, first: float, last: float) -> bool:
     """Return whether the shader displacement of an object may change between two frames.
 
-    Cycles displaces while it renders: no vertex of Blender tells of it. Nodes before the
-    displacement change it by F-curves, drivers, movies, and places outside the object.
+    Cycles displaces the surface while it renders, so the vertices in Blender do not show this
+    motion. The displacement changes by F-curves, drivers and movies in its nodes. It also changes
+    if the nodes use the coordinates of another object, or positions in the world while the object
+    moves.
     """
     for material in (slot.material for slot in item.material_slots):
         if material is None or material.displacement_method not in ("DISPLACEMENT", "BOTH"):

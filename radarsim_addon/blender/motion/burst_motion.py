@@ -310,16 +310,21 @@ class BurstMotion:
         return self._frame_motion(fits.motions, tracks)
 
     def _fit(self, sampler: Sampler) -> tuple[Fits, dict[float, dict[str, float]]]:
-        """Return fits to enough samples, and where bodies jump, as `Sampler.jumps` returns it.
+        """Return fits to enough samples, and the jumps of bodies in the form of `Sampler.jumps`.
 
-        The number of samples doubles until the fits are accurate, or a limit is reached: those
-        against rounding, or the work. Where bodies jump, the plan gets keys, and fits begin again.
+        The number of samples doubles until the fits are accurate, or until more samples would only
+        average rounding errors, or cost too much. If bodies jump, the plan gets a key at each jump,
+        and the fits begin again.
         """
         plan = self._plan
         smooth, smooth_surfaces = self._take_whole_frames(sampler)
 
         def begin() -> tuple[Fits, set[float], list[tuple[float, Instant]]]:
-            """Return fits, and times and moments of the first samples, clear of the plan's keys."""
+            """Begin fits without samples; return them, with the times and the moments of the first
+            samples.
+
+            All times avoid the keys of the plan, because motion may jump there.
+            """
             checks = [plan.clear_at(plan.frame + part * plan.frames) for part in _CHECKS]
             for moment in checks:
                 sampler.take(*moment)

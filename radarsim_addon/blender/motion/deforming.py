@@ -216,9 +216,9 @@ def _is_grid_tree(tree: bpy.types.NodeTree) -> bool:
 
 
 def are_same_points(one: SurfacePoints, other: SurfacePoints, *, on_grid: bool) -> bool:
-    """Return whether vertices are the same points of a surface at two times.
+    """Return whether the vertices of a mesh are the same points of its surface at two times.
 
-    `on_grid` is of the object, as `is_on_grid`.
+    `on_grid` is what `is_on_grid` returns for the object.
     """
     if one.places.shape != other.places.shape or one.ends != other.ends:
         return False

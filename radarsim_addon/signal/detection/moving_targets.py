@@ -478,18 +478,18 @@ class DopplerFolds:
         return bool(self._sums[2].any())
 
     def _known(self) -> tuple[Integers, Integers, Integers]:
-        """Return the range cell, the Doppler row and the number of folds of all paths that were
-        added.
+        """Return the range cell, the Doppler row and the number of Doppler folds of each path that
+        was added.
         """
         doppler, cell = np.divmod(self._codes, _RANGE_CELLS)
         return cell, doppler % self._rows, (doppler + self._rows // 2) // self._rows
 
     def exceed_clutter(self, recording: Recording) -> Mask:
-        """Return where moving scatterers give a map more power than stationary ones do, (Doppler,
-        ranges).
+        """Return the cells of a map in which moving scatterers have more power than stationary
+        scatterers, (Doppler, ranges).
 
-        Powers are those of the paths, spread by the sidelobes of the map over Doppler and over
-        range: a target may be below the clutter of another Doppler.
+        The powers are those of the paths. The sidelobes of the map spread each power over Doppler
+        and range, because a stationary echo can hide a moving target at another Doppler.
         """
         rd_map = recording.rd_map
         (count, size), range_m = rd_map.plane.shape, rd_map.range_m

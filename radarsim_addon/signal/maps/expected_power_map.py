@@ -394,8 +394,10 @@ class PowerCells:
     def of(
         self, length_m: Real, range_rate_mps: Real
     ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-        """Return the points that are seen, again where they fold into a long window, and the cell
-        of each.
+        """Return the indices of the points that are within the map, and the cell of each.
+
+        If the range limits are wider than the range period, a point is seen at several ranges. Its
+        index then occurs several times.
         """
         ranges, period = self.ranges, self._period
         cell = (length_m / 2 - self._start_m) / self.step_m

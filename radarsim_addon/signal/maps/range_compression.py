@@ -351,7 +351,7 @@ class ProfileAccumulator:
         self._sums = np.zeros((2, self._size), dtype=np.complex128)
 
     def add(self, paths: Paths) -> None:
-        """Add the power of these paths at their lengths at t."""
+        """Add the power of these paths. Each path has its length at the time of the frame."""
         wavelength_m = self._radar.waveform.wavelength_m
         if self._weighting == "radar-equation":
             # Not the square of an amplitude: with interference a path's own power can be negative.

@@ -201,7 +201,9 @@ class Shader:
 
     @property
     def outshining_width(self) -> float:
-        """Width of a lobe that can outshine the rest; infinite without one."""
+        """Width of the glossy lobe if this lobe can be brighter than the rest of the material; else
+        infinite.
+        """
         if self.kind == "Principled":
             metallic, colour = self.inputs["Metallic"], self.inputs["Base Color"]
             bright = colour is not None and colour > _DARK
