@@ -128,9 +128,13 @@ def _run_cell(code: str, names: dict[str, Any]) -> list[bytes]:
     As in Jupyter, a semicolon at the end hides the last value.
     """
     tree = ast.parse(code)
-    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    last = tree.body[-1]
+    if isinstance(last, ast.Expr):
+        tree.body.pop()
     exec(compile(tree, "cell", "exec"), names)
-    value = eval(compile(ast.Expression(last.value), "cell", "eval"), names) if last else None
+    value = None
+    if isinstance(last, ast.Expr):
+        value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
     figures = [] if value is None or code.endswith(";") else [value]
     if pyplot := sys.modules.get("matplotlib.pyplot"):
         figures += [pyplot.figure(number) for number in pyplot.get_fignums()]
