@@ -6,7 +6,8 @@
 
 in a process of its own. Sionna RT needs a libLLVM (DRJIT_LIBLLVM_PATH): that of LLVM 15 crashes on
 processors with AVX-512, that of 19 does not. All surfaces scatter as Lambert's law says. The error
-is the scatter about the mean of the runs.
+of single reflections is that against their integral: their rays are the same in all runs. That of
+second reflections is the scatter about the mean of the runs.
 """
 
 from __future__ import annotations
@@ -43,7 +44,24 @@ def run_sionna(folder: Path) -> dict[str, dict[str, float]]:
             print(f"radarsim bench: Sionna RT: {error}")
             return {}
         found[str(order)] = {**result, "mib": mib}
+    powers = _in_process("powers", folder, 1)[0]["power_w"]
+    found["1"]["error_db"] = _error_db(np.array(powers))
     return found
+
+
+def _error_db(power_w: Real) -> float:
+    """Return the rms error of single reflections in the bins of the street, for an EIRP of 1 W."""
+    from radarsim_addon.physics.radar_equation import effective_area_m2
+    from scripts import make_canyon
+
+    from .canyon_accuracy import EDGES_M, errors_db
+    from .canyon_profile import first_order_profile
+
+    indices = complex(*make_canyon.CONCRETE), complex(*make_canyon.GROUND)
+    place = make_canyon.GROUND_M, make_canyon.RADAR_HEIGHT_M
+    profile = first_order_profile(make_canyon.blocks(), *place, indices, EDGES_M)
+    expected_w = profile * effective_area_m2(_LIGHT_MPS / 5.3e9)
+    return float(np.sqrt(np.mean(errors_db(power_w, expected_w) ** 2)))
 
 
 def power_profiles() -> tuple[Real, Real]:
@@ -68,8 +86,7 @@ def _in_process(task: str, folder: Path, order: int) -> tuple[dict[str, Any], fl
     scene, result = folder / "canyon.json", folder / "sionna.json"
     scene.write_text(json.dumps(given), encoding="utf-8")
     root = Path(__file__).resolve().parents[2]
-    words = ["-m", "scripts.benchmarks.sionna_canyon", task, scene, result]
-    cost = command_cost(words, root)
+    cost = command_cost(["-m", "scripts.benchmarks.sionna_canyon", task, scene, result], root)
     return json.loads(result.read_text(encoding="utf-8")), cost.peak_mib
 
 
@@ -96,7 +113,8 @@ def main(task: str, scene_file: str, result_file: str) -> None:
             synthetic_array=False,
             seed=seed + 1,
         )
-        power = sum(np.array(part, dtype=float) ** 2 for part in paths.a)
+        real, imaginary = (np.array(part, dtype=float) for part in paths.a)
+        power = real**2 + imaginary**2
         range_m = np.array(paths.tau) * _LIGHT_MPS / 2
         if order > 1:  # second reflections alone
             power = power * (np.array(paths.interactions)[1] != 0)
