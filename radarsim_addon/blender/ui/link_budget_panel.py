@@ -156,7 +156,7 @@ _rows: dict[str, Any] = {}
 
 
 def _kept_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str, str]]:
-    """Return `budget_rows`, kept for what was drawn last."""
+    """Return `budget_rows`. The rows of the last call are reused if nothing has changed."""
     if _rows.get("of") != (system, measurement):
         _rows.update({"of": (system, measurement), "rows": budget_rows(system, measurement)})
     found: list[tuple[str, str]] = _rows["rows"]
@@ -164,7 +164,7 @@ def _kept_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str,
 
 
 def eirp_w(system: RadarSystem) -> float:
-    """What goes into the peak of the transmitter's pattern [W]."""
+    """Return the EIRP in the peak of the transmitter's pattern, after the transmit loss [W]."""
     record = system.record
     gain = system.transmitter.peak_gain
     return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))

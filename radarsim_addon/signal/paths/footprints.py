@@ -90,8 +90,10 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
 def joined_places(
     rows: PathRows, receiver: ReceiverRecord, count: int
 ) -> tuple[Integers, Integers]:
-    """Return `grid_places` of rows of several views, whose grids lie side by side: paths of
-    different views are no neighbours.
+    """Return `grid_places` for the rows of several views.
+
+    The grids of the views lie next to each other with a gap, so that paths of different views are
+    not neighbours.
     """
     limits = zip(*view_limits(rows), strict=True)
     return _side_by_side([grid_places(rows[a:b], receiver, count) for a, b in limits])
