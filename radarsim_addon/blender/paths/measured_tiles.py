@@ -455,7 +455,7 @@ class TileCheckpoints:
     def write(self) -> None:
         """Write all complete tiles that are in memory.
 
-        A later session measures the tiles that cannot be written again.
+        If a tile cannot be written, a later session measures it again.
         """
         with contextlib.suppress(OSError, RadarSimError):
             for key in [key for key, held in self._held.items() if held.record is not None]:
