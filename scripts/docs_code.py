@@ -5,7 +5,8 @@ The Python blocks of a page run one after the other, in one process and one empt
 block right after a Python block is its expected output: words must be equal, numbers within 2 %
 (or the last digit printed). In tutorials the commands (``sh`` blocks) run too. A block after a
 comment ``<!-- not run: REASON -->`` is left out. The code cells of a Jupyter notebook run in the
-same way, without a kernel; what a cell prints is compared with the output in the file.
+same way, without a kernel; what a cell prints is compared with the output in the file, and so is
+the number of its figures.
 
     python scripts/docs_code.py docs/tutorials/first-map-python.md           # compare
     python scripts/docs_code.py --write docs/tutorials/first-map-python.md   # write the outputs
@@ -14,6 +15,8 @@ same way, without a kernel; what a cell prints is compared with the output in th
 from __future__ import annotations
 
 import argparse
+import ast
+import base64
 import contextlib
 import io
 import json
@@ -38,6 +41,8 @@ _FENCE = re.compile(
 )
 _NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 RELATIVE = 0.02
+#: Figures of notebooks: small files, for a repository.
+_DPI, _COLOURS = 65, 128
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ class Block:
     expected: str | None
     span: tuple[int, int]
     run: bool
+    figures: int = 0
 
 
 def blocks(text: str) -> list[Block]:
@@ -70,7 +76,9 @@ def blocks(text: str) -> list[Block]:
 def cells(text: str) -> list[Block]:
     """Return the code cells of a notebook; `line` and `span` hold the number of the cell."""
     return [
-        Block("python", "".join(cell["source"]), n, _printed(cell), (n, n), run=True)
+        Block(
+            "python", "".join(cell["source"]), n, _printed(cell), (n, n), True, len(_images(cell))
+        )
         for n, cell in enumerate(json.loads(text)["cells"])
         if cell["cell_type"] == "code"
     ]
@@ -80,22 +88,69 @@ def _printed(cell: dict[str, Any]) -> str:
     return "".join(text for out in cell["outputs"] for text in out.get("text", ()))
 
 
-def outputs(page: Path) -> Iterator[tuple[Block, str]]:
-    """Run the blocks of a page in the current folder; yield each with what it printed."""
+def _images(cell: dict[str, Any]) -> list[bytes]:
+    return [
+        base64.b64decode(out["data"]["image/png"])
+        for out in cell.get("outputs", ())
+        if "image/png" in out.get("data", ())
+    ]
+
+
+def images(text: str) -> list[bytes]:
+    """Return the figures of a notebook, as PNG files."""
+    return [image for cell in json.loads(text)["cells"] for image in _images(cell)]
+
+
+def outputs(page: Path) -> Iterator[tuple[Block, str, list[bytes]]]:
+    """Run the blocks of a page in the current folder; yield what each printed, and its figures."""
     names: dict[str, Any] = {"__name__": "__main__"}
-    find = cells if page.suffix == ".ipynb" else blocks
-    for block in find(page.read_text("utf-8")):
+    notebook = page.suffix == ".ipynb"
+    for block in (cells if notebook else blocks)(page.read_text("utf-8")):
         if not block.run:
             continue
         if block.kind == "python":
-            out = io.StringIO()
+            out, figures = io.StringIO(), []
             with contextlib.redirect_stdout(out), warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # findings, also in the results
-                exec(compile("\n" * block.line + block.code, str(page), "exec"), names)
-            yield block, out.getvalue()
+                if notebook:
+                    figures = _run_cell(block.code, names)
+                else:
+                    exec(compile("\n" * block.line + block.code, str(page), "exec"), names)
+            yield block, out.getvalue(), figures
         elif page.parent.name == "tutorials":
             lines = block.code.replace("\\\n", " ").splitlines()
-            yield block, "".join(map(_command, lines))
+            yield block, "".join(map(_command, lines)), []
+
+
+def _run_cell(code: str, names: dict[str, Any]) -> list[bytes]:
+    """Run a cell; return the figures that a notebook shows: its last value, and pyplot's.
+
+    As in Jupyter, a semicolon at the end hides the last value.
+    """
+    tree = ast.parse(code)
+    last = tree.body[-1]
+    if isinstance(last, ast.Expr):
+        tree.body.pop()
+    exec(compile(tree, "cell", "exec"), names)
+    value = None
+    if isinstance(last, ast.Expr):
+        value = eval(compile(ast.Expression(last.value), "cell", "eval"), names)
+    figures = [] if value is None or code.endswith(";") else [value]
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        figures += [pyplot.figure(number) for number in pyplot.get_fignums()]
+        pyplot.close("all")
+    return [_png(figure) for figure in figures]
+
+
+def _png(figure: Any) -> bytes:
+    """Return a figure as a small PNG file; a value that is none fails."""
+    from PIL import Image
+
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=_DPI)
+    image = Image.open(drawn).convert("RGB").quantize(_COLOURS, Image.Quantize.MAXCOVERAGE)
+    image.save(small, "png", optimize=True)
+    return small.getvalue()
 
 
 def _command(line: str) -> str:
@@ -140,47 +195,66 @@ def _tolerance(number: str) -> float:
 def run(page: Path, write: bool = False) -> list[str]:
     """Run a page in a folder of its own; return what differs, or write the outputs into it."""
     text, there = page.read_text("utf-8"), Path.cwd()
-    wrong, changes = [], []
+    wrong: list[str] = []
+    changes: list[tuple[tuple[int, int], str, list[bytes]]] = []
     with tempfile.TemporaryDirectory(prefix="radarsim_docs_") as folder:
         os.chdir(folder)
         try:
-            for block, output in outputs(page):
+            for block, output, figures in outputs(page):
                 if block.expected is None:
                     continue
-                changes.append((block.span, output))
+                changes.append((block.span, output, figures))
                 if (told := difference(block.expected, output)) is not None:
                     wrong.append(told)
+                if block.figures != len(figures):
+                    wrong.append(f"expected {block.figures} figures, found {len(figures)}")
         finally:
             os.chdir(there)
     if not write:
         return wrong
     if page.suffix == ".ipynb":
-        text = _with_outputs(text, {first: output for (first, _), output in changes})
+        text = _with_outputs(text, {first: (said, drawn) for (first, _), said, drawn in changes})
     else:
-        for (first, last), output in reversed(changes):
+        for (first, last), output, _ in reversed(changes):
             text = text[:first] + output.rstrip("\n") + "\n" + text[last:]
     page.write_text(text, encoding="utf-8")
     return []
 
 
-def _with_outputs(text: str, printed: dict[int, str]) -> str:
-    """Return a notebook with what its cells printed, by their numbers, and no other output."""
+def _with_outputs(text: str, found: dict[int, tuple[str, list[bytes]]]) -> str:
+    """Return a notebook with what its cells printed and drew, by their numbers."""
     notebook = json.loads(text)
-    for number, output in printed.items():
-        stream = {"name": "stdout", "output_type": "stream", "text": output.splitlines(True)}
-        notebook["cells"][number]["outputs"] = [stream] if output else []
+    for count, (number, (printed, figures)) in enumerate(found.items(), 1):
+        stream = {"name": "stdout", "output_type": "stream", "text": printed.splitlines(True)}
+        pictures = [
+            {
+                "data": {"image/png": base64.b64encode(figure).decode()},
+                "metadata": {},
+                "output_type": "display_data",
+            }
+            for figure in figures
+        ]
+        cell = notebook["cells"][number]
+        cell["outputs"] = [*([stream] if printed else []), *pictures]
+        cell["execution_count"] = count
     return json.dumps(notebook, indent=1, ensure_ascii=False) + "\n"
 
 
-def notebook_page(text: str) -> str:
-    """Return a notebook as Markdown."""
-    parts = []
+def notebook_page(text: str, name: str) -> str:
+    """Return a notebook as Markdown, with its figures in files NAME_0.png, NAME_1.png, ..."""
+    parts, drawn = [], 0
     for cell in json.loads(text)["cells"]:
         source = "".join(cell["source"])
+        if "colab" in cell["metadata"].get("tags", ()):
+            continue  # it installs radarsim, which readers of the site do otherwise
+        source = re.sub(r"\]\((\w+)\.ipynb\)", r"](\1.md)", source)
         if cell["cell_type"] == "code":
             source = f"```python\n{source}\n```"
             if printed := _printed(cell):
                 source += f"\n\n```text\n{printed.rstrip()}\n```"
+            for _ in _images(cell):
+                source += f"\n\n![Figure of the cell above]({name}_{drawn}.png)"
+                drawn += 1
         parts.append(source)
     return "\n\n".join(parts) + "\n"
 

@@ -25,7 +25,7 @@ from radarsim_addon.blender.plan import (
 )
 from radarsim_addon.signal.pipeline import main
 from scripts.docs_api import expand
-from scripts.docs_code import notebook_page
+from scripts.docs_code import images, notebook_page
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -69,8 +69,12 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, EXAMPLES_PAGE, content=examples.replace("../docs/", "")))
     for notebook in sorted((ROOT / "docs" / "notebooks").glob("*.ipynb")):
         link = f"\n[Download this page as a Jupyter notebook]({notebook.name}).\n"
-        page = notebook_page(notebook.read_text("utf-8")) + link
-        files.append(File.generated(config, f"notebooks/{notebook.stem}.md", content=page))
+        text, stem = notebook.read_text("utf-8"), notebook.stem
+        page = notebook_page(text, stem) + link
+        files.append(File.generated(config, f"notebooks/{stem}.md", content=page))
+        for number, image in enumerate(images(text)):
+            name = f"notebooks/{stem}_{number}.png"
+            files.append(File.generated(config, name, content=image))
     return files
 
 

@@ -32,9 +32,10 @@ _NUMBER_UNITS = {
 
 
 def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
-    """Return "frame 3" or "frames 1-20, 25"; "2-8 (every 2nd)" where those between do not exist.
+    """Return the numbers of frames as a text: "frame 3", or "frames 1-20, 25".
 
-    `frames` has one at least; they are given in the order of `among`, all frames of the run.
+    If the run has only every second frame, the text is "2-8 (every 2nd)". `frames` has at least one
+    number. The text has the order of `among`, which lists all frames of the run.
     """
     place = {frame: number for number, frame in enumerate(among)}
     runs: list[list[int]] = []
@@ -53,7 +54,7 @@ def frames_text(frames: Sequence[int], among: Sequence[int]) -> str:
 
 
 def _run_words(run: Sequence[int]) -> list[str]:
-    """Return frames of one distance as one word, or one word each where a dash would mislead."""
+    """Return equally spaced frames as one word, or as one word each where a dash would mislead."""
     step = run[1] - run[0] if len(run) > 1 else 1
     if len(run) == 1 or (step != 1 and len(run) < 4):
         return [str(frame) for frame in run]

@@ -78,6 +78,10 @@ def _error_against_time(pyplot: Any, _outcomes: Sequence[Outcome], curves: Curve
     axis.scatter([], [], color="0.4", marker="x", label="standard errors, from the replicates")
     axis.set_xscale("log")
     axis.set_yscale("log")
+    # labels of all minor ticks of one decade would overlap
+    axis.xaxis.set_major_locator(pyplot.matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(pyplot.matplotlib.ticker.NullFormatter())
     axis.set_xlabel("processor time, scene to power [s]")
     axis.set_ylabel("|error| of the received power [dB]")
     axis.set_title(

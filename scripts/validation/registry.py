@@ -30,6 +30,7 @@ MODULES = (
     "mirrors",
     "reverse_paths",
     "coverage",
+    "other_programs",
 )
 
 

@@ -107,6 +107,13 @@ def test_pages_work_from_the_disk(site: Path) -> None:
         assert word in limits, word
 
 
+def test_no_rule_hides_single_head_cells_of_a_table() -> None:
+    """Others would move to the left, over the wrong columns. A head without any text may go."""
+    style = re.sub(r"/\*.*?\*/", "", (ROOT / "docs/stylesheets/site.css").read_text("utf-8"))
+    hidden = re.findall(r"([^{}]+)\{[^}]*display:\s*none", style)
+    assert hidden and not [rule for rule in hidden if re.search(r"\bt[hd]\b[^)]*$", rule.strip())]
+
+
 def test_code_of_the_pages_fits_80_columns() -> None:
     """Outputs of programs may be wider."""
     pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), ROOT / "blend_examples" / "README.md"]

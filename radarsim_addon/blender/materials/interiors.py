@@ -99,7 +99,7 @@ _POINTS, _MOST_FACES = 64, 64
 
 
 def overlapping_shells(snapshot: Snapshot) -> list[Finding]:
-    """Find meshes with an interior that consist of parts which reach into one another."""
+    """Return findings on meshes with an interior whose parts overlap one another."""
     found = []
     surfaces = surfaces_of(snapshot)
     for item, materials in assigned_materials(snapshot):
@@ -115,7 +115,7 @@ def overlapping_shells(snapshot: Snapshot) -> list[Finding]:
 
 
 def _buried(mesh: Mesh) -> float:
-    """Fraction of a surface whose outer side is inside another part of the mesh."""
+    """Return the fraction of a surface whose outer side is inside another part of the same mesh."""
     place, outward, area = _largest(mesh.vertices[mesh.triangles])
     with np.errstate(invalid="ignore"):
         behind = mesh.rays.normals_of(mesh.rays.first(place, outward)[0])
@@ -124,7 +124,7 @@ def _buried(mesh: Mesh) -> float:
 
 
 def _largest(triangles: Real) -> tuple[Real, Real, Real]:
-    """Return middles, unit normals and areas of the largest triangles (n, 3, 3)."""
+    """Return the centres, unit normals and areas of the largest of these triangles (n, 3, 3)."""
     across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     double = norms(across)
     chosen = np.argsort(-double, kind="stable")[:_TRIANGLES]
@@ -133,11 +133,11 @@ def _largest(triangles: Real) -> tuple[Real, Real, Real]:
 
 
 def found_inside(snapshot: Snapshot, antennas: Sequence[Real]) -> list[Finding]:
-    """Find what is inside the material of walls and other interiors, in the evaluated frame.
+    """Return findings on objects and antennas that are inside walls or other interiors.
 
-    One ``inside-a-wall`` names each object and antenna with its wall, of the walls whose absorption
-    and delay are applied where a ray crosses a face. One ``antenna-in-medium`` per object that
-    holds an antenna has its index and what spreading is off by at most. `antennas` are (3,) each
+    The finding `inside-a-wall` names each object or antenna with its wall, for walls that absorb
+    and delay where a ray crosses a face. There is one `antenna-in-medium` for each object around an
+    antenna, with its index and the largest error of the spreading loss. `antennas` are (3,) each
     [Blender units].
     """
     snapshot, places = snapshot, np.asarray(antennas, dtype=np.float64)
@@ -161,7 +161,9 @@ def found_inside(snapshot: Snapshot, antennas: Sequence[Real]) -> list[Finding]:
 
 
 def _in_walls(snapshot: Snapshot, antennas: Real, low: Real, high: Real) -> dict[str, None]:
-    """Objects and antennas inside walls that absorb at their faces, each with its wall."""
+    """Return the names of objects and antennas inside walls that absorb at their faces, each with
+    its wall.
+    """
     visible = snapshot.layout.visible
     walls = np.flatnonzero(visible & snapshot.of_shapes([_at_faces(s) for s in snapshot.shapes]))
     shown = visible & snapshot.of_shapes([_is_surface(shape) for shape in snapshot.shapes])
@@ -189,7 +191,9 @@ def _at_faces(shape: Any) -> bool:
 def _near(
     snapshot: Snapshot, row: int, shown: Mask, low: Real, high: Real
 ) -> Iterator[tuple[int, Real]]:
-    """Rows of objects whose box meets that of a row, and points of their surfaces, (n, 3)."""
+    """Yield the objects whose box overlaps that of a row, each with points of its
+    surface, (n, 3).
+    """
     meets = np.all((low <= high[row]) & (high >= low[row]), axis=1)
     for other in np.flatnonzero(meets & shown).tolist():
         if other == row:
@@ -280,12 +284,14 @@ def settle_interiors_far_away(
     range_encoding_length: float,
     losses_db: dict[str, float],
 ) -> Interiors:
-    """Let faces stand for the interiors of walls, until restored, where Cycles would round these.
+    """Use the faces of walls in place of their interiors, until restored, if Cycles would round the
+    depth inside too much.
 
-    Layer normals are set before. `antennas` are (3,) each, `reach` is the distance of the farthest
-    point that echoes from them, `wavelength` is for physical and `extinction_length` for simple
-    Radar Materials, `range_encoding_length` is k of exp(-l/k) [Blender units]. `losses_db` has the
-    two-way absorption of objects by name. Returns what is rounded still.
+    Layer normals must be set before. `antennas` are (3,) each. `reach` is the distance from them to
+    the farthest point that echoes. `wavelength` applies to physical Radar Materials,
+    `extinction_length` to simple ones. `range_encoding_length` is k of exp(-l/k). All are in
+    Blender units. `losses_db` has the two-way absorption of objects by name. Returns the rounding
+    errors that remain.
     """
     distance = reach + max(float(np.linalg.norm(place)) for place in antennas)
     depth = _DEPTH_ROUNDINGS * _EPS32 * distance
@@ -339,7 +345,9 @@ def _matters(error: _Rounding, wavelength: float) -> bool:
 
 
 def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
-    """Return the finding about an object: a caution unless its errors are negligible."""
+    """Return the finding on the rounding error of an object. It is only information if the error is
+    negligible.
+    """
     wavelengths = error.length / wavelength
     said = finding(
         "interior-rounded", name, power_db=error.power_db, length_wavelengths=wavelengths
@@ -349,7 +357,9 @@ def _named(name: str, error: _Rounding, wavelength: float) -> Finding:
 
 
 def _lengths(surface: Surface, wavelength: float, extinction_length: float) -> tuple[float, float]:
-    """Loss [dB] and delay [Blender units] of a material, for each Blender unit of depth."""
+    """Return the loss [dB] and the delay [Blender units] of a material per Blender unit
+    of depth.
+    """
     per = wavelength if surface.is_entered else extinction_length
     return 4 * math.pi * surface.index.imag / per * 10 / math.log(10), surface.index.real - 1
 
@@ -357,14 +367,18 @@ def _lengths(surface: Surface, wavelength: float, extinction_length: float) -> t
 def _rounding(
     per_unit: Sequence[tuple[float, float]], depth: float, by_absorption: float
 ) -> _Rounding:
-    """What an error of each depth [Blender units] makes of an echo, whichever material it is in."""
+    """Return the error of an echo that an error of each depth [Blender units] causes, for the worst
+    of the materials.
+    """
     power, length = (max(0.0, *numbers) for numbers in zip(*per_unit, strict=True))
     both_ways = math.sqrt(2) * depth
     return _Rounding(power * both_ways, length * both_ways, by_absorption)
 
 
 def _middle_of_plate(item: bpy.types.Object, snapshot: Snapshot) -> float:
-    """Return the place of a plate's middle along its normal, in own units; NaN for others."""
+    """Return the coordinate of the middle of a plate along its normal, in its own units; NaN for
+    other objects.
+    """
     if attributes.OBJECT_LAYER_THICKNESS not in item:
         return math.nan
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
@@ -373,7 +387,7 @@ def _middle_of_plate(item: bpy.types.Object, snapshot: Snapshot) -> float:
 
 
 def _echoes_from_its_rim(item: bpy.types.Object, snapshot: Snapshot) -> bool:
-    """Whether a rough wall has a rim that counts: waves inside it come back from there."""
+    """Return whether a rough wall has so large a rim that waves inside the wall return from it."""
     roughness = (read_surface(slot.material).roughness or 0.0 for slot in item.material_slots)
     normal = np.array(item[attributes.OBJECT_LAYER_NORMAL], dtype=np.float64)
     return max(roughness, default=0.0) > SMOOTH_BELOW and (
@@ -382,7 +396,7 @@ def _echoes_from_its_rim(item: bpy.types.Object, snapshot: Snapshot) -> bool:
 
 
 def _is_flat(item: bpy.types.Object) -> bool:
-    """Whether an object lies in one plane, normal to an axis of its own."""
+    """Return whether an object lies in one plane that is normal to one of its own axes."""
     return bool(min(item.dimensions) <= _FLAT * max(item.dimensions))
 
 
@@ -400,7 +414,9 @@ class _Boxes:
         self._radii = np.linalg.norm(self._corners - self._centres[:, None], axis=2).max(axis=1)
 
     def empty_inside(self, item: bpy.types.Object, antennas: Sequence[Sequence[float]]) -> bool:
-        """Whether no other object and no antenna reaches into an object's box, in any instance."""
+        """Return whether no other object and no antenna reaches into the box of an object, in all
+        its instances.
+        """
         places = np.asarray(antennas, dtype=np.float64)[:, None]
         for mine in np.flatnonzero(self._owners == item.as_pointer()):
             apart = np.linalg.norm(self._centres - self._centres[mine], axis=1)
@@ -418,7 +434,9 @@ class _Boxes:
         return True
 
     def nothing_behind(self, item: bpy.types.Object, antennas: Sequence[Sequence[float]]) -> bool:
-        """Whether an object is flat, with all others and the antennas on one side of it."""
+        """Return whether an object is flat and has all other objects and the antennas
+        on one side.
+        """
         if not _is_flat(item):
             return False
         others = np.concatenate([self._corners.reshape(-1, 3), antennas])

@@ -41,10 +41,10 @@ _NAME = "radarsim walls"
 
 
 def store_thickness(recorder: SettingsRestorer, item: bpy.types.Object, thickness: Real) -> bool:
-    """Give the faces of an object's evaluated mesh the thickness of their walls, until restored.
+    """Store the thickness of walls on the faces of an object's evaluated mesh, until restored.
 
-    `thickness` is in the object's own units, by polygon. Returns False for a linked object whose
-    faces modifiers make: it cannot have another modifier.
+    `thickness` is in the object's own units, for each polygon. Returns False for a linked object
+    whose faces come from modifiers, because it cannot get another modifier.
     """
     if item.library is not None:
         return _store_in_mesh(recorder, item.data, thickness)
@@ -61,9 +61,10 @@ def store_thickness(recorder: SettingsRestorer, item: bpy.types.Object, thicknes
 
 
 def _store_in_mesh(recorder: SettingsRestorer, mesh: bpy.types.Mesh, thickness: Real) -> bool:
-    """Give the faces of a linked mesh their thickness, in memory; False if others are there.
+    """Store the thickness on the faces of a linked mesh, in memory. False if its faces differ in
+    number.
 
-    One by one: foreach_set leaves linked data as it is.
+    The values are set one by one, because foreach_set does not change linked data.
     """
     name = attributes.FACE_WALL_THICKNESS
     if len(mesh.polygons) != len(thickness):
@@ -78,11 +79,11 @@ def _store_in_mesh(recorder: SettingsRestorer, mesh: bpy.types.Mesh, thickness: 
 
 
 def sharpen_edges(recorder: SettingsRestorer, item: bpy.types.Object, angle_deg: float) -> None:
-    """Have an object's normals end at edges of more than an angle, until restored.
+    """End the smooth normals of an object at edges that are sharper than an angle, until restored.
 
-    Normals of its own that a mesh was imported with are left out. Objects that a scale by axes
-    distorts, whose angles are others, are shaded flat. One linked from another file keeps its
-    normals if it has modifiers or normals of its own; else its mesh is changed in memory.
+    Imported custom normals are removed. Objects with unequal scales along their axes are shaded
+    flat, because the scale changes their angles. A linked object keeps its normals if it has
+    modifiers or custom normals; otherwise its mesh is changed in memory.
     """
     if item.library is not None:
         if not item.modifiers and "custom_normal" not in item.data.attributes:
@@ -116,7 +117,7 @@ def sharpen_edges(recorder: SettingsRestorer, item: bpy.types.Object, angle_deg:
 
 
 def _is_distorted(item: bpy.types.Object) -> bool:
-    """Whether a scale by axes changes the angles of an object."""
+    """Return whether unequal scales along the axes change the angles of an object."""
     scale = item.matrix_world.to_scale()
     return bool(max(scale) > 1.01 * min(scale))
 
@@ -250,7 +251,9 @@ def _set_what_is_found(
     normal: Real | None,
     walls: WallFaces | None,
 ) -> bool:
-    """Set the walls of an object that is no single plate; returns whether these are all right."""
+    """Set the walls of an object that is not a single plate. Return whether this describes all of
+    its walls.
+    """
     several = walls is not None and bool(walls.wall.any())
     if walls is not None and several and normal is not None:
         across = normal @ np.linalg.inv(linear)
@@ -275,7 +278,7 @@ def _set_layer(
 
 
 def _set_thickness(recorder: SettingsRestorer, item: bpy.types.Object, thickness: float) -> None:
-    """Set the thickness of a plate, NaN for others, unless the user has."""
+    """Set the thickness of a plate, unless the user has set it. NaN: the object is not a plate."""
     if attributes.OBJECT_LAYER_THICKNESS not in item and not math.isnan(thickness):
         recorder.set_item(item, attributes.OBJECT_LAYER_THICKNESS, thickness)
 
@@ -288,7 +291,7 @@ def layer_faces(snapshot: Snapshot, items: Sequence[bpy.types.Object]) -> LayerF
 
 
 def _depths_of(snapshot: Snapshot, item: bpy.types.Object) -> Depths | None:
-    """Look across the largest triangles of an object into it; None without faces."""
+    """Return the depths behind the largest triangles of an object; None without faces."""
     mesh = snapshot.mesh_of(item)
     if mesh is None or not len(mesh.sides):
         return None
@@ -300,7 +303,7 @@ _of_snapshots: WeakKeyDictionary[Snapshot, list[ConvexBodies]] = WeakKeyDictiona
 
 
 def convex_parts(snapshot: Snapshot) -> list[ConvexBodies]:
-    """Find the objects with an interior that are small closed convex meshes, in several parts."""
+    """Return the objects with an interior that are small closed convex meshes, in groups."""
     if snapshot not in _of_snapshots:
         surfaces, bodies = surfaces_of(snapshot), []
         for item, materials in assigned_materials(snapshot):
@@ -323,9 +326,10 @@ def convex_objects(snapshot: Snapshot) -> set[Hashable]:
 
 
 def thinnest(snapshot: Snapshot, item: bpy.types.Object) -> float:
-    """Return the least depth behind the largest faces of an object, across them [Blender units].
+    """Return the least depth behind the largest faces of an object, along their normals [Blender
+    units].
 
-    0 for a mesh that is open behind all of them.
+    It is 0 if the mesh is open behind all of them.
     """
     depths = _depths_of(snapshot, item)
     if depths is None or not np.isfinite(depths.depth).any():
@@ -336,7 +340,7 @@ def thinnest(snapshot: Snapshot, item: bpy.types.Object) -> float:
 def interior_losses_db(wavelength: float, snapshot: Snapshot) -> dict[str, float]:
     """Return the two-way absorption [dB] of objects of physical materials, by full name.
 
-    It is across each where it is thinnest; `wavelength` is in Blender units.
+    It is the absorption at the thinnest place of each object. `wavelength` is in Blender units.
     """
     surfaces = surfaces_of(snapshot)
     depths: dict[Hashable, float] = {}
@@ -356,10 +360,10 @@ def interior_losses_db(wavelength: float, snapshot: Snapshot) -> dict[str, float
 
 
 def beyond_float32(losses_db: dict[str, float]) -> list[Finding]:
-    """Find objects whose absorption leaves nothing that a render can hold.
+    """Return findings on objects that absorb so much that float32 cannot hold the rest of the echo.
 
-    `losses_db` is from `interior_losses_db`. Returns one ``absorption-below-float32`` for
-    information and one as a caution, if any.
+    `losses_db` comes from `interior_losses_db`. At most two `absorption-below-float32` result: one
+    as information, one as a caution.
     """
     key = attributes.OBJECT_SHELL_THICKNESS
     information: dict[str, dict[str, float]] = {}
@@ -388,7 +392,9 @@ _LEAST_FRACTION = 0.1
 
 
 def doubled_panes(snapshot: Snapshot, metres_per_unit: float) -> list[Finding]:
-    """Find objects whose thin sheets have another face right behind them: they count twice."""
+    """Return findings on thin sheets with another face right behind them, because the wave passes
+    both.
+    """
     named, surfaces = [], surfaces_of(snapshot)
     for item, materials in assigned_materials(snapshot):
         sheets = [one for one in materials if surfaces[one].kind == "sheet"]

@@ -69,12 +69,12 @@ def total_reflections(
     wavelength: float,
     extinction_length: float,
 ) -> list[Finding]:
-    """Find the objects that waves from the antennas enter and cannot leave where they arrive.
+    """Return findings on objects that waves enter and cannot leave at the faces where they arrive.
 
-    `antennas` are (3,) each, `wavelength` is for physical and `extinction_length` for simple Radar
-    Materials [Blender units]; layer normals are set. Returns one ``total-reflection`` for
-    information and one as a caution, if any, with indices and fractions of their objects; and the
-    same of ``wall-corners``, of objects whose faces absorb and delay.
+    `antennas` are (3,) each. `wavelength` applies to physical Radar Materials, `extinction_length`
+    to simple ones [Blender units]. Layer normals must be set. At most two `total-reflection`
+    result, one as information and one as a caution, with the indices of the objects and the
+    fractions of power. The same holds for `wall-corners`, on objects whose faces absorb and delay.
     """
     snapshot, inside_of = snapshot, cache(_inside)
     surfaces = surfaces_of(snapshot)
@@ -107,7 +107,9 @@ def total_reflections(
 def _said(
     fractions: dict[Any, float], bodies: dict[Any, _Body], about: Callable[[Any], Finding]
 ) -> list[Finding]:
-    """Findings about objects, without those whose fractions are small even in sum."""
+    """Return findings about objects, but not about those whose fractions are small even when added
+    up.
+    """
     found = sorted((fraction, item.name_full, item) for item, fraction in fractions.items())
     # what is not said stays below this in the sum: waves may pass all of them
     unsaid = np.cumsum([fraction for fraction, _, _ in found])
@@ -121,7 +123,9 @@ def _said(
 
 
 def _inside(surface: Surface, wavelength: float, extinction_length: float) -> tuple[float, float]:
-    """Index of a material, 1 at least, and its absorption of power [1 / Blender unit]."""
+    """Return the index of a material, at least 1, and its absorption of power [1 /
+    Blender unit].
+    """
     per = wavelength if surface.is_entered else extinction_length
     return max(1.0, surface.index.real), 4 * math.pi * surface.index.imag / per
 
@@ -129,7 +133,9 @@ def _inside(surface: Surface, wavelength: float, extinction_length: float) -> tu
 def _body(
     snapshot: Snapshot, item: bpy.types.Object, mediums: Sequence[tuple[float, float]]
 ) -> _Body:
-    """What rays meet in an object: the greatest index of its materials, the least absorption."""
+    """Return the interior of an object: the largest index of its materials, and the least
+    absorption.
+    """
     indices, absorptions = zip(*mediums, strict=True)
     shell = attributes.OBJECT_SHELL_THICKNESS in item
     at_most = thinnest(snapshot, item) if shell else math.inf
@@ -145,11 +151,12 @@ def _body(
 def _reflected(
     mesh: Mesh, matrix: Real, body: _Body, antennas: Sequence[Sequence[float]]
 ) -> tuple[float, float]:
-    """Return the fractions of the entering power that arrive where they are totally reflected, or
-    seem to leave; and that leave by a face across the one where they entered, if faces stand for
-    walls.
+    """Return two fractions of the power that enters an object.
 
-    Echoes through an object on both their ways are absorbed once more, and so is what stays inside.
+    The first arrives at faces where it is totally reflected, although straight rays leave there.
+    The second leaves by a face perpendicular to the face where it entered, in objects whose faces
+    stand for walls. Echoes that pass the object both ways are absorbed once more, and so is the
+    power that stays inside.
     """
     points, corners = mesh.vertices @ matrix[:3, :3].T, mesh.triangles
     if np.linalg.det(matrix[:3, :3]) < 0:
@@ -209,8 +216,9 @@ def _lost_in_convex(
     outward: Real,
     begin: Real,
 ) -> Real:
-    """Return the second of `_lost` for rays (k, 3, m) that enter the convex bodies `of` (k,) at
-    faces with the normals `outward` (k, 3), (k, m).
+    """Return the second result of `_lost` for rays that enter convex bodies, (k, m).
+
+    The rays (k, 3, m) enter the bodies `of` (k,) at faces with the normals `outward` (k, 3).
     """
     index, across = np.asarray(body.refraction), part.across(of)
     per_height = part.per_height(of, begin)
@@ -239,8 +247,10 @@ def _lost_in_convex(
 def _lost(
     body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, rays: RayMesh
 ) -> tuple[Mask, Real]:
-    """Follow rays (n, 3) that enter a body at `begin`: whether each arrives at a face, and the
-    fraction of its power that cannot leave there, (n,).
+    """Follow rays (n, 3) that enter a body at `begin`.
+
+    Return whether each ray arrives at a face, and the fraction of its power that cannot leave
+    there, (n,).
     """
     index = np.asarray(body.refraction)
     onward = _bent(index, ray, cosine, outward)
@@ -255,13 +265,15 @@ def _lost(
 
 
 def _bent(index: Real, ray: Real, cosine: Real, outward: Real) -> Real:
-    """Directions of rays (..., 3) within a body that they enter."""
+    """Return the directions of rays (..., 3) after refraction into a body."""
     bent = np.sqrt(1 - (1 - cosine**2) / index**2)
     return np.asarray(ray / index[..., None] + (cosine / index - bent)[..., None] * outward)
 
 
 def _cut(body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, rays: RayMesh) -> Real:
-    """Fraction of the power of rays (n, 3) that leaves a wall by a face across the first, (n,)."""
+    """Return the fraction of the power of rays (n, 3) that leaves a wall by a face perpendicular to
+    the first one, (n,).
+    """
     index = np.asarray(body.refraction)
     onward = _bent(index, ray, cosine, outward)
     normals, way = _met(rays, begin, onward)
@@ -272,10 +284,9 @@ def _cut(body: _Body, ray: Real, cosine: Real, outward: Real, begin: Real, rays:
 
 
 def _met(rays: RayMesh, starts: Real, onward: Real) -> tuple[Real, Real]:
-    """Follow rays (n, 3) from inside to where they arrive.
+    """Follow rays (n, 3) from inside a mesh to the next face.
 
-    Returns the normals there, (n, 3), and the lengths of the ways, (n,); NaN where the mesh is
-    open.
+    Return the normals there, (n, 3), and the lengths of the rays, (n,); NaN if the mesh is open.
     """
     face, way = rays.first(starts, onward)
     return rays.normals_of(face), np.where(face >= 0, way, np.nan)
@@ -295,7 +306,10 @@ def _starts(triangles: Real) -> tuple[Real, Real, Real]:
 
 
 def _spread(triangles: int) -> Real:
-    """Return points spread over each of so many triangles, barycentric, (n, 3)."""
+    """Return points spread evenly over a triangle, in barycentric coordinates, (n, 3).
+
+    The more triangles there are, the fewer points each one gets.
+    """
     count = -(-_RAYS // max(triangles, 1))
     # The additive recurrence of the plastic number fills the triangle evenly.
     steps = (np.arange(count)[:, None] + 0.5) * (0.7548776662466927, 0.5698402909980532) % 1
@@ -304,10 +318,11 @@ def _spread(triangles: int) -> Real:
 
 
 def straight_interiors(snapshot: Snapshot, metres_per_unit: float) -> list[Finding]:
-    """Find objects that waves cross at the delay of the straight line, whatever its angle.
+    """Return the finding on objects whose interior delays waves along the straight line at any
+    angle.
 
-    One ``interior-not-refracted`` has all of them, and what the one with the largest error adds to
-    an echo behind it at two angles.
+    The finding `interior-not-refracted` names all of them. It gives the error of the path length
+    behind the worst object at two angles.
     """
     surfaces = surfaces_of(snapshot)
     worst: dict[str, tuple[float, float]] = {}
@@ -331,14 +346,16 @@ def straight_interiors(snapshot: Snapshot, metres_per_unit: float) -> list[Findi
 
 
 def _too_long_m(index: float, depth_m: float, angle_deg: float) -> float:
-    """Return what a straight line through a layer and back is longer than the refracted wave."""
+    """Return the error of a straight ray through a layer and back [m]: its length minus that of the
+    refracted wave.
+    """
     cosine = math.cos(math.radians(angle_deg))
     return 2 * ((index - 1) * depth_m / cosine - float(excess_path_m(index, depth_m, cosine)))
 
 
 def averaging_objects(snapshot: Snapshot) -> dict[str, complex]:
-    """Return the objects that let waves through in the mean of both polarisations, by name, with
-    their largest index.
+    """Return the objects whose walls transmit the mean of both polarisations, by name, with the
+    largest index of their materials.
     """
     found = {}
     surfaces = surfaces_of(snapshot)
@@ -352,8 +369,8 @@ def averaging_objects(snapshot: Snapshot) -> dict[str, complex]:
 def average_in_a_row(snapshot: Snapshot, objects: Collection[str]) -> bool:
     """Return whether waves may pass several walls of these objects, by name, one after the other.
 
-    Also for one object that consists of several walls, or has several instances; layer normals are
-    set.
+    This is also true for one object that consists of several walls, or has several instances. The
+    layer normals must be set.
     """
     shapes = [shape.original for shape in snapshot.shapes]
     ours = snapshot.of_shapes([item.name_full in objects for item in shapes])
@@ -369,10 +386,10 @@ def average_in_a_row(snapshot: Snapshot, objects: Collection[str]) -> bool:
 
 
 def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
-    """Return the finding that these objects take the mean each by itself.
+    """Return the finding that radarsim averages the two polarisations at each wall separately.
 
-    `objects` are those of `averaging_objects`, at least one; `paths` names the paths that it
-    concerns. The error is that of two walls of the largest index.
+    `objects` are those of `averaging_objects`, at least one. `paths` names the paths that pass
+    several walls. The finding gives the error for two walls of the largest index.
     """
     index = max(objects.values(), key=abs)
     return finding(
@@ -385,7 +402,11 @@ def separate_averages(objects: dict[str, complex], paths: str) -> Finding:
 
 
 def _loss_db(index: complex, angle_deg: float) -> float:
-    """Return what two walls pass on both ways over what they pass with a mean at each [dB]."""
+    """Return the ratio of two powers through two walls, both ways [dB].
+
+    The first power is exact: both polarisations pass both walls, and the mean is taken at the end.
+    The second power has a mean at each wall.
+    """
     wall = slab_power(index, 1e-12, 1.0, math.cos(math.radians(angle_deg)), "single-pass")
     s, p = float(wall.transmitted_s), float(wall.transmitted_p)
     return 20 * math.log10((s**2 + p**2) / 2 / ((s + p) / 2) ** 2)

@@ -24,11 +24,12 @@ _CACHED = {"CLOTH", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "SOFT_BODY"}
 
 
 def key_frames(first: float, last: float, stretch: float = 1.0) -> list[float]:
-    """Return frames from `first` to `last` at which an F-curve of the file may have a corner.
+    """Return the frames from `first` to `last` at which an F-curve of the file may have a corner,
+    in rising order.
 
-    They ascend: keys, also repeated by Cycles modifiers and strips, and steps of Stepped ones.
-    `stretch` has the frames of the scene for each frame of the animation: its *Time Stretching*,
-    new over old.
+    These are keys, also those that Cycles modifiers and strips repeat, and the steps of Stepped
+    modifiers. `stretch` is the number of scene frames per frame of the animation (*Time
+    Stretching*, new over old).
     """
     found: set[float] = set()
     first, last = first / stretch, last / stretch
@@ -66,7 +67,9 @@ def _key_frames(curve: bpy.types.FCurve, first: float, last: float) -> Iterator[
 
 
 def _counts(low: float, high: float) -> tuple[int, int]:
-    """Return a range of whole numbers that contains both limits, of 10 000 at most."""
+    """Return the start and the end of a range of at most 10 000 whole numbers, from `low` to
+    `high`.
+    """
     start = int(np.floor(low))
     return start, min(int(np.ceil(high)) + 1, start + 10_000)
 
@@ -81,7 +84,7 @@ def _strips() -> Iterator[Any]:
 
 
 def _in_scene(strip: Any, frames: Any, first: float, last: float) -> Iterator[float]:
-    """Yield the scene's frames at which a strip shows these frames of its action."""
+    """Yield the scene frames at which a strip shows these frames of its action."""
     length = strip.action_frame_end - strip.action_frame_start
     along = (frames - strip.action_frame_start) * strip.scale
     if strip.use_reverse:
@@ -93,7 +96,9 @@ def _in_scene(strip: Any, frames: Any, first: float, last: float) -> Iterator[fl
 
 
 def driving_objects(item: bpy.types.Object) -> list[Any]:
-    """Return an object with its parents, constraints' targets and modifiers' objects."""
+    """Return all objects that may move an object: itself, parents, targets of constraints, objects
+    of modifiers.
+    """
     found: dict[Any, None] = {}
     waiting = [item]
     while waiting:
@@ -110,9 +115,9 @@ def driving_objects(item: bpy.types.Object) -> list[Any]:
 
 
 def is_linear_between_frames(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
-    """Return whether Blender moves an object on straight lines between whole frames.
+    """Return whether Blender moves an object along straight lines between whole frames.
 
-    So it does with rigid bodies and with transforms from a cache file.
+    This is so for rigid bodies, and for transforms from a cache file.
     """
     return any(
         is_simulated_body(scene, one)
@@ -122,7 +127,7 @@ def is_linear_between_frames(scene: bpy.types.Scene, item: bpy.types.Object) -> 
 
 
 def deforms_linearly_between_frames(item: bpy.types.Object) -> bool:
-    """Return whether a mesh deforms by a cache or simulation that has whole frames only."""
+    """Return whether a cache or a simulation, which has whole frames only, deforms a mesh."""
     return has_simulation_zone(item) or any(
         modifier.type in _CACHED and getattr(modifier, "interpolation", "LINEAR") == "LINEAR"
         for modifier in item.modifiers
@@ -130,9 +135,10 @@ def deforms_linearly_between_frames(item: bpy.types.Object) -> bool:
 
 
 def cache_frames(item: bpy.types.Object) -> tuple[float, float] | None:
-    """Return the scene's frame of a cache's frame 0, and scene frames from one to the next.
+    """Return the scene frame that shows frame 0 of a cache, and the number of scene frames from one
+    cache frame to the next.
 
-    (0, 1) for simulations, None for a file whose frames Blender does not say.
+    This is (0, 1) for simulations, and None for a file whose frames Blender does not give.
     """
     for modifier in item.modifiers:
         if modifier.type == "MESH_CACHE":
@@ -148,8 +154,10 @@ def cache_frames(item: bpy.types.Object) -> tuple[float, float] | None:
 def displacement_changes(item: bpy.types.Object, first: float, last: float) -> bool:
     """Return whether the shader displacement of an object may change between two frames.
 
-    Cycles displaces while it renders: no vertex of Blender tells of it. Nodes before the
-    displacement change it by F-curves, drivers, movies, and places outside the object.
+    Cycles displaces the surface while it renders, so the vertices in Blender do not show this
+    motion. The displacement changes by F-curves, drivers and movies in its nodes. It also changes
+    if the nodes use the coordinates of another object, or positions in the world while the object
+    moves.
     """
     for material in (slot.material for slot in item.material_slots):
         if material is None or material.displacement_method not in ("DISPLACEMENT", "BOTH"):
@@ -166,7 +174,7 @@ def displacement_changes(item: bpy.types.Object, first: float, last: float) -> b
 
 
 def _before(inputs: Iterable[Any]) -> list[Any]:
-    """Return the nodes that inputs depend on."""
+    """Return all nodes that these inputs depend on."""
     found: dict[Any, None] = {}
     waiting = [link.from_node for one in inputs for link in one.links]
     while waiting:
@@ -185,7 +193,9 @@ def _changes(
     first: float,
     last: float,
 ) -> bool:
-    """Return whether nodes of a tree may give other values at other times between two frames."""
+    """Return whether nodes of a tree may give different values at different times between two
+    frames.
+    """
     names = {f'nodes["{node.name}"]' for node in nodes}
     animation = tree.animation_data
     paths = [curve.data_path for curve in getattr(animation, "drivers", ())]

@@ -114,7 +114,9 @@ class Bodies(SceneModel):
         return (self[index] for index in range(len(self)))
 
     def label(self, rows: PathRows) -> None:
-        """Fill in bodies, and objects that are unknown though the scatterer is known."""
+        """Fill in the bodies of rows, and the objects that are unknown although the scatterer is
+        known.
+        """
         self._label_end(rows, "last_scatterer_m", "last_object", "last_body", slice(None))
         one = rows["order"] == 1
         some = slice(None) if one.all() else one  # columns that are copied whole take less time
@@ -149,7 +151,7 @@ class Bodies(SceneModel):
             rows[objects][mine[met]] = self.number[found[met]]
 
     def _find(self, points: Real, allowed: Real, parts: Indices) -> Indices:
-        """Return the index of the part on which each point lies; -1 for none."""
+        """Return the index of the body on which each point lies; -1 if there is none."""
         found = np.full(len(points), -1)
         if not (len(points) and parts.size):
             return found
@@ -178,7 +180,9 @@ class Bodies(SceneModel):
         return found
 
     def _outside(self, points: Real, index: Indices) -> Real:
-        """Return vectors from the box of one part each to points, in the world, (n, 3) [m]."""
+        """Return the vector from the box of a body to each point, in world axes, (n, 3) [m]; 0
+        inside the box.
+        """
         bodies, each = np.unique(index, return_inverse=True)
         pose = self.pose[bodies]
         flat = np.linalg.det(pose) == 0  # no point lies on it
@@ -195,15 +199,15 @@ class Bodies(SceneModel):
             return turned(outwards[:, :3], off).T
 
     def _nearest_box(self, point: Real, parts: Indices) -> int:
-        """Return the index of the part whose box is nearest to a point."""
+        """Return the index of the body whose box is nearest to a point."""
         points = np.broadcast_to(point, (parts.size, 3))
         return int(parts[norms(self._outside(points, parts)).argmin()])
 
     def _distances_m(self, index: int, points: Real, within_m: Real) -> Real:
-        """Return the distances of points from the mesh of a body, (n,) [m].
+        """Return the distance of each point from the mesh of a body, (n,) [m].
 
-        Infinite beyond `within_m`, (n,), and without a mesh (curves, texts), so that meshes nearby
-        have priority.
+        It is infinite beyond `within_m`, (n,), and for bodies without a mesh (curves, texts), so
+        that meshes nearby have priority.
         """
         shape, instance = int(self.shape[index]), InstancePose(self.pose[index], self.box[index])
         known = self.snapshot.shapes[shape]
@@ -231,7 +235,7 @@ class Parts:
         return int(self.index.size)
 
     def __getitem__(self, at: int) -> Part:
-        """Return one of them, counted from 0."""
+        """Return the body at a place in this list, counted from 0."""
         return self.bodies[int(self.index[at])]
 
     def __iter__(self) -> Iterator[Part]:
@@ -239,7 +243,7 @@ class Parts:
 
     @property
     def names(self) -> list[str]:
-        """Name of each one's object."""
+        """Name of the object of each body."""
         return [self.bodies.name(number) for number in self.number.tolist()]
 
 
@@ -248,7 +252,10 @@ _orders: WeakKeyDictionary[Layout, tuple[Indices, Indices]] = WeakKeyDictionary(
 
 
 def _body_order(poses: Poses, number: Indices) -> Indices:
-    """Return the indices of numbered poses, by number, and instances by the text of their key."""
+    """Return the indices of poses that have an object number, sorted by this number.
+
+    Instances of one object are sorted by the text of their key.
+    """
     assert poses.snapshot is not None
     layout = poses.snapshot.layout
     known = _orders.get(layout)
@@ -266,10 +273,10 @@ def _body_order(poses: Poses, number: Indices) -> Indices:
 def write_bodies(
     folder: Path, parts: Parts, motions: BodyMotions, deforming: Container[str]
 ) -> tuple[list[BodyRecord], str, str]:
-    """Return the records of bodies of these motions, and name and digest of the file of the others.
+    """Return the records of the bodies, and the name and digest of the file of stationary bodies.
 
-    It has the stationary ones where these are many; else the name is empty. `deforming` are the
-    names of the objects whose surfaces deform.
+    Many stationary bodies go into this file instead of the records; for few of them, there is no
+    file, and its name is empty. `deforming` has the names of the objects whose surfaces deform.
     """
     names, bodies = parts.names, parts.bodies
     rows, boxes = bodies.row[parts.index], bodies.box[parts.index]
@@ -308,7 +315,9 @@ _names: WeakKeyDictionary[Layout, tuple[list[str], NDArray[np.object_]]] = WeakK
 
 
 def _instance_names(layout: Layout, rows: Indices) -> NDArray[np.object_]:
-    """Return the names of the instances in some rows, (n,): many are the same in each frame."""
+    """Return the names of the instances in some rows, (n,). They are cached, because most stay the
+    same from frame to frame.
+    """
     owners = [item.name_full for item in layout.instancers]
     known = _names.get(layout)
     if known is None or known[0] != owners:  # someone has renamed them
@@ -333,7 +342,9 @@ class _Spheres:
     groups: list[tuple[Indices, Any]]
 
     def changed(self, pose: Real, box: Real) -> Mask:
-        """Return which of the n bodies have another pose or box now, (n,)."""
+        """Return which of the n bodies have a pose or a box that differs from the one
+        here, (n,).
+        """
         differs = pose != self.pose
         # any() over 16 values each takes several times as long
         found = differs.reshape(-1, 16).view(np.uint64).any(axis=1)
@@ -346,11 +357,12 @@ _kept: WeakKeyDictionary[Layout, dict[tuple[int, int], _Spheres]] = WeakKeyDicti
 def pairs_near(
     layout: Layout, bodies: slice, pose: Real, box: Real, points: Real, margin_m: float
 ) -> Pairs:
-    """Return pairs of points and of bodies around whose boxes are spheres with the point.
+    """Return the pairs of a point and a body where the point is in the sphere around the body's
+    box.
 
-    `bodies` are those of the scene's layout that `pose` (n, 4, 4) and `box` (n, 2, 3) belong to:
-    what is kept is of these. `points` (k, 3) [m]; `margin_m` is added to each radius. Indices of
-    bodies count from 0. Some pairs may be farther apart.
+    `bodies` is the slice of the bodies of the layout to which `pose` (n, 4, 4) and `box` (n, 2, 3)
+    belong; their spheres are cached. `points` is (k, 3) [m], and `margin_m` is added to each
+    radius. Body indices count from 0. Some pairs may be farther apart.
     """
     kept = _kept.setdefault(layout, {})
     spheres = kept.get((bodies.start, bodies.stop))
@@ -392,7 +404,9 @@ def _tree(places: Real) -> Any:
 
 
 def _pairs_in_groups(spheres: _Spheres, points: Real, margin_m: float) -> Iterator[Pairs]:
-    """Yield the pairs of each group, at most about the radius of the largest one apart."""
+    """Yield the pairs of each group. Their distance is at most about the radius of the largest
+    sphere of the group.
+    """
     of_points = None
     for here, tree in spheres.groups:
         radius = spheres.radius[here] + margin_m

@@ -195,7 +195,9 @@ class BurstMotion:
     def _with_other_points(
         self, items: dict[str, Any], moments: Sequence[Instant]
     ) -> dict[str, Any]:
-        """Return the objects whose vertices are other points of the surface at some moment."""
+        """Return the objects whose vertices do not stay the same points of the surface at all of
+        these moments.
+        """
         found: dict[str, Any] = {}
         if not items:
             return found
@@ -216,7 +218,10 @@ class BurstMotion:
         return found
 
     def _say_not_followed(self, items: dict[str, Any]) -> None:
-        """Say of objects that move by their matrix only how far from their surface that leads."""
+        """Add findings on objects whose surface changes, but that move as a whole in the result.
+
+        The findings give the largest distance between the true surface and the moved one.
+        """
         if not items:
             return
         rendered_s, rendered = self._plan.rendered
@@ -246,13 +251,15 @@ class BurstMotion:
     # -- rows --------------------------------------------------------------------------------------
 
     def label(self, rows: PathRows) -> None:
-        """Fill in objects and bodies of rows, with the numbers of all rendered bodies."""
+        """Fill in the objects and bodies of rows; bodies have the numbers of all
+        rendered bodies.
+        """
         self.bodies.label(rows)
 
     def collect(self, bodies: Iterable[int], chunks: Iterable[PathRows]) -> None:
-        """Collect the numbers of all bodies that rows were labelled with, before `sample`.
+        """Collect the numbers of all bodies that occur in rows, before `sample`.
 
-        `chunks` are all labelled rows; they are read where surfaces deform.
+        `chunks` are all labelled rows. Their scatterers are read if surfaces deform.
         """
         self._seen.update(bodies)
         if self._deformations.any:
@@ -260,9 +267,10 @@ class BurstMotion:
                 self._deformations.attach(rows, self.bodies)
 
     def complete(self, rows: PathRows) -> PathRows:
-        """Fill in range rates and surface points, and number the bodies as in the file.
+        """Fill in range rates and surface points, and give bodies the numbers that they have in the
+        file.
 
-        Call it after `sample`, for the same rows in the same order as `collect`.
+        Call this method after `sample`, for the same rows and in the same order as `collect`.
         """
         if self._deformations.any:
             self._deformations.number(rows, self.bodies)
@@ -310,16 +318,21 @@ class BurstMotion:
         return self._frame_motion(fits.motions, tracks)
 
     def _fit(self, sampler: Sampler) -> tuple[Fits, dict[float, dict[str, float]]]:
-        """Return fits to enough samples, and where bodies jump, as `Sampler.jumps` returns it.
+        """Return fits to enough samples, and the jumps of bodies in the form of `Sampler.jumps`.
 
-        The number of samples doubles until the fits are accurate, or a limit is reached: those
-        against rounding, or the work. Where bodies jump, the plan gets keys, and fits begin again.
+        The number of samples doubles until the fits are accurate, or until more samples would only
+        average rounding errors, or cost too much. If bodies jump, the plan gets a key at each jump,
+        and the fits begin again.
         """
         plan = self._plan
         smooth, smooth_surfaces = self._take_whole_frames(sampler)
 
         def begin() -> tuple[Fits, set[float], list[tuple[float, Instant]]]:
-            """Return fits, and times and moments of the first samples, clear of the plan's keys."""
+            """Begin fits without samples; return them, with the times and the moments of the first
+            samples.
+
+            All times avoid the keys of the plan, because motion may jump there.
+            """
             checks = [plan.clear_at(plan.frame + part * plan.frames) for part in _CHECKS]
             for moment in checks:
                 sampler.take(*moment)
@@ -369,9 +382,10 @@ class BurstMotion:
     def _take_whole_frames(
         self, sampler: Sampler
     ) -> tuple[set[int], dict[str, tuple[float, float] | None]]:
-        """Return rows of poses and surfaces to be a cubic through whole frames, and sample these.
+        """Find what moves smoothly through whole frames only, and sample these frames.
 
-        By surface, the frames are as `cache_frames` returns them.
+        Return the rows of such poses, and such surfaces by name, with their frames as
+        `cache_frames` gives them.
         """
         rows: set[int] = set()
         surfaces: dict[str, tuple[float, float] | None] = {}
@@ -401,7 +415,9 @@ class BurstMotion:
         return rows, surfaces
 
     def _say_sudden(self, jumps: dict[float, dict[str, float]]) -> None:
-        """Name what shaders displace, what moves in steps, and what else jumps within the burst."""
+        """Add findings on shader displacement, on motion in steps, and on other jumps within the
+        burst.
+        """
         first, last = self._plan.burst
         moving = self._moving_items()[0]
         displaced = [i[0].name for i in moving[2:] if displacement_changes(i[0], first, last)]
@@ -422,9 +438,10 @@ class BurstMotion:
             self.findings.append(finding("motion-jumps", *names, frame=min(within), size_m=size_m))
 
     def _moving_items(self) -> tuple[list[list[Any]], Indices]:
-        """Return which objects move rows of poses, once each, and which of these move each row.
+        """Return the groups of objects that move poses, and the group of each row of poses.
 
-        Rows are the antennas, then the collected bodies; thousands of instances share objects.
+        The rows are the antennas, then the collected bodies. Thousands of instances may share one
+        group.
         """
         layout, numbers = self.bodies.snapshot.layout, self._touched.number
         instancer = layout.instancer[self.bodies.row[self._touched.index]]
@@ -453,11 +470,11 @@ class BurstMotion:
         return self._scene
 
     def moves(self, body: int) -> bool:
-        """Whether a body that was collected moves during the burst, after `sample`."""
+        """Return whether a collected body moves during the burst. Call this after `sample`."""
         return bool(self._scene.bodies[self._file_number[body] - 1].moving)
 
     def deforms(self, body: int) -> bool:
-        """Whether a body that was collected has a surface that deforms, after `sample`."""
+        """Return whether a collected body has a surface that deforms. Call this after `sample`."""
         tracks = self._scene.tracks
         return tracks is not None and self._file_number[body] in tracks.series
 
@@ -473,7 +490,9 @@ class BurstMotion:
         return self._frame_motion(BodyMotions(poses, {}, at_s))
 
     def write(self, folder: Path, time_s: float, versions: dict[str, str]) -> Path:
-        """Write the files of this frame, after `complete` of all rows; return the motion file."""
+        """Write the files of this frame; return the motion file. Call this after `complete` of all
+        rows.
+        """
         scene, tracks_file, digest = self._scene, "", ""
         if scene.tracks is not None:
             path = write_tracks(folder, scene.tracks)
@@ -525,10 +544,12 @@ class BurstMotion:
 def stepped_at_frames(
     sampler: Sampler, moving_items: Callable[[int], Sequence[Any]]
 ) -> tuple[set[int], set[str], list[Finding]]:
-    """Return rows of poses and names of surfaces that hold for each frame and then jump, as said.
+    """Find poses and surfaces that stay for a whole frame and then jump; return them with a
+    finding.
 
-    Not those with Constant keys, which are meant to. `moving_items` returns the objects that move a
-    row. Samples whole frames, and the middles between them.
+    Constant keys, which are meant to jump, do not count. The results are rows of poses and names of
+    surfaces. `moving_items` returns the objects that move a row. This function samples whole frames
+    and the middles between them.
     """
     whole = sampler.plan.whole_frames()
     middles = [sampler.plan.between(*pair) for pair in itertools.pairwise(whole)]
@@ -564,7 +585,7 @@ def stepped_at_frames(
 
 
 def _approximated(fraction: float) -> list[Finding]:
-    """Name a fraction of the power in paths whose motion is not exact."""
+    """Return the finding on the fraction of the power in paths whose motion is not exact."""
     if fraction <= _NEGLIGIBLE / 10:
         return []
     found = finding("motion-approximated", fraction=fraction)

@@ -68,11 +68,11 @@ class Deformations:
 
     @property
     def any(self) -> bool:
-        """Whether a surface deforms."""
+        """Whether there are deforming surfaces."""
         return bool(self.surfaces)
 
     def attach(self, rows: PathRows, bodies: Bodies) -> None:
-        """Assign scatterers to faces; call it for all rows before `number`."""
+        """Assign scatterers to faces. Call this for all rows before `number`."""
         for points, mine, part in self._ends(rows, bodies):
             local, _ = distance_from_box(part.instance, np.array(rows[points][mine]))
             vertices, weights = self.surfaces[part.name].attach(local)
@@ -81,7 +81,9 @@ class Deformations:
             self.weights.append(weights)
 
     def number(self, rows: PathRows, bodies: Bodies) -> None:
-        """Fill in the numbers of surface points, for the same rows and order as `attach`."""
+        """Fill in the numbers of surface points. Call this for the same rows, in the same order, as
+        `attach`.
+        """
         for points, mine, _ in self._ends(rows, bodies):
             rows[_COLUMNS[points][1]][mine] = self._numbered + 1 + np.arange(mine.size)
             self._numbered += mine.size
@@ -89,7 +91,9 @@ class Deformations:
         rows["first_surface_point"][one] = rows["last_surface_point"][one]
 
     def _ends(self, rows: PathRows, bodies: Bodies) -> Iterator[tuple[str, NDArray[np.intp], Part]]:
-        """Yield rows on deforming surfaces, by end of the path and body."""
+        """Yield the rows whose scatterers are on a deforming surface, for each end of the path and
+        each body.
+        """
         for points, (column, _) in _COLUMNS.items():
             wanted = np.arange(rows.size)
             if points == "first_scatterer_m":  # at order 1 both ends are the same
@@ -121,14 +125,14 @@ class DeformingSurface:
 
     @property
     def rounding_m(self) -> float:
-        """Steps of float32 that a distance from the surface may be off [m]."""
+        """Distance from the surface that float32 alone can cause [m]."""
         largest = np.abs(self._vertices).max(initial=1e-30)
         return _ROUNDED * float(np.spacing(np.float32(largest))) * self._units
 
     def apart_m(self, later: DeformingSurface, scale: float) -> float:
-        """Return how far places of this surface are from a later one of the object at most [m].
+        """Return the largest distance between this surface and a later one of the same object [m].
 
-        `scale` is that of the object's axes.
+        `scale` is the scale of the object's axes.
         """
         some = self.triangles[:: 1 + len(self.triangles) // _PLACES]
         places = self._vertices[some].mean(axis=1)
@@ -139,7 +143,9 @@ class DeformingSurface:
         return apart * scale * self._units
 
     def attach(self, local_m: Real) -> tuple[NDArray[np.int32], Real]:
-        """Return vertices (n, 3) and weights (n, 3) of the nearest surface points to (n, 3) [m]."""
+        """Return the vertices (n, 3) and weights (n, 3) of the surface points nearest to points (n,
+        3) [m].
+        """
         points = local_m / self._units
         corners = self.triangles[np.maximum(self._rays.near(points)[0], 0)]
         weights = barycentric(points, self._vertices[corners])
@@ -150,7 +156,9 @@ class DeformingSurface:
         return np.array(in_series, dtype=np.int32).reshape(-1, 3), weights
 
     def sample(self, snapshot: Snapshot) -> Single | None:
-        """Return the needed vertices at its moment [m]; None if their number changed."""
+        """Return the needed vertices at the moment of a snapshot [m]; None if their number has
+        changed.
+        """
         positions = vertex_positions(snapshot.evaluated(self.item))
         if len(positions) != self.count:
             return None
@@ -159,7 +167,7 @@ class DeformingSurface:
 
 
 def may_deform(item: bpy.types.Object) -> bool:
-    """Return whether an object's surface can change other than by its matrix."""
+    """Return whether the surface of an object can change in other ways than by its matrix."""
     if item.type not in SURFACE_TYPES:
         return False
     if item.type != "MESH" or item.modifiers or item.parent_type in _DEFORMING_PARENTS:
@@ -168,7 +176,7 @@ def may_deform(item: bpy.types.Object) -> bool:
 
 
 def may_change_points(item: bpy.types.Object) -> bool:
-    """Return whether an object's vertices may become other points of its surface."""
+    """Return whether the vertices of an object may not stay the same points of its surface."""
     if item.type in ("META", "CURVE", "SURFACE", "FONT"):
         return True
     return any(
@@ -180,7 +188,9 @@ def may_change_points(item: bpy.types.Object) -> bool:
 
 
 def is_cut(item: bpy.types.Object) -> bool:
-    """Return whether Boolean modifiers cut an object: its faces may stay while vertices slide."""
+    """Return whether Boolean modifiers cut an object. Then faces may stay the same while vertices
+    slide.
+    """
     return any(
         modifier.type == "BOOLEAN" and (modifier.show_viewport or modifier.show_render)
         for modifier in item.modifiers
@@ -188,10 +198,10 @@ def is_cut(item: bpy.types.Object) -> bool:
 
 
 def is_on_grid(item: bpy.types.Object) -> bool:
-    """Return whether an object's vertices are on a grid, whatever moves.
+    """Return whether the vertices of an object are on a grid that does not follow its surface.
 
-    So are those of metaballs, and of meshes that Remesh modifiers or nodes make after what may
-    deform.
+    This is so for metaballs, and for meshes that a Remesh modifier or node makes after a modifier
+    that may deform.
     """
     moves = item.parent_type in _DEFORMING_PARENTS
     moves |= getattr(item.data, "shape_keys", None) is not None
@@ -216,9 +226,9 @@ def _is_grid_tree(tree: bpy.types.NodeTree) -> bool:
 
 
 def are_same_points(one: SurfacePoints, other: SurfacePoints, *, on_grid: bool) -> bool:
-    """Return whether vertices are the same points of a surface at two times.
+    """Return whether the vertices of a mesh are the same points of its surface at two times.
 
-    `on_grid` is of the object, as `is_on_grid`.
+    `on_grid` is what `is_on_grid` returns for the object.
     """
     if one.places.shape != other.places.shape or one.ends != other.ends:
         return False

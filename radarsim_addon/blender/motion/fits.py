@@ -101,7 +101,9 @@ class Fits:
         return BodyMotions(self._sampler.poses(at_s), self._motions, at_s)
 
     def fit(self, times_s: list[float]) -> int:
-        """Fit all again that is not yet accurate enough; return how many samples all fits have."""
+        """Fit again all motions that are not accurate enough; return the number of samples in all
+        fits.
+        """
         fitted = 0
         sampler, plan = self._sampler, self._plan
         times = np.array(times_s)
@@ -176,9 +178,10 @@ class Fits:
     def _checked_vertices(
         self, name: str, series: VertexSeries, noise_m: float, bound_m: float
     ) -> tuple[VertexSeries, float, float]:
-        """Return the fit of a surface, with its distance from Blender's at the checks in its bound.
+        """Return the fit of a surface. Its error bound includes the error at the check times.
 
-        Vertices are the same points of the surface, so their distance is that of the surface.
+        Vertices stay the same points of the surface, so the error of the vertices is that of the
+        surface.
         """
         sampled = self._sampler.vertices[name]
         times_s = [at_s for at_s in self._checks_s if sampled[at_s] is not None]
@@ -201,7 +204,7 @@ class Fits:
         return series, noise_m, bound_m
 
     def _smooth_series(self, name: str) -> tuple[VertexSeries, float, float]:
-        """Return a cubic through the vertices at whole frames, as `fit_vertices` does."""
+        """Return a cubic through the vertices at whole frames, in the form of `fit_vertices`."""
         plan, sampled = self._plan, self._sampler.vertices[name]
         whole_s = np.array(self._whole_s(name))
         spline = cubic_spline(whole_s, np.stack([sampled[at_s] for at_s in whole_s]).astype(float))
@@ -218,13 +221,14 @@ class Fits:
         return series, noise_m, bound_m + step_m
 
     def _whole_s(self, name: str) -> list[float]:
-        """Return the times of the frames between which a surface is linear [s]."""
+        """Return the times of the frames between which a surface moves linearly [s]."""
         return [at_s for at_s, _ in self._plan.whole_frames(*self._smooth_surfaces[name] or ())]
 
     def _off_whole_frames_mps(self, sampled: Mapping[float, Any]) -> float:
-        """Return how much the speed of points (n, 3) [m] by time changes from frame to frame [m/s].
+        """Return the largest change of speed of points from one frame to the next [m/s].
 
-        0 for points on straight lines between frames.
+        `sampled` has the points, (n, 3) [m], by time. The result is 0 if they move along straight
+        lines between whole frames.
         """
         plan = self._plan
         whole = plan.whole_frames()
@@ -242,7 +246,7 @@ class Fits:
         return bent * plan.fps if apart > _MAX_MISS * step + _ON_FRAMES * bent else 0.0
 
     def _places(self, index: int) -> dict[float, Real]:
-        """Return the place of a body by time, (1, 3) each [m]."""
+        """Return the places of a body by time, (1, 3) each [m]."""
         sampler = self._sampler
         return {at_s: sampler.pose(at_s, index)[None, :3, 3] for at_s in sampler.times_s}
 
@@ -291,11 +295,14 @@ class Fits:
         return dataclasses.replace(motion, displacement_error_bound_m=bound_m)
 
     def _target_of(self, index: int) -> float:
-        """Return the error bound that needs no more samples: of the carrier, or of the poses."""
+        """Return the error bound below which a body needs no more samples.
+
+        It follows from the wavelength, or from the rounding of the poses if that is larger.
+        """
         return max(self._target_m, _TARGET_ROUNDING * self._rounding_m(index))
 
     def _rounding_m(self, index: int) -> float:
-        """Return the step of float32 at the body's farthest point [m]."""
+        """Return the rounding error of float32 at the farthest point of a body [m]."""
         turn_m = max(self._reach_m(index), _LEAST_REACH_M) * float(np.spacing(np.float32(1.0)))
         return _rounding_step(self._farthest_m[index], self._plan.metres_per_unit) + turn_m
 
@@ -305,7 +312,7 @@ class Fits:
         return max(self._target_m, _TARGET_ROUNDING * step_m)
 
     def _is_noisy(self, index: int, motion: BodyMotion) -> bool:
-        """Return whether a fit leaves more than the rounding of poses."""
+        """Return whether the residual of a fit is larger than the rounding of the poses."""
         return motion.noise_m > max(self._rounding_m(index), self._target_m)
 
     def _is_accurate(self, index: int) -> bool:
@@ -321,7 +328,7 @@ class Fits:
         )
 
     def _checked(self, index: int, motion: BodyMotion, reach_m: float) -> BodyMotion:
-        """Return the fit, with its error at the checks in its bound."""
+        """Return the fit of a body. Its error bound includes the error at the check times."""
         times = np.array(self._checks_s)
         poses = np.stack([self._sampler.pose(at_s, index) for at_s in self._checks_s])
         present = np.isfinite(poses[:, 0, 0])
@@ -351,7 +358,7 @@ class Fits:
 
     @property
     def accurate(self) -> bool:
-        """Whether no fit needs more samples."""
+        """Whether all fits are accurate enough."""
         return all(map(self._is_accurate, self._motions)) and all(
             name in self._smooth_surfaces or bound <= self._vertex_target_m(name)
             for name, (_, _, bound) in self._vertices.items()
@@ -359,7 +366,7 @@ class Fits:
 
     @property
     def resolved(self) -> bool:
-        """Whether all fits follow the motion between the samples, up to rounding."""
+        """Whether all fits follow the motion between the samples, except for rounding."""
         return not (self._missed or self._missed_surfaces) and all(
             index in self._smooth
             or motion.displacement_error_bound_m <= _MAX_MISS * self._target_of(index)
@@ -369,7 +376,7 @@ class Fits:
 
     @property
     def biased(self) -> bool:
-        """Whether a velocity lacks terms that four times the samples would tell from rounding."""
+        """Whether the fit of a velocity lacks terms that four times as many samples would show."""
         target_mps = _TARGET_RATE * self._plan.wavelength_m
         return any(
             one.rate_bias_mps > target_mps and one.rate_stderr_mps < _NEAR_TARGET * target_mps
@@ -378,11 +385,13 @@ class Fits:
 
     @property
     def noisy(self) -> bool:
-        """Whether a fit leaves more than the rounding of poses, perhaps motion."""
+        """Whether the residual of a fit is larger than the rounding of the poses. It
+        may be motion.
+        """
         return any(self._is_noisy(index, motion) for index, motion in self._motions.items())
 
     def series(self) -> dict[int, VertexSeries]:
-        """Return the vertex series by number of the body."""
+        """Return the series of vertices of each deforming body, by the number of the body."""
         found: dict[int, VertexSeries] = {}
         if not self._sampler.surfaces:
             return found
@@ -400,7 +409,7 @@ class Fits:
         return found
 
     def findings(self) -> list[Finding]:
-        """Return what did not fit."""
+        """Return findings on the motions that the fits do not follow."""
         found = []
         parts = self._sampler.parts
         smooth = [i for i in sorted(self._smooth) if self._motions[i].moving]
@@ -444,6 +453,6 @@ class Fits:
 
 
 def _rounding_step(values: Real | Single | float, metres_per_unit: float) -> float:
-    """Return the step of float32 at the largest of some coordinates [m]."""
+    """Return the rounding step of float32 at the largest of these coordinates [m]."""
     largest_units = float(np.abs(values).max(initial=0.0)) / metres_per_unit
     return float(np.spacing(np.float32(max(largest_units, 1e-30)))) * metres_per_unit

@@ -79,13 +79,13 @@ class SamplingPlan:
 
     @functools.cached_property
     def rendered(self) -> tuple[float, Instant]:
-        """The moment that is rendered, as `at` returns it."""
+        """Time and instant of the render, as `at` returns them."""
         return self.at(self.rendered_fraction)
 
     def at(self, fraction: float) -> tuple[float, Instant]:
-        """Return the moment that Blender evaluates at a fraction of the burst.
+        """Return the time and the instant that Blender evaluates at a fraction of the burst.
 
-        Its time since the start of the burst [s] has Blender's rounding.
+        The time since the start of the burst [s] contains Blender's rounding.
         """
         return self._at_frame(self.frame + fraction * self.frames)
 
@@ -94,7 +94,9 @@ class SamplingPlan:
         return (instant.evaluated_frame - self.frame) / self.fps, instant
 
     def is_clear(self, at_s: float) -> bool:
-        """Whether no key but one at this very time changes what Blender gives then."""
+        """Return whether no key is so near that it changes the pose at this time. A key exactly at
+        this time is allowed.
+        """
         frame = self.frame + at_s * self.fps
         key = self._nearest_key(frame)
         if abs(key - frame) > 0.9 * self._clear_of_keys:
@@ -102,7 +104,10 @@ class SamplingPlan:
         return key not in self.jumps and abs(key - frame) <= 2 * np.spacing(np.float32(frame))
 
     def with_jumps(self, frames: Sequence[float]) -> SamplingPlan:
-        """Return the plan with frames at which bodies jump; a jump next to a key is at the key."""
+        """Return the plan with keys at the frames at which bodies jump.
+
+        A jump next to a key moves to that key.
+        """
         near = [self._nearest_key(frame) for frame in frames]
         jumps = [
             key if abs(key - frame) <= self._clear_of_keys else frame
@@ -123,7 +128,7 @@ class SamplingPlan:
         )
 
     def clear_at(self, frame: float) -> tuple[float, Instant]:
-        """Return the moment at a frame, or next to the key that it is too near to."""
+        """Return the moment at a frame. If a key is too near, return a moment next to this key."""
         found = self._at_frame(frame)
         if self.is_clear(found[0]):
             return found
@@ -132,9 +137,10 @@ class SamplingPlan:
 
     @functools.cached_property
     def window(self) -> tuple[float, float]:
-        """First and last frame of the samples: the burst, and more of the motion that it is in.
+        """First and last frame of the samples.
 
-        Up to the next keys, so that each piece of the motion is long enough for a good velocity.
+        They contain the burst, and parts before and after it up to the next keys, so that each
+        piece of the motion is long enough for a good velocity.
         """
         first, last = self.burst
         inside = [key for key in self.keys if first < key < last]
@@ -149,7 +155,9 @@ class SamplingPlan:
         return max(min(low, high - _LEAST_FRAMES), lowest), high
 
     def grid(self, count: int, low: float, high: float) -> list[tuple[float, Instant]]:
-        """Return about `count` moments between two frames, evenly in each piece between keys."""
+        """Return about `count` moments between two frames, evenly spaced in each piece between
+        keys.
+        """
         inside = [key for key in self.keys if low < key < high]
         edges = [low, *inside, high]
         moments: list[tuple[float, Instant]] = []
@@ -163,9 +171,11 @@ class SamplingPlan:
         return moments
 
     def whole_frames(self, start: float = 0.0, step: float = 1.0) -> list[tuple[float, Instant]]:
-        """Whole frames of the burst and one more on both sides, for a cubic through them.
+        """Return the whole frames of the burst, and one more on each side, for a cubic through
+        them.
 
-        Those of a cache: `start` is the scene's frame of its frame 0, `step` what is between two.
+        For a cache, `start` is the scene frame of its frame 0, and `step` the number of scene
+        frames per cache frame.
         """
         first, last = (round((frame - start) / step, 6) for frame in self.burst)
         numbers = range(int(np.floor(first)) - 1, int(np.ceil(last)) + 2)
@@ -174,7 +184,7 @@ class SamplingPlan:
     def between(
         self, one: tuple[float, Instant], other: tuple[float, Instant]
     ) -> tuple[float, Instant]:
-        """Return the moment amid two others."""
+        """Return the moment in the middle between two others."""
         return self.moment((one[0] + other[0]) / 2)
 
     def moment(self, at_s: float) -> tuple[float, Instant]:
@@ -183,7 +193,7 @@ class SamplingPlan:
 
     @property
     def corners_s(self) -> list[float]:
-        """Times at which motion may have corners: keys and whole frames [s]."""
+        """Times at which the motion may have corners: keys and whole frames [s]."""
         low, high = self.window
         frames = {key for key in self.keys if low < key < high}
         if high - low <= _MAX_CORNERS:
@@ -230,7 +240,9 @@ class Sampler:
         self.changed: set[str] = set()
 
     def take(self, at_s: float, instant: Instant) -> None:
-        """Take a sample, unless this time has one; `SceneError` if a coordinate is not finite."""
+        """Take a sample, unless there is one of this time. `SceneError` if a coordinate is not
+        finite.
+        """
         if at_s in self._others:
             return
         snapshot = self._show(instant)
@@ -254,9 +266,10 @@ class Sampler:
             self.vertices[name][at_s] = vertices
 
     def _matrices(self, snapshot: Snapshot, frame: float) -> tuple[Snapshot, Indices, Real]:
-        """Return the snapshot, rows that may differ from the first sample's, and matrices of these.
+        """Return the snapshot, the rows that may differ from the first sample, and their world
+        matrices.
 
-        They are those of antennas and parts in the world, NaN for instances that do not exist.
+        The rows are those of antennas and bodies. A matrix is NaN if the instance does not exist.
         """
         in_layout = self._rows_in(snapshot.layout, snapshot.shapes)
         chosen = self._may_differ(snapshot)
@@ -278,7 +291,7 @@ class Sampler:
         return snapshot, chosen, matrices
 
     def _may_differ(self, snapshot: Snapshot) -> Indices:
-        """Return the rows whose pose may be another one than in the first sample, ascending."""
+        """Return the rows whose pose may differ from the first sample, in rising order."""
         if self._first is None or self._first[0].walked is not snapshot.walked:
             return np.arange(len(self.parts) + 2)
         # Of all others, both snapshots have the pose of one walk.
@@ -287,7 +300,7 @@ class Sampler:
         return np.concatenate([[0, 1], 2 + parts])
 
     def _rows_in(self, layout: Layout, shapes: Sequence[Shape]) -> Indices:
-        """Return the row of each part in a snapshot, -1 for what it does not have."""
+        """Return the row of each body in a snapshot; -1 for bodies that it does not have."""
         if layout is not self._layout:
             wanted = {part.name for part in self.parts if part.key}
             mine = [shape.original.name_full in wanted for shape in shapes]
@@ -316,11 +329,11 @@ class Sampler:
 
     @property
     def changing(self) -> Indices:
-        """Rows whose pose is not the same in all samples, ascending."""
+        """Rows whose pose changes between samples, in rising order."""
         return np.unique(np.concatenate([rows for rows, _ in self._others.values()]))
 
     def poses(self, at_s: float, rows: Indices | None = None) -> Real:
-        """Return the poses of some rows, or of all, in the sample of a time, (n, 4, 4) [m]."""
+        """Return the poses of some rows, or of all, at the time of a sample, (n, 4, 4) [m]."""
         assert self._first is not None
         other, values = self._others[at_s]
         rows = np.arange(len(self._first[1])) if rows is None else rows
@@ -332,15 +345,16 @@ class Sampler:
         return found
 
     def pose(self, at_s: float, row: int) -> Real:
-        """Return the pose of one row in the sample of a time, (4, 4) [m]."""
+        """Return the pose of one row at the time of a sample, (4, 4) [m]."""
         found: Real = self.poses(at_s, np.array([row]))[0]
         return found
 
     def jumps(self, times_s: Sequence[float]) -> dict[float, dict[str, float]]:
-        """Find where bodies jump between samples: sizes [m] by name, by Blender frame.
+        """Find jumps of bodies between samples. For each Blender frame: the size of the jump [m] by
+        name.
 
-        A jump keeps its size in the half of an interval that contains it, however often the
-        interval is halved; a motion does not.
+        If an interval is halved again and again, a jump keeps its size in the half that contains
+        it; a motion does not.
         """
         rows = self.changing
         names = [*map(self._name, rows.tolist()), *self.surfaces]
@@ -368,7 +382,9 @@ class Sampler:
         return found
 
     def _least_jumps_m(self, rows: Indices, at_s: float) -> Real:
-        """Return sizes of which steps may be float32's, as `_steps_m` has them [m]."""
+        """Return the size up to which a step may be rounding of float32, in the form of `_steps_m`
+        [m].
+        """
         places = [np.abs(self.poses(at_s, rows)[:, :3, 3]).max(axis=1), self._reaches_m(rows)]
         surfaces = [sampled[at_s] for sampled in self.vertices.values()]
         sizes = [0.0 if one is None else np.abs(one).max(initial=0.0) for one in surfaces]
@@ -376,7 +392,7 @@ class Sampler:
         return np.asarray(_ROUNDED * np.spacing(np.maximum(largest, 1e-6).astype(np.float32)))
 
     def _reaches_m(self, rows: Indices) -> Real:
-        """Return the largest distance of the surface of each row of poses from its origin [m]."""
+        """Return the largest distance of the surface of each body from its origin [m]."""
         return np.array(
             [self.parts[row - 2].instance.reach_m if row > 1 else 0.0 for row in rows.tolist()]
         )
@@ -384,7 +400,9 @@ class Sampler:
     def _around_jump(
         self, rows: Indices, one: int, low_s: float, high_s: float
     ) -> tuple[float, float] | None:
-        """Return times just before and after a jump between two samples; None: it only moves."""
+        """Return the times just before and just after a jump between two samples; None if it is a
+        motion.
+        """
         if (high_s - low_s) * self.plan.fps < 2**_HALVINGS * _CLEAR_OF_KEYS:
             return None  # too short to tell a jump from a motion
         sizes_m = [float(self._steps_m(rows, low_s, high_s)[one])]
@@ -404,7 +422,9 @@ class Sampler:
         return low_s, high_s
 
     def _steps_m(self, rows: Indices, one_s: float, other_s: float) -> Real:
-        """Return how far rows of poses, then all surfaces, move between two samples, (n,) [m]."""
+        """Return the largest step of each row of poses, then of each surface, between two samples,
+        (n,) [m].
+        """
         apart = np.nan_to_num(self.poses(other_s, rows) - self.poses(one_s, rows))
         turned_m = self._reaches_m(rows) * np.abs(apart[:, :3, :3]).max(axis=(1, 2), initial=0.0)
         moved_m = [np.linalg.norm(apart[:, :3, 3], axis=1) + turned_m]

@@ -166,8 +166,8 @@ class Wall(NamedTuple):
 def wall_at_face(build: TreeBuilder, face_cosine: Source) -> Wall:
     """Add nodes for the wall behind a face that a ray meets.
 
-    Each face stands for the half of the wall next to it. At the rim of a layer it is the way
-    across the wall from its middle, which the faces before or after count too much or too little.
+    Each face stands for the half of the wall next to it. A face at the rim of a layer stands for
+    the part of the ray inside the wall that the other faces count too much or too little.
     """
     math = build.math
     geometry = build.node("ShaderNodeNewGeometry", "Face of the wall").outputs

@@ -98,9 +98,11 @@ class ClutterWeights:
         return bool(self._surfaces or self._several)
 
     def apply(self, rows: PathRows, normals: Normals, origin_m: Real, transmitter_m: Real) -> None:
-        """Multiply powers of labelled, refined rows, and mark those that have a reverse.
+        """Multiply the powers of rows by the weights of their clutter lobes, and mark rows that
+        have a reverse.
 
-        `normals` are those that refining met. Rays start at `origin_m`, (3,) or (n, 3).
+        The rows are labelled and refined. `normals` are the normals that the refinement found. Rays
+        start at `origin_m`, (3,) or (n, 3) [m].
         """
         origins_m = np.broadcast_to(origin_m, (rows.size, 3))
         if not self._surfaces:
@@ -130,7 +132,7 @@ class ClutterWeights:
         origin_m: Real,
         transmitter_m: Real,
     ) -> None:
-        """Multiply powers of some rows, which have these normals at both ends."""
+        """Multiply the powers of some rows; `normals` are those at the first and last vertex."""
         clutter_alone = all(isinstance(one, ClutterLobe) for one in self._surfaces)
         orders, met = rows["order"], self._of_body.take(rows["last_body"]) > 0
         if np.any(several := orders > 1):
@@ -171,11 +173,12 @@ class ClutterWeights:
         after_m: Real,
         seen_first: bool,
     ) -> Real:
-        """Weights of vertices on bodies, (n,); 1 without such a lobe.
+        """Return the weight of each vertex, (n,). It is 1 on bodies that have no clutter lobe.
 
-        Rays from `known_from_m` meet them with the known normals, of any length or NaN. `back` are
-        unit vectors towards the vertices before, and those after are at `after_m`. `seen_first`:
-        the receiver sees the vertex itself, and the albedo is not limited.
+        Rays from `known_from_m` meet the vertices. `normal` has the normals that are known, of any
+        length; NaN: unknown. `back` are unit vectors to the vertex before each one, and `after_m`
+        is the place of the vertex after it. `seen_first` is True if the receiver sees the vertex
+        directly: then the rendered albedo has no upper limit.
         """
         weight, surface = np.ones(bodies.size), self._of_body.take(bodies)
         bodies = np.where(surface > 0, bodies, 0)
@@ -201,7 +204,7 @@ class ClutterWeights:
         return weight
 
     def findings(self, chunks: Iterable[PathRows], receiver_m: Real) -> list[Finding]:
-        """Find what a user should know of the clutter in the rows of a frame."""
+        """Return the findings about clutter in the rows of a frame."""
         found = [finding("clutter-of-several-materials", *sorted(self._several))]
         found = found if self._several else []
         if not self._surfaces:
@@ -223,8 +226,8 @@ class ClutterWeights:
         return found
 
     def _seen_findings(self, rows: PathRows, receiver_m: Real) -> list[Finding]:
-        """Find angles at which a model does not hold, and the Earth's curvature, in rows of order
-        1.
+        """Return findings for rows of one reflection: grazing angles at which a model does not
+        hold, and the curvature of the Earth.
         """
         found = []
         surface = self._of_body[rows["last_body"]]
@@ -259,7 +262,9 @@ def _beyond_angles(one: ClutterLobe, grazing_rad: Real, outside: Mask) -> Findin
 
 
 def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Finding]:
-    """Find the range from which on a level surface would curve away below the ray."""
+    """Find the range from which on the curvature of the Earth changes sigma0 of a level surface too
+    much.
+    """
     curved = np.maximum(grazing_rad - range_m / (2 * STANDARD_EARTH_RADIUS_M), 1e-7)
     error_db = 10 * np.log10(one.sigma0(np.sin(grazing_rad)) / one.sigma0(np.sin(curved)))
     beyond = np.abs(error_db) > _CURVED_DB
@@ -277,7 +282,7 @@ def _curvature(one: ClutterLobe, grazing_rad: Real, range_m: Real) -> list[Findi
 
 
 def _unit(vectors: Real) -> Real:
-    """Make vectors of length 1, in their place."""
+    """Divide vectors by their lengths, in place, and return them."""
     vectors /= norms(vectors)[:, None]
     return vectors
 
@@ -298,9 +303,10 @@ Sines = tuple[Real, Real]
 
 
 def is_mirrored(sines: Sines, back: Real, onward: Real) -> Mask:
-    """Whether a smooth surface mirrors unit vectors from a vertex into each other, (n,).
+    """Return whether a smooth surface mirrors each direction `back` into the direction `onward`,
+    (n,).
 
-    `sines` are their products with the normal.
+    Both are unit vectors from the vertex. `sines` are their scalar products with the normal.
     """
     found = 2 * sines[0]
     found *= sines[1]
@@ -316,14 +322,16 @@ class _Table:
 
     @cached_property
     def _steps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """ln sigma0 half a column before each column and after the last, and steps to the next."""
+        """Interpolation table: ln sigma0 half a column before each column and after the last one,
+        and the differences.
+        """
         levels = np.pad(self.table_db * (np.log(10) / 10), 1, mode="edge").astype(np.float32)
         return levels[:-1], np.diff(levels)
 
     def log_sigma0(self, sine: Real) -> NDArray[np.float32]:
-        """Natural logarithm of sigma0 at sines of grazing angles, (n,).
+        """Return ln sigma0 for sines of grazing angles, (n,).
 
-        float32 is within 1e-4 dB of the same line in float64.
+        float32 differs by at most 1e-4 dB from the same interpolation in float64.
         """
         angle = np.minimum(sine, 1.0)
         np.arcsin(angle, out=angle)
@@ -342,7 +350,9 @@ class _Table:
         return np.exp(self.log_sigma0(sine), dtype=np.float64)
 
     def albedo(self, sigma0: Real, sine: Real, seen_first: bool) -> Real:
-        """Albedo of the rendered lobe, which is limited beyond the first vertex."""
+        """Return the albedo of the rendered lobe. Cycles limits it to 1, except at the first
+        vertex.
+        """
         found = sigma0 / (4 * sine**2)
         return found if seen_first else np.minimum(found, 1.0)
 
@@ -361,10 +371,11 @@ class ClutterLobe(_Table):
     def weights(
         self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
     ) -> Real:
-        """Weights of vertices with unit vectors to both neighbours, (n,).
+        """Return the true lobe over the rendered lobe at each vertex, (n,).
 
-        `sines` are their products with the normal. `seen_first`: the receiver sees the vertex
-        itself, and the albedo is not limited.
+        `back` and `onward` are unit vectors to the vertices before and after. `sines` are their
+        scalar products with the normal. `seen_first` is True if the receiver sees the vertex
+        directly: then the rendered albedo has no upper limit.
         """
         sine_s, sine_i = sines
         level_s, level_i = self.log_sigma0(sine_s), self.log_sigma0(sine_i)
@@ -397,13 +408,17 @@ class DirectiveLobe(_Table):
 
     @property
     def alpha(self) -> float:
-        """Width of the glossy lobe; 0: a mirror."""
+        """Width of the glossy lobe; 0 for a mirror."""
         return self.lobe.alpha
 
     def weights(
         self, sines: Sines, normal: Real, back: Real, onward: Real, seen_first: bool
     ) -> Real:
-        """Weights as those of `ClutterLobe`; waves come from `onward`."""
+        """Return the true lobe over the rendered lobe at each vertex, as `ClutterLobe.weights`
+        does.
+
+        The lobe is not reciprocal: the wave comes from the direction `onward`.
+        """
         lobe, sine_s = self.lobe, sines[0]
         facets = np.zeros(sine_s.size)
         if self.table_db.size:
@@ -420,7 +435,9 @@ class DirectiveLobe(_Table):
 
 
 def clutter_lobe(surface: Surface, model: ClutterModel, table_db: Real) -> ClutterLobe:
-    """Return the lobe of a material with a clutter model and the table of the run."""
+    """Return the lobe of a material with a clutter model. `table_db` is its table of sigma0 in the
+    run.
+    """
     needed = {ROUGHNESS: surface.roughness, INDEX: surface.n, EXTINCTION: surface.kappa}
     for name, value in needed.items():
         if value is None:
@@ -434,7 +451,7 @@ def clutter_lobe(surface: Surface, model: ClutterModel, table_db: Real) -> Clutt
 
 
 def _as_rendered(table_db: Real) -> Real:
-    """A table as its image rounds it."""
+    """Return a table as the image in Blender stores it, rounded to float32."""
     return table_db.astype(np.float32).astype(np.float64)
 
 
@@ -451,8 +468,8 @@ class ReverseMarks:
 
     @cached_property
     def _by_body(self) -> tuple[Mask, Mask]:
-        """By the body's number, from 1: whether it may mirror, and whether its normals differ from
-        those of its faces. Body 0 is unknown.
+        """For each body, by its number: whether it may mirror, and whether its shading normals
+        differ from those of its faces. Number 0 is the unknown body.
         """
         model = self._model
         mirrors = np.array([any(s.is_mirror_like for s in every) for every in model.surfaces], bool)
@@ -463,7 +480,9 @@ class ReverseMarks:
         return np.append(unknown, mirrors[model.shape]), np.append(unknown, rounded[model.shape])
 
     def mark(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
-        """Set the flag of labelled, refined rows whose rays start at `origins_m`, (n, 3)."""
+        """Set the flag HAS_REVERSE in labelled, refined rows. Rays start at `origins_m`, (n, 3)
+        [m].
+        """
         several = np.flatnonzero(rows["order"] > 1)
         if not several.size:
             return
@@ -490,7 +509,9 @@ class ReverseMarks:
 
 
 def is_smooth_shaded(mesh: Mesh | None) -> bool:
-    """Whether a mesh, or None, has faces whose normals are not those of their planes."""
+    """Return whether a mesh has shading normals that differ from the normals of its faces. `mesh`
+    may be None.
+    """
     return mesh is not None and mesh.corner_normals is not None
 
 
@@ -528,10 +549,10 @@ class BetterDirection:
         self._widths = np.append(0.0, widths[model.shape])
 
     def in_better_direction(self, rows: PathRows, tracer: ViewTracer) -> PathRows:
-        """Return the rows of a tile replicate with both directions of each pair from the better
-        one.
+        """Return the rows of a tile replicate, with both directions of each pair of paths taken
+        from the direction that has less noise.
 
-        They are the rows themselves if there is no pair, or objects are not opaque.
+        If there is no pair, or if objects are not opaque, these are the rows themselves.
         """
         receiver = tracer.receiver
         place_m = np.asarray(receiver.matrix_world, dtype=np.float64)[:3, 3]
@@ -558,7 +579,9 @@ class BetterDirection:
         return PathRows.joined([rows[np.delete(np.arange(rows.size), poor)], back])
 
     def _usable(self, rows: PathRows) -> Mask:
-        """Rows of two reflections whose reverse is a path of its own, with known vertices."""
+        """Return which rows have two reflections, known vertices and a reverse that is a path of
+        its own.
+        """
         found = (rows["order"] == 2) & (rows["transparent_depth"] == 0)
         found &= rows["flags"] & (PathFlag.HAS_REVERSE | PathFlag.NO_RANGE) == PathFlag.HAS_REVERSE
         for name in ("first_scatterer_m", "last_scatterer_m"):
@@ -597,11 +620,14 @@ class SeenMirrors:
         self._scatters = np.append(False, scatters[model.shape])
 
     def correct(self, rows: PathRows, found: Normals, origins_m: Real) -> None:
-        """Multiply powers of labelled, refined rows whose rays start at `origins_m`, (n, 3).
+        """Multiply the powers of rows whose first vertex is on a mirror by what the run's
+        polarisation receives.
 
-        With more than two reflections it is unknown whether the mirror has scattered or mirrored:
-        both are in such rows as if nothing were taken from the image, so their sum is reduced. They
-        keep the power of both polarisations, because the next mirror may turn the wave back.
+        The rows are labelled and refined. Rays start at `origins_m`, (n, 3) [m]. In paths of more
+        than two reflections, it is unknown whether the surface has mirrored or scattered the wave.
+        Such rows contain both parts, as if the mirror image had lost nothing, so this method
+        reduces their sum. These rows keep the power of both polarisations, because the next mirror
+        may turn the polarisation back.
         """
         if not self._mirrors:
             return
@@ -633,6 +659,8 @@ class SeenMirrors:
 
 
 def _mirror(surfaces: Sequence[Surface]) -> MirrorMaterial | None:
-    """The mirror that all of a body's materials are, without another lobe; else None."""
+    """Return the mirror that all materials of a body share; None if they differ, or have another
+    lobe.
+    """
     known = {None if one.clutter else one.mirror for one in surfaces}
     return known.pop() if len(known) == 1 else None

@@ -84,16 +84,18 @@ class CellGrid:
 
     @property
     def first_object(self) -> int:
-        """Number of object 0, the unknown one; the cell before it is all beyond the bins."""
+        """Cell of object 0, which stands for unknown objects. The cell before it holds everything
+        beyond the range bins.
+        """
         return self.bins + 1
 
     def replicate_powers(
         self, rows: PathRows, count: int, receiver: contract.ReceiverRecord | None = None
     ) -> ReplicatePowers:
-        """Compute the powers of one of `count` replicates of a tile, whose rows hold its
-        fraction.
+        """Compute the powers of one replicate of a tile.
 
-        Without a receiver nothing is known of edges along the grid.
+        The tile has `count` replicates, and each row holds its part of the mean over them. Without
+        a receiver, the variance from object edges is unknown and left out.
         """
         return self.powers_of_views([rows], count, receiver)[0]
 
@@ -103,7 +105,7 @@ class CellGrid:
         count: int,
         receiver: contract.ReceiverRecord | None = None,
     ) -> list[ReplicatePowers]:
-        """Compute the powers of several replicates, as `replicate_powers` of each."""
+        """Compute the powers of several replicates, each as in `replicate_powers`."""
         rows = PathRows.joined(views)
         view = np.repeat(np.arange(len(views)), [own.size for own in views])
         power_w = rows["power_w"] * count
@@ -142,8 +144,8 @@ class CellGrid:
         receiver: contract.ReceiverRecord | None,
         grid: Places,
     ) -> Real:
-        """Power of range bins by view, each row spread over the ranges of its pixel as in the
-        profile.
+        """Return the power in the range bins of each view. Each row is spread over the ranges of
+        its pixel, as in the profile.
         """
         kept = np.flatnonzero(rows["flags"] & PathFlag.NO_RANGE == 0)
         if kept.size < rows.size:
@@ -157,7 +159,7 @@ class CellGrid:
         return power_of_range_bins(rows, steps, self.bin_m, self.bins, view, views) * count
 
     def powers(self, replicates: Sequence[ReplicatePowers]) -> CellPowers:
-        """Means and variances of a tile's cells over its replicates."""
+        """Return the mean and variance of each cell of a tile over the replicates of the tile."""
         count = len(replicates)
         cells = np.unique(np.concatenate([replicate.cells for replicate in replicates]))
         total = np.zeros((count, cells.size))
@@ -193,7 +195,7 @@ class ErrorBudget:
     powers: dict[int, CellPowers] = field(default_factory=dict)
 
     def totals(self) -> tuple[Real, Real]:
-        """Mean and variance of every cell over all tiles."""
+        """Return the mean and variance of each cell, added up over all tiles."""
         size = 1 + max((int(p.cells.max(initial=0)) for p in self.powers.values()), default=0)
         mean, variance = np.zeros(size), np.zeros(size)
         for part in self.powers.values():
@@ -202,17 +204,18 @@ class ErrorBudget:
         return mean, variance
 
     def relative_error(self) -> float:
-        """Relative standard error of the cells: half of it from range bins, half from objects.
+        """Return the relative standard error of all cells: one half of it is for range bins, one
+        half for objects.
 
-        Range bins weigh by the root of their power: between all alike (noise in empty ranges would
-        rule) and by power (only the strongest would count). All objects weigh the same, so that a
-        small target counts as much as the ground it stands on.
+        The weight of a range bin is the root of its power. With equal weights, noise in empty
+        ranges would dominate; with the power as weight, only the strongest bins would count. All
+        objects have the same weight, so that a small target counts as much as the ground below it.
         """
         mean, variance = self.totals()
         return math.sqrt(float(np.sum(variance * self._weights(mean))))
 
     def _weights(self, mean: Real) -> Real:
-        """Weight of each cell's variance in the squared relative error."""
+        """Return the weight that the variance of each cell has in the squared relative error."""
         number = np.arange(mean.size)
         first = mean.size if self.first_object is None else self.first_object
         strong = mean > FAINTEST * mean.max(initial=0.0)
@@ -227,7 +230,9 @@ class ErrorBudget:
         return weight
 
     def object_errors(self) -> dict[int, float]:
-        """Relative standard error of the power of each object that counts, by its number."""
+        """Return the relative standard error of the power of each object above `FAINTEST`, by its
+        number.
+        """
         mean, variance = self.totals()
         first = mean.size if self.first_object is None else self.first_object
         strong = mean > FAINTEST * mean.max(initial=0.0)
@@ -238,7 +243,7 @@ class ErrorBudget:
         }
 
     def squared_errors(self, tiles: Iterable[int]) -> dict[int, float]:
-        """Part of the squared relative error that comes from each of these tiles."""
+        """Return the part of the squared relative error that each of these tiles causes."""
         weight = self._weights(self.totals()[0])
         return {
             tile: float(np.sum(self.powers[tile].variance * weight[self.powers[tile].cells]))
@@ -247,7 +252,9 @@ class ErrorBudget:
         }
 
     def worst(self, tiles: Iterable[int], share: float) -> list[int]:
-        """Return the tiles that carry a fraction of the squared error, worst first."""
+        """Return the tiles that together cause the fraction `share` of the squared error, the worst
+        tile first.
+        """
         score = self.squared_errors(tiles)
         total = sum(score.values())
         chosen, carried = [], 0.0
@@ -262,7 +269,10 @@ class ErrorBudget:
 def uncertain_objects(
     errors: dict[int, float], names: Sequence[str], target: float
 ) -> list[Finding]:
-    """Find objects that the error target, a mean over all of them, leaves much more uncertain."""
+    """Return a finding for each object whose relative error is above twice the target.
+
+    The target is a mean over all objects, so single objects can have a much larger error.
+    """
     return [
         finding(
             "object-error-above-target",
@@ -289,7 +299,9 @@ _SURELY_HIT_PX = 2.0
 
 
 def small_boxes(boxes: ViewBoxes, frame: ViewWindow) -> ViewBoxes:
-    """Boxes that are small in the frame; a box of no extent has no echo."""
+    """Return the boxes that are small in the frame. A box without extent has no echo, and is left
+    out.
+    """
     across, down = boxes.pixels(frame)
     least = np.minimum(across, down)
     return boxes.take((least > 0) & (least < SMALL_PX))
@@ -303,11 +315,11 @@ def in_sight(
     opaque: frozenset[int],
     metres_per_unit: float,
 ) -> Mask:
-    """Whether something of each small box may be seen in a part of the frame, (n,).
+    """Return whether the receiver may see a part of each small box in this part of the frame, (n,).
 
-    Decided by the surfaces that its rays met first on and around the box: one of them is the
-    object, or not nearer than it (`opaque`: objects that nothing passes through). Of many pixels,
-    some are tried.
+    The pixels on and around a box decide, or some of them if they are many. A box is in sight if
+    the first surface in one of these pixels is the object itself, or is no nearer than the box.
+    Only `opaque` objects hide others.
     """
     seen = np.zeros(len(boxes), dtype=bool)
     if view.position is None or view.object_index is None:
@@ -337,7 +349,7 @@ def in_sight(
 
 
 def _pixels(first: float, last: float, count: int) -> NDArray[np.intp]:
-    """Pixels from first to last, within the view; some of them where they are many."""
+    """Return the pixels from first to last that are in the view; some of them if they are many."""
     low, high = max(int(first), 0), min(int(last), count)
     return np.unique(np.linspace(low, high - 1, min(high - low, _MOST_LOOKED)).astype(np.intp))
 
@@ -351,11 +363,11 @@ def rank_by_error(
     transmitter_m: Real,
     most: int,
 ) -> ViewBoxes:
-    """Return the small boxes that get tiles: at most so many of those in sight (`seen`, (n,)).
+    """Return the small boxes that get tiles: at most `most` of those in sight (`seen`, (n,)).
 
-    An object that covers n pixels on average is met by n rays give or take: its relative error goes
-    as 1/sqrt(n), and all objects count alike in the error. So those of fewest pixels come first;
-    last are those so far below the strongest echo of all `boxes` that they do not drive refinement.
+    About n rays meet an object that covers n pixels, so its relative error falls as 1/sqrt(n). All
+    objects count alike in the error, so those of the fewest pixels come first. Objects that are far
+    below the strongest echo of all `boxes` do not drive the refinement, and come last.
     """
     strongest = _echo(boxes, frame, receiver, transmitter_m).max(initial=0.0)
     faint = _echo(small, frame, receiver, transmitter_m) <= FAINTEST * strongest
@@ -367,7 +379,9 @@ def rank_by_error(
 def _echo(
     boxes: ViewBoxes, frame: ViewWindow, receiver: contract.ReceiverRecord, transmitter_m: Real
 ) -> Real:
-    """Echo of each box up to a factor: solid angle over squared distance from the transmitter."""
+    """Return the echo of each box up to a common factor: solid angle over squared distance from the
+    transmitter.
+    """
     across, down = boxes.pixels(frame)
     pose = np.array(receiver.matrix_world, dtype=np.float64)
     away = np.linalg.norm(boxes.centre_m - (transmitter_m - pose[:3, 3]) @ pose[:3, :3], axis=1)
@@ -381,10 +395,10 @@ def missed_objects_findings(
     receiver: contract.ReceiverRecord,
     frame: ViewWindow,
 ) -> list[Finding]:
-    """Find objects that no ray met (numbers not in `met`) although they are in sight.
+    """Return findings for objects in sight that no ray met. `met` has the numbers of the others.
 
-    Refinement follows echoes: an object without one is never refined, and its power is missing from
-    the error estimate too. Larger objects that were not met are hidden by others, which is no
+    Refinement follows echoes, so it never refines an object without an echo, and the error estimate
+    does not contain its power. A larger object that no ray met is hidden by others: this is no
     finding.
     """
     boxes = projected_bounds(poses, names, receiver, met)

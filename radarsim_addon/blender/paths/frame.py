@@ -69,10 +69,10 @@ class Progress(Protocol):
     """What a frame reports while its tiles are measured."""
 
     def add_tiles(self, count: int) -> None:
-        """Report that there are `count` tiles more than expected."""
+        """Report that there are `count` tiles in addition to those expected."""
 
     def replicates_measured(self, count: int, *, earlier: bool) -> None:
-        """Report measured replicates of a tile; `earlier`: by an earlier session."""
+        """Report that replicates of a tile are measured; `earlier`: an earlier session did it."""
 
 
 #: Pixels of views whose rows are treated together: of few rows numpy is all overhead, and many do
@@ -187,7 +187,7 @@ class FrameWork:
         return (yield from self._refine())
 
     def keep_tiles(self) -> None:
-        """Leave the measured tiles on disk."""
+        """Write the measured tiles to disk, so that a later session can use them."""
         self._parts.write()
 
     def _choose(self, uniform: Sequence[Tile]) -> Generator[PathTask, None, ViewBoxes]:
@@ -209,7 +209,7 @@ class FrameWork:
     def _in_sight(
         self, small: ViewBoxes, uniform: Sequence[Tile]
     ) -> Generator[PathTask, None, Mask]:
-        """Whether something of each box may be seen, (n,)."""
+        """Return whether the receiver may see a part of each box, (n,)."""
         start_s = time.monotonic()
         scene, units = self._run.scene, self._run.plan.metres_per_unit
         seen = np.zeros(len(small), dtype=bool)
@@ -221,11 +221,11 @@ class FrameWork:
         return seen
 
     def _affordable_tiles(self, tile: Tile) -> Generator[PathTask, None, int]:
-        """Return how many inset tiles a fraction of the time limit is enough for.
+        """Return the number of inset tiles that can be rendered in a fraction of the time limit.
 
-        A small tile takes as long as its renders take to begin, and that grows with the number of
-        objects. It is the time of the second render of two: the first one builds what all others
-        use.
+        The cost of a small tile is the overhead of its renders, which grows with the number of
+        objects. This method renders twice and takes the time of the second render, because the
+        first one also builds data that all later renders use.
         """
         options, window = self._options, tile.window
         start_s = last_s = time.monotonic()
@@ -246,7 +246,9 @@ class FrameWork:
         return min(MOST_TILED, int(_SHARE_FOR_TILES * options.time_limit_s / a_tile_s))
 
     def _refine(self) -> Generator[PathTask, None, str]:
-        """Halve the worst tiles until a limit is reached; return which one it was."""
+        """Halve the pixels of the worst tiles until a limit is reached; return the name of this
+        limit.
+        """
         options = self._options
         while True:
             if (
@@ -292,7 +294,7 @@ class FrameWork:
             self._progress.replicates_measured(len(record.rows), earlier=True)
 
     def _trace(self, new: NewTile) -> Generator[PathTask, None, None]:
-        """Measure a tile replicate by replicate."""
+        """Measure the replicates of a tile, one after the other."""
         start_s = time.monotonic()
         count, watts_per_unit = self._options.replicates, self._run.watts_per_unit
         renders, done = 0, 0
@@ -449,9 +451,9 @@ class RowFinisher:
     def finish(self, views: Sequence[tuple[PathRows, Real]], transmitter_m: Real) -> list[PathRows]:
         """Return the rows of each view with bodies, vertices, lengths and powers.
 
-        `views` are the rows of each, which may be changed, and the start of their rays, (3,) or (n,
-        3) [m], of the same form in all. `transmitter_m` is the place of the transmitter or of its
-        image.
+        `views` has the rows of each view, which this method may change, and the start of their
+        rays, (3,) or (n, 3) [m], with the same number of dimensions in all views. `transmitter_m`
+        is the place of the transmitter, or of its mirror image.
         """
         rows_of, origins_m = zip(*views, strict=True)
         if len(views) == 1:
@@ -509,7 +511,10 @@ class MirrorViews:
 
 
 def by_surface(item: Finding, images: Collection[str] = ()) -> list[Finding]:
-    """Tell silent objects that are rough from mirrors, but for mirrors that have `images`."""
+    """Divide a finding about objects without an echo into rough objects and mirrors.
+
+    Mirrors that have mirror images (`images`) are left out, because their echoes are computed.
+    """
     if item.code != "object-without-echo":
         return [item]
     named = (one for one in bpy.data.objects if one.name_full in item.subjects)

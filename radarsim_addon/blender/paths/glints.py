@@ -78,7 +78,7 @@ class Glint:
 
     @property
     def pixels(self) -> float:
-        """Pixels of the pitch in the areas."""
+        """Number of pixels of this pitch in the areas."""
         return sum((a.right - a.left) * a.stretch * (a.top - a.bottom) for a in self.areas) / (
             self.pitch**2
         )
@@ -149,7 +149,9 @@ class SurfaceParts(_Columns):
     flat: Mask
 
     def halved(self, first: Indices) -> SurfaceParts:
-        """Cut each triangle at the middle of its side from corner `first` to the next one."""
+        """Cut each triangle in two, at the middle of its side from corner `first` to the next
+        corner.
+        """
         order = (first[:, None] + np.arange(3)) % 3
         halves = []
         for column in (self.corners_m, self.normals):
@@ -205,7 +207,7 @@ class BrightParts:
         self._radius_m = norms(reach_m[:, :, 0])
 
     def in_view(self, chosen: Indices) -> Indices:
-        """Return the bodies that may be in the view."""
+        """Return which of these bodies may be in the view."""
         if self._kind != "perspective":
             return chosen
         window = self._window
@@ -222,7 +224,9 @@ class BrightParts:
         return np.asarray(chosen[angle - near <= math.atan(edge)])
 
     def affordable(self, chosen: Indices, most: int = _MOST_LARGE) -> tuple[Indices, Indices]:
-        """Return the bodies that are searched, those that look largest, and the others."""
+        """Return the bodies to search, which are those that look largest, and the bodies that are
+        left out.
+        """
         meshes = self._bodies.meshes
         faces = np.array([max(meshes.face_count(number), 1) for number in range(len(meshes))])
         away_m = norms(self._middle_m[chosen] - self._place_m)
@@ -235,8 +239,8 @@ class BrightParts:
         return np.sort(order[:enough]), order[enough:]
 
     def glints(self, chosen: Indices, transmitter_m: Real) -> tuple[list[Glint], Indices]:
-        """Return the glints of one transmitter on some bodies that the view does not resolve,
-        and the bodies that were left out because there are many.
+        """Return the glints of one transmitter that the view does not resolve, and the bodies that
+        were left out because there are too many.
         """
         found: list[_Spots] = []
         for shape in np.unique(self._bodies.shape[chosen]).tolist():
@@ -258,7 +262,7 @@ class BrightParts:
         return glints, bodies[order[_MOST_BODIES:]]
 
     def _unresolved(self, spots: _Spots) -> _Spots:
-        """Return the spots of bodies with one that may be a glint."""
+        """Return the spots of all bodies that have at least one spot that may be a glint."""
         fine = self._window.pitch <= _RESOLVED * spots.deviation
         bodies, place = np.unique(spots.body, return_inverse=True)
         area = np.bincount(place, spots.solid, bodies.size)
@@ -267,7 +271,9 @@ class BrightParts:
         return spots.take(np.bincount(place, glints, bodies.size)[place] > 0)
 
     def _glint(self, group: _Spots) -> list[Glint]:
-        """Return the glint of neighbouring spots of one body; none where the view resolves it."""
+        """Return the glint that neighbouring spots of one body form; an empty list if the view
+        resolves it.
+        """
         window = self._window
         # A thin triangle among others is as bright, but has no power to resolve.
         matters = group.weight >= _FAINT * group.weight.max()
@@ -296,13 +302,17 @@ class BrightParts:
         return [Glint(tuple(areas), pitch * deviation, name, float(group.echo.sum()))]
 
     def area_m2(self, body: int) -> float:
-        """Area of a body's surface [m^2], as if it were scaled evenly."""
+        """Return the area of a body's surface [m^2]; the scale is taken to be the same along all
+        axes.
+        """
         mesh = self._obstacles.mesh(body)
         scale = abs(float(np.linalg.det(self._bodies.pose[body, :3, :3]))) ** (2 / 3)
         return 0.0 if mesh is None else scale * float(np.nansum(mesh.areas_m2))
 
     def _box(self, body: int) -> float:
-        """Area of the box of a body in the view; infinite where it is not all ahead."""
+        """Return the area of a body's box in the view; infinite if a part of it is behind the
+        receiver.
+        """
         pose, box = self._bodies.pose[body], self._bodies.box[body]
         corners = np.array(list(itertools.product(*box.T))) @ pose[:3, :3].T + pose[:3, 3]
         places, ahead = self.project(corners[None])
@@ -314,7 +324,7 @@ class BrightParts:
     # -- surfaces ----------------------------------------------------------------------------------
 
     def candidates(self, shape: int, own: Indices, transmitter_m: Real) -> Iterator[SurfaceParts]:
-        """Yield the triangles of bodies of one shape that may be bright."""
+        """Yield the triangles that may be bright, of bodies that share one mesh."""
         mesh = self._obstacles.mesh(int(own[0]))
         if mesh is None:
             return
@@ -377,13 +387,15 @@ class BrightParts:
     # -- the view ----------------------------------------------------------------------------------
 
     def _receiver_m(self, points_m: Real) -> Real:
-        """Places to which waves go from points, (..., 3) [m]."""
+        """Return the place to which the wave from each point goes, (..., 3) [m]."""
         if self._kind == "orthographic":  # a distance that stands for infinity [m]
             return np.asarray(points_m + 1e9 * self._turn[:, 2])
         return np.broadcast_to(self._place_m, points_m.shape)
 
     def project(self, points_m: Real) -> tuple[Real, Mask]:
-        """Return the places of points (n, k, 3) in the view, (n, k, 2), and which are ahead."""
+        """Return the coordinates in the view of points (n, k, 3), (n, k, 2), and whether each point
+        is in front of the receiver.
+        """
         local = (points_m - self._place_m) @ self._turn
         across, up, depth = local[..., 0], local[..., 1], -local[..., 2]
         if self._kind == "equirectangular":
@@ -398,7 +410,9 @@ class BrightParts:
         return np.stack([across, up], axis=2), ahead
 
     def _spots(self, parts: SurfaceParts, transmitter_m: Real) -> list[_Spots]:
-        """Return the bright spots of triangles; large ones are halved until little else is left."""
+        """Return the bright spots of triangles. Large triangles are halved until few pixels are
+        left.
+        """
         found = []
         for halving in range(_HALVINGS + 1):
             slopes, facing = self.slopes_of(parts, transmitter_m)
@@ -427,7 +441,7 @@ class BrightParts:
         return found
 
     def meets(self, low: Real, high: Real) -> Mask:
-        """Whether boxes of corners (n, 2) are in the view, (n,)."""
+        """Return whether boxes overlap the view, (n,). Their corners are (n, 2)."""
         window = self._window
         met = np.zeros(len(low), dtype=bool)
         for turn in (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,):
@@ -435,7 +449,9 @@ class BrightParts:
         return met & (high[:, 1] > window.bottom) & (low[:, 1] < window.top)
 
     def slopes_of(self, parts: SurfaceParts, transmitter_m: Real) -> tuple[Real, Mask]:
-        """Return the slopes of the bisector at corners, (n, 3, 3), and which parts face it."""
+        """Return the slopes of the bisector at the corners, (n, 3, 3), and whether each part faces
+        both antennas.
+        """
         bisector = np.zeros_like(parts.corners_m)
         facing = np.ones(parts.body.size, dtype=bool)
         for antenna_m in (self._receiver_m(parts.corners_m), transmitter_m):
@@ -450,8 +466,8 @@ class BrightParts:
     def _seen(
         self, parts: SurfaceParts, places: Real, slopes: Real, least: Real, transmitter_m: Real
     ) -> tuple[_Spots, Indices]:
-        """Return bright parts as the view shows them, and the first corner of the longest side
-        of each.
+        """Return the spots of bright parts in the view, and the corner at which the longest side of
+        each part begins.
         """
         stretch = np.ones(len(places))
         if self._window.sphere:
@@ -491,7 +507,9 @@ class BrightParts:
 
 
 def least_slopes(slopes: Real) -> Real:
-    """Least length of slopes that are linear between corners (n, 3, 3), (n,)."""
+    """Return the least length of the slope on each triangle, (n,). Slopes are linear between the
+    corners, (n, 3, 3).
+    """
     a, b, c = np.moveaxis(slopes, 1, 0)
     found = np.full(len(slopes), np.inf)
     for one, other in ((a, b), (b, c), (c, a)):
@@ -508,7 +526,9 @@ def least_slopes(slopes: Real) -> Real:
 
 
 def _least_deviation(spread: Real) -> Real:
-    """Least standard deviation of covariances (n, 2, 2), (n,)."""
+    """Return the standard deviation along the narrowest direction of covariances (n, 2,
+    2), (n,).
+    """
     half = np.trace(spread, axis1=1, axis2=2) / 2
     across = (spread[:, 0, 0] - spread[:, 1, 1]) / 2
     least = half - np.hypot(across, spread[:, 0, 1])
@@ -521,7 +541,9 @@ def _least_deviation(spread: Real) -> Real:
 
 
 def _groups(spots: _Spots) -> Iterator[_Spots]:
-    """Yield neighbouring spots that fill a box well, or of which the box has few pixels."""
+    """Yield groups of neighbouring spots. The spots of a group fill their common box well, or the
+    box has few pixels.
+    """
     low, high = spots.low.min(axis=0), spots.high.max(axis=0)
     whole, own = np.prod(high - low), np.prod(spots.high - spots.low, axis=1).sum()
     few = _FEW_PX * (_PITCH * spots.deviation.min()) ** 2
@@ -622,8 +644,8 @@ class SmoothFaces:
                         self._faces[number] = rcs_m2, face, *_height_m(surface, wavelength_m)
 
     def findings(self, power_w: Mapping[str, float], names: Sequence[str]) -> list[Finding]:
-        """Compare the faces with the received power of objects by name; `names` belong to the
-        numbers from 1.
+        """Compare the levels of the faces with the received power of objects, by name. Object n has
+        the name `names[n - 1]`.
         """
         levels: dict[str, dict[str, float]] = {}
         unknown: dict[str, dict[str, float]] = {}
@@ -660,7 +682,9 @@ class SmoothFaces:
 
 
 def _height_m(surface: Surface, wavelength_m: float) -> tuple[float, bool]:
-    """RMS height of a surface [m], and whether it is known; else the least one of its slope."""
+    """Return the RMS height of a surface [m], and whether it is known. If it is not, it is the
+    least height that fits the slope.
+    """
     if surface.rough.rms_height_m > 0:
         return surface.rough.rms_height_m, True
     return float(least_rms_height_m(surface.glint_slope, wavelength_m)), False
@@ -669,7 +693,7 @@ def _height_m(surface: Surface, wavelength_m: float) -> tuple[float, bool]:
 def _faces(
     search: BrightParts, parts: SurfaceParts, antennas_m: list[Real], wavelength_m: float
 ) -> Iterator[_Face]:
-    """Yield the faces of physical optics among parts of bodies."""
+    """Yield the faces to which physical optics applies."""
     slopes, facing = search.slopes_of(parts, antennas_m[0])
     parts, slopes = parts.take(facing), slopes[facing]
     tangents, places_m = _nearest(search, parts, slopes)
@@ -713,8 +737,10 @@ def _level_m2(lengths_m: Real, bends: Real, wavelength_m: float) -> float:
 
 
 def _nearest(search: BrightParts, parts: SurfaceParts, slopes: Real) -> tuple[Real, Real]:
-    """Least tangent of the angle from normal incidence on each part at points in the view, (n,),
-    and its place, (n, 3) [m]. Infinite if no point is in the view.
+    """Return the point of each part where the wave is nearest to normal incidence.
+
+    The results are the tangent of the angle from normal incidence, (n,), and the place of the
+    point, (n, 3) [m]. Only points in the view count; without one, the tangent is infinite.
     """
     steps = _STEPS if len(slopes) <= _FEW else 3
     numbers = np.array([(i, j) for i in range(steps + 1) for j in range(steps + 1 - i)])
@@ -732,7 +758,7 @@ def _nearest(search: BrightParts, parts: SurfaceParts, slopes: Real) -> tuple[Re
 
 
 def _planes(parts: SurfaceParts) -> Iterator[Indices]:
-    """Yield the indices of the flat parts of each body that lie in one plane."""
+    """Yield the indices of flat parts of one body that lie in one plane."""
     flat = np.flatnonzero(parts.flat)
     if not flat.size:
         return
@@ -749,7 +775,9 @@ def _planes(parts: SurfaceParts) -> Iterator[Indices]:
 
 
 def _size(corners_m: Real) -> tuple[float, Real]:
-    """Area of a plane face [m^2], and the sides of a rectangle of this area and form, (2,) [m]."""
+    """Return the area of a plane face [m^2], and the sides of a rectangle of the same area and
+    aspect ratio, (2,) [m].
+    """
     a, b, c = np.moveaxis(corners_m, 1, 0)
     areas_m2 = norms(crosses(b - a, c - a)) / 2
     area_m2 = float(areas_m2.sum())
@@ -765,7 +793,9 @@ def _size(corners_m: Real) -> tuple[float, Real]:
 
 
 def _bends(corners_m: Real, slopes: Real) -> tuple[Real, Real]:
-    """Principal curvatures of slopes that are linear over a triangle, (2,) [1/m]; their axes."""
+    """Return the principal curvatures of a triangle, (2,) [1/m], and their axes. Slopes are linear
+    over the triangle.
+    """
     sides_m, turned = corners_m[1:] - corners_m[0], slopes[1:] - slopes[0]
     first = sides_m[0] / np.linalg.norm(sides_m[0])
     across = np.cross(*sides_m)

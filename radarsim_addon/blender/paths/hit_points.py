@@ -57,8 +57,10 @@ class BodyMeshes:
     def hit(
         self, bodies: Indices, origins_m: Real, directions: Real, near_m: Real, reach_m: Real
     ) -> tuple[Real, Real]:
-        """Distances along rays in lengths of their directions, (n,), and normals, (n, 3); NaN:
-        no hit.
+        """Return where rays hit the meshes of their bodies.
+
+        The results are the distance along each ray in units of the length of its direction, (n,),
+        and the normal there, (n, 3). Both are NaN where the ray misses.
         """
         found, normals = np.full(len(bodies), np.nan), np.full(near_m.shape, np.nan, order="F")
         known = _numbers((bodies > 0) & are_finite(near_m))
@@ -100,10 +102,10 @@ class BodyMeshes:
         return found, normals
 
     def _meshes_of(self, shape: Indices, flat: Mask) -> list[tuple[TriangleMesh, Indices]]:
-        """Meshes of some bodies, and each body's part of the mesh; -1 for bodies of other
-        meshes.
+        """Return the meshes of some bodies. For each mesh: the part of the mesh that each body has,
+        or -1 for bodies of other meshes.
 
-        The `flat` bodies have no volume, and are not hit.
+        The `flat` bodies have no volume, and rays do not hit them.
         """
         numbers, place = np.unique(shape, return_inverse=True)
         read = [self._model.meshes[number] for number in numbers.tolist()]
@@ -117,7 +119,7 @@ class BodyMeshes:
         return found
 
     def _hold(self, meshes: list[Mesh]) -> None:
-        """Prepare meshes for rays; the small ones become parts of one."""
+        """Prepare meshes for rays. Small meshes become parts of one mesh."""
         units = self._model.metres_per_unit
         small = [mesh for mesh in meshes if len(mesh.triangles) <= _SMALL_MESH]
         for mesh in meshes:
@@ -134,7 +136,9 @@ class BodyMeshes:
 
 
 def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
-    """Return the different ones of small numbers, and the place of each number among them, (n,)."""
+    """Return the different values of small numbers, and the place of each number among
+    them, (n,).
+    """
     there = np.flatnonzero(np.bincount(numbers))
     place = np.zeros(int(there[-1]) + 1, dtype=np.intp)
     place[there] = np.arange(there.size)
@@ -142,19 +146,21 @@ def _distinct(numbers: Indices) -> tuple[Indices, Indices]:
 
 
 def _numbers(where: Mask) -> Indices | slice:
-    """Numbers of the rows where the mask holds; a slice, which costs nothing, where it holds for
-    all.
+    """Return the indices of the rows where the mask is True. If it is True everywhere, this is a
+    slice, which needs no copy.
     """
     return slice(None) if where.all() else np.flatnonzero(where)
 
 
 def _of_rows(vectors: Real, rows: Indices | slice) -> Real:
-    """Vectors of these rows, (n, 3), with contiguous columns."""
+    """Return the vectors of these rows, (n, 3), with contiguous columns."""
     return vectors[rows] if isinstance(rows, slice) else take_rows(vectors, rows)
 
 
 def rows_of(origins_m: Real, rows: Indices | slice) -> Real:
-    """Start of the rays of these rows: one place for all, (3,), or one each, (n, 3)."""
+    """Return the start of the rays of these rows: one place for all, (3,), or one for
+    each, (n, 3).
+    """
     return origins_m if origins_m.ndim == 1 else origins_m[rows]
 
 
@@ -239,9 +245,10 @@ class HitPoints:
         self._opaque, self._ways = opaque, ways
 
     def refine(self, rows: PathRows, origin_m: Real, transmitter_m: Real) -> Normals:
-        """Move vertices of labelled rows onto their triangles; change their lengths and sigmas.
+        """Move the vertices of labelled rows onto their triangles; change path lengths and their
+        sigmas.
 
-        Rays start at `origin_m`, (3,) or (n, 3). Returns the normals that it met.
+        Rays start at `origin_m`, (3,) or (n, 3) [m]. Returns the normals at the vertices.
         """
         normals = Normals(rows.size)
         read = rows.copy(*_READ)
@@ -294,7 +301,9 @@ class HitPoints:
         normal: Real,
         reach_m: Real,
     ) -> None:
-        """Move vertices of chosen rows, of which these are columns, to where their rays hit."""
+        """Move the vertices of the chosen rows to the places where their rays hit; `mine` has the
+        columns of these rows.
+        """
         direction, flags = mine["direction"], mine["flags"]
         ray_m = way_m[:, None] * direction
         found_m = origins_m + ray_m
@@ -337,8 +346,9 @@ class HitPoints:
     ) -> None:
         """Refine paths of several reflections.
 
-        The transmitter's ray through the last vertex tells which face it is on. Along that ray the
-        vertex would be off by its error over the cosine of incidence, so it moves along the normal.
+        The ray of the transmitter through the last vertex gives the face of that vertex. Along this
+        ray, the error of the vertex would be divided by the cosine of incidence, so the vertex
+        moves along the normal instead.
         """
         needed = np.flatnonzero(
             _LARGEST_SIGMAS * read["length_sigma_m"][chosen] > self._tolerance_m
@@ -404,9 +414,10 @@ class HitPoints:
     def normals(
         self, bodies: Indices, starts_m: Real, points_m: Real, known: Real | None = None
     ) -> Real:
-        """Unit normals, (n, 3), where rays from `starts_m` hit bodies near points; NaN: unknown.
+        """Return the unit normals, (n, 3), where rays from `starts_m` hit bodies near `points_m`;
+        NaN: unknown.
 
-        Normals that are `known` and not NaN may have any length, and are kept.
+        `known` has the normals that are known already, of any length, or NaN.
         """
         found = np.full((bodies.size, 3), np.nan, order="F") if known is None else known
         sought = np.flatnonzero(np.isnan(found[:, 0]))
@@ -423,7 +434,7 @@ class HitPoints:
 
 
 def _put(column: NDArray[Any], rows: Indices, values: NDArray[Any], where: Mask) -> None:
-    """Set a column of the rows where the mask holds."""
+    """Set a column to `values` in those of the rows where the mask is True."""
     if where.all() and rows[-1] - rows[0] == rows.size - 1:  # numbers that rise
         column[rows[0] : rows[-1] + 1] = values
     else:
@@ -431,10 +442,12 @@ def _put(column: NDArray[Any], rows: Indices, values: NDArray[Any], where: Mask)
 
 
 def _reach_m(points_m: Real, start_m: Real) -> Real:
-    """Largest error of hit points of rays from `start_m`, (n,)."""
+    """Return the largest error of each hit point of rays from `start_m`, (n,) [m]."""
     return _ROUNDINGS * _EPS32 * (norms(points_m) + distances(points_m, start_m))
 
 
 def _rounding_m(points_m: Real, length_m: Real) -> Real:
-    """Step of float64 at the largest number that lengths are computed of, (n,)."""
+    """Return the rounding error of each length, (n,) [m]: the step of float64 at the largest number
+    in its computation.
+    """
     return np.asarray(np.spacing(np.maximum(length_m, np.abs(points_m).max(axis=1))))

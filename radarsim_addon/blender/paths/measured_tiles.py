@@ -72,12 +72,12 @@ class Background:
             raise
 
     def wait(self) -> None:
-        """Return when all calls have been made."""
+        """Return when all waiting calls are finished; raise the first error."""
         while self._calls:
             self._calls.popleft().result()
 
     def end(self) -> None:
-        """Make the calls that wait, and end the thread; errors are not raised."""
+        """Finish the waiting calls and end the thread. Errors are not raised."""
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
@@ -139,7 +139,10 @@ class QualitySums:
     def add_beyond(
         self, beyond: PowerBeyond, watts_per_unit: float, strongest_path: float = 0.0
     ) -> None:
-        """Add the power beyond the last order; `strongest_path` is that of a followed one."""
+        """Add the power of paths with more than the largest number of reflections.
+
+        `strongest_path` is the power of the strongest path that was followed.
+        """
         beyond_w = beyond.power * watts_per_unit
         self.total_w += beyond_w
         self.truncated_reflections_w += beyond_w
@@ -149,7 +152,7 @@ class QualitySums:
         self.strongest_ray_w = max(self.strongest_ray_w, strongest * watts_per_unit)
 
     def add_rows(self, rows: PathRows, receiver: ReceiverRecord) -> None:
-        """Add the rows of a view, which is a part of the receiver's field of view."""
+        """Add the rows of a view, which is a part of the field of view."""
         power = rows["power_w"]
         # Lobes of rough surfaces fall faster than any power: at grazing incidence they leave 1e-22
         # of the strongest return of their view, range taken out, which is no echo.
@@ -180,12 +183,12 @@ class QualitySums:
         self._sigma2_wm2 += float(np.sum(power * sigma**2))
 
     def numbers(self) -> dict[str, float]:
-        """Return the sums by name, without the sets."""
+        """Return the sums by name. The sets are not included."""
         return {k: float(v) for k, v in vars(self).items() if not isinstance(v, set)}
 
     @classmethod
     def from_numbers(cls, numbers: Mapping[str, float], **sets: Iterable[int]) -> QualitySums:
-        """Make the sums from `numbers`, and the sets by name."""
+        """Make the sums from what `numbers` returned; `sets` has the sets by name."""
         found = cls()
         for name, value in numbers.items():
             setattr(found, name, value)
@@ -209,21 +212,21 @@ class QualitySums:
         return total
 
     def share(self, watts: float) -> float:
-        """Fraction of the total power, 0 where there is none."""
+        """Return a power as a fraction of the total power; 0 if the total is 0."""
         return watts / self.total_w if self.total_w > 0 else 0.0
 
     @property
     def truncated_reflections_stderr(self) -> float:
-        """Standard error of the fraction of the power in reflections that were not followed."""
+        """Standard error of the fraction of power in reflections that were not followed."""
         return self.share(float(np.sqrt(self.truncated_reflections_variance_w2)))
 
     @property
     def truncated_reflections_upper(self) -> float:
-        """Upper bound of the same fraction at 95 % confidence.
+        """Upper bound of that fraction at 95 % confidence.
 
-        The power that rays found has a normal error. Paths so rare that no ray met them have the
-        bound of the rule of three: their expected number is below 3, each at most as strong as the
-        strongest that was found (Hanley and Lippman-Hand 1983).
+        The error of the power that rays found is normal. Paths so rare that no ray met them have
+        the bound of the rule of three: fewer than 3 of them are expected, each at most as strong as
+        the strongest path that was found (Hanley and Lippman-Hand 1983).
         """
         stderr_w = float(np.sqrt(self.truncated_reflections_variance_w2))
         more_w = _SIGMAS_95 * stderr_w + _UNSEEN_95 * self.strongest_ray_w
@@ -232,12 +235,14 @@ class QualitySums:
 
     @property
     def length_sigma_m(self) -> float:
-        """Power-weighted RMS of the standard deviation of a path's length [m]."""
+        """RMS of the standard deviation of path lengths [m], weighted with the power."""
         return float(np.sqrt(self._sigma2_wm2 / self._row_w)) if self._row_w > 0 else 0.0
 
     @property
     def mixed_bias_bound_m(self) -> float:
-        """Upper bound of the power-weighted mean range error from mixed pixels [m]."""
+        """Upper bound of the mean range error that mixed pixels cause [m], weighted
+        with the power.
+        """
         return self._bias_wm / self._row_w if self._row_w > 0 else 0.0
 
     def record_fields(self, wavelength_m: float) -> dict[str, Any]:
@@ -259,10 +264,11 @@ class QualitySums:
     def findings(
         self, wavelength_m: float, objects: Sequence[str] = (), tolerated: float = 0.0
     ) -> list[Finding]:
-        """Find what to know of this frame; `objects` names the numbers from 1.
+        """Return the findings about the quality of this frame; `objects` has the names of objects
+        1, 2, ...
 
-        Missing or mixed power is only information up to the error that was asked for, `tolerated`;
-        if none was, up to `_USUAL_ERROR`.
+        Missing or mixed power up to the fraction `tolerated` is only information. This is the error
+        that the user asked for; 0: `_USUAL_ERROR`.
         """
         found = []
 
@@ -308,7 +314,7 @@ class QualitySums:
 
 
 def _numbers(column: NDArray[np.integer[Any]]) -> list[int]:
-    """Different numbers from 0 in a column."""
+    """Return the different numbers in a column, in rising order; all are 0 or more."""
     there = np.zeros(int(column.max(initial=-1)) + 1, dtype=bool)
     there[column] = True
     found: list[int] = np.flatnonzero(there).tolist()
@@ -387,12 +393,12 @@ class TileCheckpoints:
         self._stamp = f"{stamp} {dtype.descr} {fields}"
 
     def key(self, *numbers: Any) -> str:
-        """Return the name of a tile by the numbers that determine its rows."""
+        """Return the name of a tile. It is a digest of the numbers that determine the rows."""
         text = f"{self._stamp} {numbers!r}".encode()
         return hashlib.blake2b(text, digest_size=12).hexdigest()
 
     def find(self, key: str) -> TileRecord | None:
-        """Return the record of a tile that is there and whole, byte for byte."""
+        """Return the record of a tile if its file is complete and its digest matches; else None."""
         try:
             record = read_record(self._folder / f"{key}.json", TileRecord)
             whole = file_sha256(self.rows_file(key)) == record.sha256
@@ -405,7 +411,9 @@ class TileCheckpoints:
 
     @contextlib.contextmanager
     def writer(self, key: str) -> Iterator[TileWriter]:
-        """Open a tile, whose rows are added replicate by replicate; an error leaves nothing."""
+        """Open a tile for writing. Rows are added replicate by replicate. After an error, no file
+        is left.
+        """
         with contextlib.ExitStack() as stack:
 
             def open_file() -> BinaryIO:
@@ -423,7 +431,7 @@ class TileCheckpoints:
         self._held[key] = _Held(writer.rows, time.monotonic(), writer.sha256)
 
     def keep(self, key: str, record: TileRecord) -> None:
-        """Keep the record of a whole tile; write those that are not to be in memory any longer."""
+        """Keep the record of a complete tile, and write tiles that were in memory for too long."""
         self._held[key].record = record
         now_s = time.monotonic()
         for name, held in list(self._held.items()):
@@ -433,7 +441,9 @@ class TileCheckpoints:
         self._write_oldest(_MOST_HELD)
 
     def _write_oldest(self, most: int) -> None:
-        """Write tiles until those that are whole take at most so many bytes of memory."""
+        """Write complete tiles, the oldest first, until the rest takes at most `most` bytes of
+        memory.
+        """
         sizes = {key: sum(rows.nbytes for rows in held.rows) for key, held in self._held.items()}
         size = sum(sizes.values())
         for key, own in sizes.items():
@@ -443,8 +453,9 @@ class TileCheckpoints:
             self._write(key)
 
     def write(self) -> None:
-        """Write all whole tiles that are in memory; those that cannot be written are measured
-        again.
+        """Write all complete tiles that are in memory.
+
+        If a tile cannot be written, a later session measures it again.
         """
         with contextlib.suppress(OSError, RadarSimError):
             for key in [key for key, held in self._held.items() if held.record is not None]:
@@ -469,9 +480,9 @@ class TileCheckpoints:
                 yield rows
 
     def chunks(self, key: str, tile: int) -> Iterator[PathRows]:
-        """Yield the rows of a tile in pieces, with the tile's number in this run.
+        """Yield the rows of a tile in chunks, with the number that the tile has in this run.
 
-        The caller may change the rows: this object does not write them again.
+        The caller may change the rows, because they are not written again.
         """
         if key in self._held:
             held = self._held[key].rows
@@ -487,7 +498,7 @@ class TileCheckpoints:
                 yield from iter_rows(part, _CHUNK)
 
     def remove(self) -> None:
-        """Remove all tiles: the frame is whole, or not wanted any more."""
+        """Remove all tiles: the frame is complete, or is not needed any more."""
         self._held.clear()
         shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -523,7 +534,7 @@ class TileWriter:
 
     @property
     def sha256(self) -> str:
-        """Digest of the file; empty without one."""
+        """Digest of the file; empty if the rows are only in memory."""
         return "" if self._stream is None else self._digest.hexdigest()
 
 
@@ -574,7 +585,7 @@ class MeasuredTiles:
         self.tiles: dict[int, MeasuredTile] = {}
 
     def add_rows(self, new: NewTile, views: Sequence[PathRows]) -> None:
-        """Add the rows of replicates, which are not changed afterwards."""
+        """Add the rows of replicates. The caller must not change these rows afterwards."""
         self._background.do(self._add_rows, new, views)
 
     def _add_rows(self, new: NewTile, views: Sequence[PathRows]) -> None:
@@ -587,7 +598,7 @@ class MeasuredTiles:
             new.writer.add(rows)
 
     def keep(self, new: NewTile, renders: int, seconds: float) -> None:
-        """Keep a tile with all its replicates, and its cost."""
+        """Keep a tile after its last replicate, with the number and the time of its renders."""
         self._background.do(self._keep, new, renders, seconds)
 
     def _keep(self, new: NewTile, renders: int, seconds: float) -> None:
@@ -606,13 +617,13 @@ class MeasuredTiles:
         self._take(new.number, new.tile, new.key, record, new.powers)
 
     def drop(self, new: NewTile, error: BaseException) -> None:
-        """Leave nothing of a tile that could not be measured."""
+        """Remove the file of a tile that could not be measured."""
         self._background.end()
         with contextlib.suppress(BaseException):
             new.open.__exit__(type(error), error, error.__traceback__)
 
     def take_again(self, number: int, tile: Tile, key: str, record: TileRecord) -> None:
-        """Take a tile that an earlier session measured."""
+        """Use a tile that an earlier session measured."""
         self._background.do(self._take_again, number, tile, key, record)
 
     def _take_again(self, number: int, tile: Tile, key: str, record: TileRecord) -> None:
@@ -633,11 +644,11 @@ class MeasuredTiles:
         self._budget.powers[number] = self._grid.powers(powers)
 
     def remove(self, number: int) -> None:
-        """Leave out a tile: finer ones stand for it."""
+        """Remove a tile from the frame; finer tiles replace it."""
         del self.tiles[number], self._budget.powers[number]
 
     def wait(self) -> None:
-        """Return when all is computed and written; raises the first error."""
+        """Return when all tiles are computed and written; raise the first error."""
         self._background.wait()
 
     def end(self) -> None:

@@ -44,7 +44,7 @@ class DelayedWays:
         self._rays = RayScene(poses_m, boxes.reshape(-1, 2, 3), shapes[rows], meshes.get)
 
     def to(self, points_m: Real) -> Mask:
-        """Whether something delays the way from the transmitter to each point (n, 3)."""
+        """Return whether an object delays the wave from the transmitter to each point (n, 3)."""
         ways_m = points_m - self._transmitter_m
         # the end of each way is the surface itself
         return self._rays.blocked(self._transmitter_m, self._transmitter_m + (1 - _ITSELF) * ways_m)
@@ -57,7 +57,10 @@ def ways_to_transmitter(
     reach_m: float,
     metres_per_unit: float,
 ) -> DelayedWays | None:
-    """Return the ways to the transmitter; None if they are those that the receiver sees."""
+    """Return the object that finds delays between the transmitter and points.
+
+    None if both antennas are in one place: then the receiver already sees the same delays.
+    """
     poses = np.array([one.matrix_world for one in (receiver, transmitter)], dtype=np.float64)
     receiver_m, transmitter_m = poses[:, :3, 3]
     together = float(np.linalg.norm(transmitter_m - receiver_m)) <= 1e-6 * reach_m

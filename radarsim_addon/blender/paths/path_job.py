@@ -175,9 +175,9 @@ class PathJob(MeasurementJob):
         )
 
     def _plan_renders(self) -> None:
-        """Count the steps of the own frames, and those that earlier sessions did.
+        """Count the steps of the frames of this process, and the steps that earlier sessions did.
 
-        A step is a replicate of a tile, or the table of a render. Refinement adds more of them.
+        A step is one replicate of a tile, or the table of one render. Refinement adds steps later.
         """
         frames = self.own_frames
         self._frames_left = [n for n in frames if not self._is_done(n)]
@@ -198,7 +198,9 @@ class PathJob(MeasurementJob):
 
     @property
     def rays(self) -> int:
-        """Rays times reflections of all frames before refinement: a run's time grows with them."""
+        """Number of rays times reflections of all frames, before refinement. The time of a run
+        grows with it.
+        """
         pixels = self._measurement.width_px * self._measurement.height_px
         looks = len(self._measurement.frames) * self.options.visibility_updates
         return pixels * looks * self.options.replicates * self.options.max_reflections
@@ -213,9 +215,10 @@ class PathJob(MeasurementJob):
         return all(self._render_is_done(frame, render) for render in renders)
 
     def _render_is_done(self, frame: int, render: int) -> bool:
-        """Whether all files of a render are as this run wrote them, over this burst or a longer.
+        """Return whether all files of a render are complete, from this run, and cover this burst or
+        a longer one.
 
-        The frame's ground truth is written before its renders, and belongs to them.
+        The ground truth of the frame, which is written before its renders, must be there too.
         """
         folder = self.folder / contract.burst_dir(frame, render)
         labels_file = self.folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
@@ -234,7 +237,7 @@ class PathJob(MeasurementJob):
     # -- renders -----------------------------------------------------------------------------------
 
     def pending(self) -> Iterator[Any]:
-        """Yield the renders that are still to be made."""
+        """Yield the renders that are not done yet."""
         for frame in self._claimed(self._frames_left):
             if self._is_done(frame):  # by another process, meanwhile
                 continue
@@ -264,7 +267,9 @@ class PathJob(MeasurementJob):
 
     @property
     def seconds_left(self) -> float | None:
-        """Estimate from the steps of this session; refinement may add more of them."""
+        """Estimate of the remaining time [s] from the steps of this session. Refinement may add
+        steps.
+        """
         measured = self.done - self._done_before
         if measured <= 0:
             return None
@@ -294,7 +299,7 @@ class PathJob(MeasurementJob):
                 yield from self._render_tasks(frame, render)
 
     def _render_tasks(self, frame: int, render: int) -> Generator[PathTask, None, None]:
-        """Measure one render of a burst, and write its table."""
+        """Measure one render of a burst and write its table."""
         units = self.plan.metres_per_unit
         last = self.options.visibility_updates - 1
         stretch = self._scene.render.frame_map_new / self._scene.render.frame_map_old
@@ -397,7 +402,9 @@ class PathJob(MeasurementJob):
             self.summary += f"; refined until: {stop_reason}"
 
     def _repeat(self, frame: int, render: int, at: Instant) -> Generator[PathTask, None, None]:
-        """Write a render of a frame in which nothing has changed."""
+        """Write the files of a render of a frame in which nothing has changed, without
+        rendering.
+        """
         receiver, transmitter = self._antenna_records(
             take_snapshot(self._view_layer.depsgraph), 1.0
         )
@@ -435,12 +442,14 @@ class StillFrames:
         self._stop = watch_evaluations(self._note)
 
     def restore(self) -> list[str]:
-        """Stop noting evaluations; may be called again."""
+        """Stop watching evaluations. A second call does nothing."""
         self._stop()
         return []
 
     def _note(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Note an evaluation; None: some may have been missed."""
+        """Record which data-blocks Blender has evaluated. None: evaluations may have
+        been missed.
+        """
         items = [None] if depsgraph is None else [one.id.original for one in depsgraph.updates]
         # settings of the scene itself are the run's
         self._changed |= any(
@@ -449,15 +458,16 @@ class StillFrames:
         )
 
     def begin(self) -> None:
-        """Begin a frame, which the scene shows already."""
+        """Begin a frame. The scene is set to this frame already."""
         self._alike = not self._changed and _is_steady()
         if not self._alike:
             self._records.clear()
         self._changed = False
 
     def holds(self, render: int, offset_s: float) -> bool:
-        """Whether a render of this frame's burst, `offset_s` after the frame, would give what was
-        kept.
+        """Return whether a render of this frame would give the files that are kept.
+
+        `offset_s` is the time of the render after the time of the frame.
         """
         kept = self._records.get(render)
         if not self._alike or kept is None or kept[1].epoch_offset_s != offset_s:
@@ -468,7 +478,7 @@ class StillFrames:
         self._records[render] = record, motion
 
     def write(self, render: int, frame: int, time_s: float) -> contract.PathsRecord:
-        """Write the files of a render from those that were kept."""
+        """Copy the files of a render from those that are kept; return the record."""
         record, motion = self._records[render]
         source, target = (
             self._folder / contract.burst_dir(one, render) for one in (record.frame, frame)
@@ -491,7 +501,9 @@ class StillFrames:
 
 
 def _is_steady() -> bool:
-    """Whether nothing can change from frame to frame without an evaluation that Blender reports."""
+    """Return whether nothing can change from frame to frame without an evaluation that Blender
+    reports.
+    """
     owners = (*bpy.data.materials, *bpy.data.worlds, *bpy.data.lights)
     trees = [*bpy.data.node_groups, *(one.node_tree for one in owners if one.node_tree)]
     return not (
@@ -503,7 +515,9 @@ def _is_steady() -> bool:
 
 
 def _reads_settings(tree: bpy.types.NodeTree) -> bool:
-    """Whether a shader reads settings of the scene, such as the frame, that are not radarsim's."""
+    """Return whether a shader reads settings of the scene that radarsim has not made, such as the
+    frame.
+    """
     return any(
         node.bl_idname == "ShaderNodeScript"
         or (
@@ -522,7 +536,7 @@ _NODES_OF_TIME = {"GeometryNodeInputSceneTime", "GeometryNodeSimulationInput"}
 
 
 def holds_foreign_materials(snapshot: Snapshot) -> bool:
-    """Whether something that can echo has another material than the Radar Material."""
+    """Return whether an object that can echo has a material other than the Radar Material."""
     if next(foreign_objects(snapshot, is_radar_material), None) is not None:
         return True
     evaluated = {one.item for one in assigned_materials(snapshot) if _same_faces_always(one.item)}
@@ -539,7 +553,10 @@ def holds_foreign_materials(snapshot: Snapshot) -> bool:
 
 
 def _same_faces_always(item: bpy.types.Object) -> bool:
-    """Whether the faces of this moment decide: no modifier makes others in renders or later."""
+    """Return whether the object has the same faces in the viewport, in renders and at all times.
+
+    Only then the evaluated faces of the current moment show all of its materials.
+    """
     if not item.modifiers:
         return True
     still = not item.animation_data and not getattr(item.data, "animation_data", None)
@@ -552,7 +569,9 @@ def _same_faces_always(item: bpy.types.Object) -> bool:
 
 
 def _depends_on_time(tree: bpy.types.NodeTree) -> bool:
-    """Whether a group of Geometry Nodes, or one in it, is animated or reads the time."""
+    """Return whether a group of Geometry Nodes, or a group inside it, is animated or reads the
+    time.
+    """
     return bool(tree.animation_data) or any(
         node.bl_idname in _NODES_OF_TIME
         or (node.type == "GROUP" and node.node_tree and _depends_on_time(node.node_tree))
@@ -561,9 +580,11 @@ def _depends_on_time(tree: bpy.types.NodeTree) -> bool:
 
 
 def holds_rough_facets(snapshot: Snapshot) -> bool:
-    """Whether something that can echo has facets that round by channel if materials encode.
+    """Return whether an object that can echo has rough facets.
 
-    Materials that geometry nodes set are those of evaluated objects alone.
+    If materials carry the range encoding, Cycles rounds the brightness of such facets differently
+    in each colour channel. Materials that Geometry Nodes assign are found on evaluated objects
+    only.
     """
     assigned = {m for one in assigned_materials(snapshot) for m in one.materials}
     return EXACT_FACETS and any(read_surface(material).has_rough_facets for material in assigned)

@@ -43,7 +43,7 @@ class Area:
 
     @property
     def shorter(self) -> float:
-        """Its shorter side, true length."""
+        """Length of the shorter side, with `stretch` applied."""
         return min((self.right - self.left) * self.stretch, self.top - self.bottom)
 
 
@@ -60,7 +60,7 @@ class Tile:
     own: Mask | None = None
 
     def own_pixels(self) -> int:
-        """Number of its own pixels."""
+        """Return the number of pixels that belong to the tile."""
         if self.own is None:
             return self.window.width_px * self.window.height_px
         return int(np.count_nonzero(self.own))
@@ -68,9 +68,10 @@ class Tile:
     def finer(
         self, left: int, right: int, top: int, bottom: int, across: int, down: int | None = None
     ) -> Tile:
-        """Return columns left to right and rows top to bottom (exclusive) with finer pixels.
+        """Return a part of the tile with finer pixels: columns left to right and rows top to
+        bottom, both exclusive.
 
-        Each pixel is cut `across` times, and `down` times if that is another number.
+        Each pixel is cut into `across` columns, and into `down` rows (None: as many as columns).
         """
         down = across if down is None else down
         frame = self.window
@@ -95,10 +96,10 @@ class Tile:
     def finer_parts(
         self, cols: tuple[int, int], rows: tuple[int, int], cuts: tuple[int, int], most_px: int
     ) -> list[Tile]:
-        """Return what `finer` and then `split` give, without a mask of the whole.
+        """Return the result of `finer` and then `split`, without a mask of the whole area.
 
-        Around a small object far away it would have billions of pixels, nearly all of them in
-        parts that are left out.
+        Around a small object far away, such a mask would have billions of pixels, nearly all of
+        them in parts that are left out.
         """
         across, down = cuts
         whole = Tile(self.window, self.level).finer(*cols, *rows, across, down)
@@ -118,14 +119,15 @@ class Tile:
         return kept
 
     def edges(self, most_px: int) -> tuple[list[int], list[int]]:
-        """Return edges of rows and of columns of the parts that `split` makes."""
+        """Return the edges of rows and of columns of the parts that `split` makes."""
         height, width = self.window.height_px, self.window.width_px
         return _even_edges(height, most_px), _even_edges(width, most_px)
 
     def split(self, most_px: int) -> list[Tile]:
-        """Return tiles of at most `most_px` pixels a side, alike in size, that cover this one.
+        """Return tiles of nearly equal size, with at most `most_px` pixels per side, that cover
+        this tile.
 
-        Those without pixels of their own are left out.
+        Parts without pixels that belong to the tile are left out.
         """
         rows, cols = self.edges(most_px)
         parts = [
@@ -136,10 +138,10 @@ class Tile:
         return [part for part in parts if part.own_pixels()]
 
     def halved(self) -> list[Tile]:
-        """Return tiles with pixels of half the pitch that cover this one.
+        """Return tiles with pixels of half the size that cover this tile.
 
-        They are four, less those without pixels of their own; one if that is still small, because a
-        render costs some milliseconds whatever its size.
+        There are four, without those that own no pixels. A small tile stays one tile, because each
+        render has an overhead of some milliseconds.
         """
         w, h = self.window.width_px, self.window.height_px
         double = self.finer(0, w, 0, h, 2)
@@ -152,11 +154,13 @@ class Tile:
 def lay_in(
     tiles: Sequence[Tile], area: Area, pitch: float, most_px: int, finest: float, most_level: int
 ) -> list[Tile]:
-    """Put finer tiles over an area: its whole pixels are taken from the tiles there.
+    """Return the tiles with finer tiles over an area. The coarse tiles lose their whole pixels
+    there.
 
-    `pitch` is the largest true pixel pitch wanted there (near a pole it takes fewer cuts of
-    longitude than of latitude), `finest` the least; tiles that are as fine stay. The new tiles, of
-    at most `most_px` a side and `most_level` halvings, are the last of the partition.
+    `pitch` is the largest pixel pitch wanted in the area, in true length: near a pole, fewer cuts
+    of longitude than of latitude reach it. `finest` is the least pitch. Tiles that are fine enough
+    stay. The new tiles have at most `most_px` pixels per side and `most_level` halvings, and come
+    last in the list.
     """
     kept, laid = [], []
     for tile in tiles:
@@ -188,7 +192,10 @@ def lay_in(
 
 
 def _even_edges(count: int, most: int) -> list[int]:
-    """Edges of the fewest pieces of at most `most`, alike in size: slivers cost a render each."""
+    """Return the edges of the fewest pieces of at most `most`, of nearly equal size.
+
+    A narrow rest would cost a render like any other piece.
+    """
     pieces = -(-count // most)
     return [count * piece // pieces for piece in range(pieces + 1)]
 
@@ -233,11 +240,13 @@ class ViewBoxes:
         return ViewBoxes(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     def pixels(self, window: ViewWindow) -> tuple[Real, Real]:
-        """Pixels of a window across each box, and down."""
+        """Return the width and the height of each box in pixels of a window."""
         return (self.right - self.left) / window.step_u, (self.top - self.bottom) / window.step_v
 
     def areas(self, window: ViewWindow) -> list[Area]:
-        """Areas in the window; a box across +-180 degrees of longitude has two."""
+        """Return the areas of the boxes in the window. A box across +-180 degrees of longitude has
+        two.
+        """
         turns = (-2 * math.pi, 0.0, 2 * math.pi) if window.sphere else (0.0,)
         return [
             Area(
@@ -259,10 +268,10 @@ def projected_bounds(
     receiver: contract.ReceiverRecord,
     left_out: Collection[int] = (),
 ) -> ViewBoxes:
-    """Areas around the boxes of all objects in view, except the numbers `left_out`.
+    """Return the areas around the boxes of all objects in view, except the numbers `left_out`.
 
-    Objects around the receiver, or partly behind a perspective one, are left out, too: near or not
-    small. `names` belong to the object numbers from 1.
+    Objects around the receiver, or partly behind a perspective receiver, are left out, because they
+    are near or not small. Object n has the name `names[n - 1]`.
     """
     numbers = poses.numbered(names)
     shown = np.argsort(numbers, kind="stable")
@@ -312,7 +321,10 @@ def _boxes_in_view(
 
 
 def _corners(box: Real, own: Real, pose: Real) -> Real:
-    """Corners of boxes (n, 2, 3) of poses (n, 4, 4) in the camera's axes, (n, 8, 3) [m]."""
+    """Return the corners of boxes in the axes of the camera, (n, 8, 3) [m].
+
+    The boxes are (n, 2, 3), their poses (n, 4, 4).
+    """
     which = np.array(list(itertools.product((0, 1), repeat=3)))
     corners = box[:, which, np.arange(3)]
     world = corners @ own[:, :3, :3].transpose(0, 2, 1) + own[:, None, :3, 3]
@@ -320,12 +332,13 @@ def _corners(box: Real, own: Real, pose: Real) -> Real:
 
 
 def _on_sphere(local: Real) -> tuple[Real, Real, Real, Real, NDArray[np.bool_]]:
-    """Longitudes from and to, latitudes from and to, and whether these are known, each (n,).
+    """Return the limits of longitude and of latitude of boxes, and whether they are known, each
+    (n,).
 
-    A convex body's edges are great circles. Longitudes have no extreme within one, latitudes do.
-    Diagonals lie within the body, so all pairs of corners are taken. A body on the axis has all
-    longitudes, and the pole if it is on one side of the horizon; else it counts as around the
-    receiver.
+    An edge of a box is part of a great circle. Latitude may have an extreme within an edge,
+    longitude does not. Diagonals lie within the box, so all pairs of corners are used. A box on the
+    vertical axis has all longitudes, and contains the pole if it is wholly above or below the
+    horizon; otherwise it counts as a box around the receiver.
     """
     angle = np.sort(np.arctan2(local[..., 0], -local[..., 2]), axis=1)
     gap = np.diff(angle, axis=1, append=angle[:, :1] + 2 * math.pi)
@@ -347,9 +360,9 @@ def _on_sphere(local: Real) -> tuple[Real, Real, Real, Real, NDArray[np.bool_]]:
 
 
 def _latitudes_within(a: Real, b: Real) -> Real:
-    """Latitude where it is stationary along the edges from a to b, or at an end; (n, edges).
+    """Return the latitude at the extreme within each edge from a to b, or at an end, (n, edges).
 
-    With p = a + t d, y/|p| is stationary where d_y p.p = y p.d, of which the squares of t cancel.
+    With p = a + t d, y/|p| is stationary where d_y p.p = y p.d. The squares of t cancel.
     """
     d = b - a
     squared, along, length = ((x * y).sum(axis=-1) for x, y in ((a, a), (a, d), (d, d)))
@@ -380,12 +393,13 @@ _PIXELS_FOR_ALL = 1 << 18
 
 
 def pixels_across(options: PathOptions) -> float:
-    """Pixels across the shorter side of an object at which its edges are sure enough.
+    """Return the pixels across the shorter side of an object at which the error of its edges is
+    small enough.
 
-    A side of s pixels, parallel to the grid, holds s rounded up or down of its columns: a variance
-    of at most 1/4. Two sides and S replicates make a relative standard error of at most sqrt(1 / (2
-    S)) / s; slanted edges are better. Half the asked error is planned for: pixels are cheap here,
-    and the error that the replicates show has an error of its own.
+    A side of s pixels, parallel to the grid, covers s columns, rounded up or down: the variance is
+    at most 1/4. Two sides and S replicates give a relative standard error of at most sqrt(1 / (2
+    S)) / s; slanted edges have less. The aim is half the error that the user asked for: pixels are
+    cheap here, and the error that the replicates show is uncertain itself.
     """
     if options.refine_for == "ranges":
         return _LEAST_ACROSS
@@ -398,7 +412,7 @@ def pixels_across(options: PathOptions) -> float:
 def add_inset_tiles(
     tiles: Sequence[Tile], areas: Sequence[Area], frame: ViewWindow, options: PathOptions
 ) -> list[Tile]:
-    """Return the partition with finer tiles over the areas of objects that are small in it."""
+    """Return the tiles of a frame, with finer tiles over the areas of small objects."""
     small = [
         area
         for area in areas
@@ -419,7 +433,7 @@ def lay_in_steps(
     most_px: int,
     most_level: int = 40,
 ) -> list[Tile]:
-    """Return the partition with tiles of these pitches, or finer, over areas."""
+    """Return the tiles, with tiles of the wanted pitches, or finer, over the wanted areas."""
     # Cuts take whole pixels of a tile: in steps, or a point would take many.
     steps = list(wanted)
     for pitch, area in wanted:
@@ -433,7 +447,9 @@ def lay_in_steps(
 
 
 def _affordable(area: Area, coarsest: float, across: float, most_px: float) -> float:
-    """Pixel pitch that gives so many pixels across an object, or as many as may be spent."""
+    """Return the pixel pitch that gives `across` pixels across an object. It is larger if that
+    takes more than `most_px` pixels.
+    """
     least = area.shorter / _LEAST_ACROSS
     pitch = min(area.shorter / across, least)
     while pitch < least:

@@ -73,7 +73,7 @@ class PathRun:
 
     @property
     def watts_per_unit(self) -> float:
-        """Received power of a unit of radiance times solid angle, per square Blender unit [W]."""
+        """Received power of radiance times solid angle of 1, per square Blender unit [W]."""
         return self.effective_area_m2 / self.plan.metres_per_unit**2
 
     def record_fields(self) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class PathTask:
 
     @property
     def exr_path(self) -> str:
-        """Name of this render in error messages."""
+        """Name of this render in error messages. (There is no file.)"""
         return f"{contract.frame_dir(self.frame)}, tile {self.tile}, replicate {self.replicate}"
 
 
@@ -170,7 +170,9 @@ class ViewTracer:
     def look_tasks(
         self, number: int, window: ViewWindow
     ) -> Generator[PathTask, None, tuple[contract.ReceiverRecord, View]]:
-        """Render a part of the unrefined frame once, for the first surface in each pixel."""
+        """Render a part of the frame once, before refinement, to find the first surface in each
+        pixel.
+        """
         self.run.scene.lamps.shine(0)
         receiver = self.run.scene.look(window, (0.0, 0.0), self.run.measurement.seed)
         view = yield from self._render(number, 0, RenderRequest(PathClass(order_max=1)))
@@ -179,8 +181,9 @@ class ViewTracer:
     def beyond_tasks(
         self, whole: ViewWindow, coloured: bool
     ) -> Generator[PathTask, None, PowerBeyond]:
-        """Return the power beyond the last order, from the first render of the whole frame, or
-        from one with few rays.
+        """Return the power of paths with more than the largest number of reflections.
+
+        It comes from the first render of the whole frame, or else from a render with few rays.
         """
         if self._beyond is not None:
             return power_seen_beyond(self._limits(), *self._beyond, 1.0, coloured)
@@ -208,12 +211,13 @@ class ViewTracer:
         reflections: int = 0,
         whole: bool = False,
     ) -> Generator[PathTask, None, tuple[PathRows, Real, TracedReplicate]]:
-        """Make all renders of a tile replicate; return its rows, the start of their rays, and
-        the trace.
+        """Make all renders of a tile replicate. Return its rows, the start of their rays, and the
+        trace.
 
-        With the number of an image, from 1, the transmitter is in its place, nothing blocks it, and
-        paths have so many reflections at most. A tile that is the `whole` frame has a second view,
-        of the orders beyond the last one, if its first render can have one.
+        With `image` above 0, the transmitter is at the place of this mirror image, nothing blocks
+        it, and paths have at most `reflections` reflections. If the tile is the `whole` frame, its
+        first render also gets a second view, of paths with more reflections, where that is
+        possible.
         """
         run, window = self.run, tile.window
         run.scene.lamps.shine(image)
@@ -257,10 +261,11 @@ class ViewTracer:
         return rows, ray_origins(traced, rays.origin_m), traced
 
     def _polarised_from(self) -> int | None:
-        """Depth from which polarisations are carried through; None for not at all.
+        """Return the transparent depth from which on both polarisations are traced separately;
+        None: never.
 
-        A single wall takes the mean of both itself. With the antennas in one place both ways pass
-        the same surfaces.
+        The material of a single wall takes the mean of both polarisations itself. If both antennas
+        are in one place, both ways pass the same walls.
         """
         run = self.run
         if not (run.polarising and run.deterministic):
@@ -287,7 +292,9 @@ class ViewTracer:
 
 
 def _vertex_map(plan: Plan, receiver: contract.ReceiverRecord) -> tuple[Real, float]:
-    """Origin and scale that bring every point of the scene to colours from 1/2 to 3/2."""
+    """Return the origin and the scale that map every point of the scene to colours from
+    1/2 to 3/2.
+    """
     units = plan.metres_per_unit
     position = np.array(receiver.matrix_world, dtype=np.float64)[:3, 3] / units
     reach = max(plan.extent.from_receiver_m + plan.extent.baseline_m, 1e-6) / units

@@ -69,12 +69,14 @@ class Poses:
     rows: Indices = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def numbered(self, names: Sequence[str]) -> Indices:
-        """Return the place of each one's name among other names, from 1, (n,); 0: not there."""
+        """Return the place of each object's name in a list of names, from 1, (n,); 0 if it is not
+        there.
+        """
         numbers = {name: number for number, name in enumerate(names, start=1)}
         return np.array([numbers.get(name, 0) for name in self.names], dtype=np.intp)[self.owner]
 
     def key(self, index: int) -> Key:
-        """Return the key of one of them."""
+        """Return the key of one pose."""
         return () if self.snapshot is None else self.snapshot.layout.key(int(self.rows[index]))
 
 
@@ -107,9 +109,10 @@ def instance_name(key: Key) -> str:
 
 
 def distance_from_box(instance: InstancePose, points: Real) -> tuple[Real, Real]:
-    """Return points (n, 3) in an instance's own axes, and vectors to them from its box, (n, 3) [m].
+    """Return world points (n, 3) in the axes of an instance, and the vectors to them from its box,
+    (n, 3) [m].
 
-    The points are in the world. The vectors have world lengths, and are 0 inside the box.
+    The vectors have their lengths in the world, and are 0 inside the box.
     """
     try:
         inverse = np.linalg.inv(instance.pose)
@@ -134,7 +137,9 @@ class ClosingSpeeds:
         after: tuple[Boxes, tuple[Real, Real]],
         interval_s: float,
     ) -> None:
-        """Add two moments, each with its boxes and the places of the antennas."""
+        """Add the rates between two moments. Each moment has boxes, and the places of
+        the antennas.
+        """
         first, last = before[0].snapshot, after[0].snapshot
         here, there = before[0].pairs(after[0])
         antennas = np.stack([before[1], after[1]])
@@ -163,7 +168,7 @@ class ClosingSpeeds:
 def _moving(
     first: Snapshot, here: Indices, last: Snapshot, there: Indices
 ) -> tuple[Indices, Indices]:
-    """Return the rows, here and there, of the boxes that move from one snapshot to the other."""
+    """Return the rows in both snapshots of the boxes that move from one snapshot to the other."""
     if first.walked is last.walked:  # the others are as that walk found them
         again = np.isin(here, np.union1d(first.moved, last.moved))
         here, there = here[again], there[again]
@@ -172,7 +177,7 @@ def _moving(
 
 
 def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float) -> Real:
-    """Return half the path lengths by way of the centres of faces, and of boxes, (n, 7) [m]."""
+    """Return half the path lengths via the centres of the faces and of the boxes, (n, 7) [m]."""
     faces = corners[:, _FACES].mean(axis=2)
     points = np.concatenate([faces, corners.mean(axis=1, keepdims=True)], axis=1)
     lengths = sum(np.linalg.norm(points - antenna, axis=2) for antenna in antennas)
@@ -182,10 +187,12 @@ def _ranges_m(corners: Real, antennas: tuple[Real, Real], metres_per_unit: float
 def keyed_speeds(
     found: Boxes, antennas: tuple[Any, Any], frame: float, fps: float, span_s: float
 ) -> dict[str, float]:
-    """Return the largest |range rate| of objects by their F-curves, by label [units per second].
+    """Return the largest |range rate| of objects that follows from their F-curves, by label [units
+    per second].
 
-    Nothing is evaluated, so what other animation moves is left out. `found` are the surfaces at
-    `frame`, at which the burst of `span_s` seconds begins; `antennas` are receiver and transmitter.
+    Blender evaluates nothing for this, so other kinds of animation are not included. `found` are
+    the surfaces at `frame`, where the burst of `span_s` seconds begins. `antennas` are receiver and
+    transmitter.
     """
     snapshot, layout = found.snapshot, found.snapshot.layout
 
@@ -218,9 +225,9 @@ def keyed_speeds(
 
 
 def keyed_step(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return how far F-curves move the origin of an object in a frame, (3,) [Blender units].
+    """Return how far F-curves move the origin of an object in one frame, (3,) [Blender units].
 
-    None where no F-curve moves it, or not these alone.
+    None if no F-curve moves it, or if something else may move it too.
     """
     poses = keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
     if poses is None:
@@ -275,7 +282,9 @@ def keyed_worlds(item: bpy.types.Object, frames: Sequence[float]) -> Real | None
 
 
 def nothing_moves(item: bpy.types.Object) -> bool:
-    """Return whether an object and its parents have nothing that could move them: quick."""
+    """Return whether an object and its parents have nothing that could move them. This test is
+    quick.
+    """
     while item is not None:
         if item.animation_data is not None or item.rigid_body is not None:
             return False
@@ -288,7 +297,7 @@ def nothing_moves(item: bpy.types.Object) -> bool:
 
 
 def _is_keyed(item: bpy.types.Object) -> bool:
-    """Whether an object or a parent of it has an action."""
+    """Return whether an object or one of its parents has an action."""
     while item is not None:
         if item.animation_data is not None and item.animation_data.action is not None:
             return True
@@ -301,8 +310,9 @@ def largest_rate(
 ) -> float:
     """Return the largest |range rate| of points of a rigid body during a burst [units/s].
 
-    `points` (n, 3) in its own axes; its `poses` (2, 4, 4) and the places of both `antennas`
-    (2, 2, 3) at two moments. Body and antennas go on as between them.
+    `points` (n, 3) are in the body's own axes. Its `poses` (2, 4, 4) and the places of both
+    `antennas` (2, 2, 3) are given at two moments. Body and antennas keep their velocities between
+    these moments.
     """
     place = points @ poses[:, :3, :3].transpose(0, 2, 1) + poses[:, None, :3, 3]
     centre = place.mean(axis=1)
@@ -324,7 +334,7 @@ def largest_rate(
 
 
 def _turn(poses: Real) -> Real:
-    """Return the rotation vector from one of two poses to the other; scales are left out."""
+    """Return the rotation vector between two poses, without their scales."""
     axes = poses[:, :3, :3]
     left, _, right = np.linalg.svd(axes[1] @ np.linalg.pinv(axes[0]))
     turn = left @ right
@@ -350,9 +360,10 @@ _outermost: WeakKeyDictionary[Shape, Real] = WeakKeyDictionary()
 
 
 def outermost_points(snapshot: Snapshot, shape: Shape) -> Real:
-    """Return the outermost vertices of a mesh and centres of its box's faces, own axes, (n, 3).
+    """Return the outermost vertices of a mesh and the centres of the faces of its box, in own axes,
+    (n, 3).
 
-    Without a mesh, the corners of its box.
+    Without a mesh, these are the corners of its box.
     """
     if shape not in _outermost:
         points = shape.box

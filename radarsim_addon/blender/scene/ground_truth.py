@@ -47,7 +47,7 @@ class Boxes:
         return self.snapshot.corners_of(self.rows)
 
     def spheres(self, *places: Real) -> tuple[Real, Real]:
-        """Return centres (n, 3) and radii (n,) of spheres around them [Blender units].
+        """Return the centres (n, 3) and radii (n,) of spheres around the boxes [Blender units].
 
         The radii have a margin for the rounding of distances from the origin and from `places`.
         """
@@ -56,7 +56,9 @@ class Boxes:
         return spheres[:, :3], spheres[:, 3] + _MARGIN * largest.max()
 
     def labels(self) -> tuple[list[str], Indices]:
-        """Return the labels of the surfaces, each once, and the number of each surface's, (n,)."""
+        """Return the different labels of the surfaces, and the number of each surface's label,
+        (n,).
+        """
         layout = self.snapshot.layout
         pairs = layout.shape[self.rows] * (len(layout.instancers) + 1) + layout.instancer[self.rows]
         _, first, inverse = np.unique(pairs, return_index=True, return_inverse=True)
@@ -65,7 +67,7 @@ class Boxes:
         return list(numbers), np.array([numbers[name] for name in names], dtype=np.intp)[inverse]
 
     def pairs(self, later: Boxes) -> tuple[Indices, Indices]:
-        """Return the rows of what is in both, here and there."""
+        """Return the rows of surfaces that occur in both, in this one and in `later`."""
         if self.snapshot.layout is later.snapshot.layout:
             if np.array_equal(self.rows, later.rows):
                 return self.rows, self.rows
@@ -84,16 +86,17 @@ class Boxes:
 def scene_extent(
     snapshot: Snapshot, rig: Rig, metres_per_unit: float, any_material: bool = False
 ) -> Extent:
-    """Return the distances of the surfaces that can echo, or of all, at its moment.
+    """Return the distances of the surfaces that can echo, or of all, at the moment of the snapshot.
 
-    They are those of bounding boxes, so never too small. Only the baseline if nothing can echo.
+    They follow from bounding boxes, so they are never too small. If nothing can echo, there is only
+    the baseline.
     """
     boxes = echoing_boxes(snapshot, any_material)
     return extent_of_boxes(boxes, antenna_positions(snapshot, rig), metres_per_unit)
 
 
 def echoing_boxes(snapshot: Snapshot, any_material: bool) -> Boxes:
-    """Return the boxes of the surfaces that can echo, or of all, at its moment."""
+    """Return the boxes of the surfaces that can echo, or of all, at the moment of the snapshot."""
     rows = rendered_rows(snapshot)
     if not any_material:
         is_radar = cache(is_radar_material)
@@ -107,7 +110,7 @@ def echoing_boxes(snapshot: Snapshot, any_material: bool) -> Boxes:
 
 
 def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: float) -> Extent:
-    """Return `scene_extent` from boxes, and the places of receiver and transmitter."""
+    """Return `scene_extent` for boxes. `antennas` are the places of receiver and transmitter."""
     receiver, transmitter = antennas
     baseline_m = float(np.linalg.norm(receiver - transmitter)) * metres_per_unit
     if not boxes.rows.size:
@@ -115,9 +118,9 @@ def extent_of_boxes(boxes: Boxes, antennas: tuple[Real, Real], metres_per_unit: 
     centre, radius = boxes.spheres(receiver, transmitter)
 
     def corners(middle: Real) -> Real:
-        """Corners, (m, 3), of the boxes whose farthest one may be the farthest of all.
+        """Return the corners, (m, 3), of all boxes that may reach the farthest.
 
-        `middle` is how far their centres are, in the same sense.
+        `middle` is the distance of their centres, measured in the same way.
         """
         far = middle + radius >= middle.max()
         return boxes.snapshot.corners_of(boxes.rows[far]).reshape(-1, 3)
@@ -164,11 +167,12 @@ def object_records(
     later: tuple[Boxes, Real] | None = None,
     interval_s: float = 0.0,
 ) -> list[contract.ObjectRecord]:
-    """Return the ground truth of all rendered objects at its moment, sorted by name.
+    """Return the ground truth of all rendered objects at the moment of the snapshot, sorted by
+    name.
 
-    All instances of one object by one instancer have one record, that of the nearest instance, with
-    the name ``instancer/object``. `later` has the surfaces `interval_s` later [s], and the place of
-    the receiver, for range rates.
+    All instances of one object by one instancer share one record, that of the nearest instance,
+    with the name ``instancer/object``. For range rates, `later` has the surfaces and the place of
+    the receiver `interval_s` later [s].
     """
     found, receiver = rendered_surfaces(snapshot), _origin(rig.camera, snapshot)
     snapshot = found.snapshot
@@ -217,7 +221,7 @@ def object_records(
 
 
 def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:
-    """Row and distance of the nearest instance of each label, if it has faces."""
+    """Return the row and the distance of the nearest instance with faces, for each label."""
     snapshot = found.snapshot
     # No point of a box is nearer than this, so most instances need no exact distance.
     centre, radius = found.spheres(receiver)
@@ -249,7 +253,7 @@ def _centres(snapshot: Snapshot, rows: Sequence[int]) -> Real:
 
 
 def _said_by_materials(materials: tuple[Any, ...]) -> dict[str, Any]:
-    """Return the fields of an object's record that its materials say."""
+    """Return the fields of an object's record that follow from its materials."""
     held = [one.name for one in materials if one is not None and one.name != ABSORBER_NAME]
     rms_height_m, correlation_length_m = roughness_of(materials)
     return {
@@ -272,7 +276,8 @@ def _displaces(material: bpy.types.Material) -> bool:
 def _collections_of_objects() -> dict[str, list[str]]:
     """Return the names of the collections that hold each object, also indirectly, sorted.
 
-    One pass over the file's collections: an object's own list of its users takes a walk each.
+    This takes one pass over the collections of the file. To ask each object for its collections
+    would take one pass each.
     """
     holding: dict[str, set[str]] = {}
     for collection in bpy.data.collections:
@@ -282,7 +287,9 @@ def _collections_of_objects() -> dict[str, list[str]]:
 
 
 def displaced_surfaces(snapshot: Snapshot) -> list[Finding]:
-    """Name the rendered objects whose surface Cycles displaces: their meshes do not show it."""
+    """Return a finding on rendered objects that Cycles displaces, because their meshes do not show
+    it.
+    """
     found = rendered_surfaces(snapshot)
     shapes = found.snapshot.shapes
     displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])
@@ -291,7 +298,9 @@ def displaced_surfaces(snapshot: Snapshot) -> list[Finding]:
 
 
 def check_surfaces(snapshot: Snapshot) -> None:
-    """Check that all rendered surfaces are finite at its moment; `SceneError` if not."""
+    """Check that all rendered surfaces are finite at the moment of the snapshot; `SceneError` if
+    not.
+    """
     check_meshes_finite(snapshot, rendered_rows(snapshot))
 
 
@@ -318,7 +327,9 @@ def triangles_about(snapshot: Snapshot, rows: Iterable[int], point: Real) -> Ite
 def _corners_about(
     snapshot: Snapshot, surfaces: list[tuple[int, Any, Any]], point: Real
 ) -> list[Real]:
-    """As `triangles_about`, of rows with their vertices and triangles; like meshes in one pass."""
+    """Return `triangles_about` for rows with their vertices and triangles. Meshes of equal size
+    take one pass.
+    """
     alike: defaultdict[tuple[int, int], list[int]] = defaultdict(list)
     for number, (_, vertices, triangles) in enumerate(surfaces):
         alike[len(vertices), len(triangles)].append(number)

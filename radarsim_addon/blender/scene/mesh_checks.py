@@ -70,7 +70,7 @@ class _Item:
 
 
 def check_meshes(snapshot: Snapshot) -> list[Finding]:
-    """Find meshes of a scene that Cycles cannot trace as objects with an interior."""
+    """Return findings on meshes that Cycles cannot trace as objects with an interior."""
     layout, shapes = snapshot.layout, snapshot.shapes
     surfaces = surfaces_of(snapshot)
     rows = rendered_rows(snapshot)
@@ -143,10 +143,11 @@ def _near_an_interior(corners: Real, entered: NDArray[np.bool_]) -> Indices:
 
 
 def _overlapping(low: Real, high: Real) -> Iterator[Indices]:
-    """Yield the pairs of boxes (n, 3) that overlap, (k, 2), after a sweep along the longest axis.
+    """Yield the pairs of boxes (n, 3) that overlap, (k, 2), found by a sweep along the longest
+    axis.
 
-    The sweep is made in strips along the second axis. A box is in all strips that it touches. A
-    pair counts in the first strip that contains both.
+    The sweep runs in strips along the second axis. A box is in all strips that it touches. A pair
+    counts in the first strip that contains both.
     """
     yield np.empty((0, 2), dtype=np.intp)
     if len(low) < 2:
@@ -180,7 +181,7 @@ def _overlapping(low: Real, high: Real) -> Iterator[Indices]:
 
 
 def _shared_boxes(low: Real, high: Real, pairs: Indices) -> tuple[Real, Real]:
-    """For each box (n, 3), return the box around all that it has in common with its partners."""
+    """Return, for each box (n, 3), the box around its overlaps with all of its partners."""
     first, second = np.concatenate([pairs, pairs[:, ::-1]]).T
     lowest, highest = np.full(low.shape, np.inf), np.full(low.shape, -np.inf)
     np.minimum.at(lowest, first, np.maximum(low[first], low[second]))
@@ -189,7 +190,9 @@ def _shared_boxes(low: Real, high: Real, pairs: Indices) -> tuple[Real, Real]:
 
 
 def _mesh_defect(mesh: Mesh) -> str:
-    """Return why a mesh does not enclose a volume: "open", "flipped", "inside out"; "": it does."""
+    """Return why a mesh does not enclose a volume: "open", "flipped" or "inside out"; "" if it
+    does.
+    """
     start, corner, normal = mesh.first_corners, mesh.corner_vertices, mesh.normals
     following = corner.copy()
     following[:-1] = corner[1:]
@@ -326,9 +329,9 @@ def _nested_too_deep(found: list[_Item]) -> list[Finding]:
 
 
 def sharpen_walls(recorder: SettingsRestorer, snapshot: Snapshot) -> None:
-    """Let the normals of walls that are shaded smooth end at their edges, until restored.
+    """End the smooth normals of walls at their edges, until restored.
 
-    The walls are set for the run in the snapshot.
+    The walls must be set for the run.
     """
     known = attributes.OBJECT_LAYER_NORMAL, attributes.OBJECT_SHELL_THICKNESS
     assigned, surfaces = assigned_materials(snapshot), surfaces_of(snapshot)

@@ -42,7 +42,7 @@ def file_identity() -> str:
 def foreign_handlers() -> list[str]:
     """Return the names of functions of scripts that Blender calls when it loads or renders.
 
-    Functions of add-ons are not among them: each process of a run has the same add-ons.
+    Functions of add-ons are not included, because each process of a run has the same add-ons.
     """
     places = [
         bpy.utils.user_resource("EXTENSIONS"),
@@ -67,15 +67,15 @@ def frame_handlers() -> list[str]:
 
 
 def unreadable_files() -> list[Finding]:
-    """Find files that the scene reads and that are missing: one finding at most."""
+    """Return a finding on files that the scene reads and that are missing, if any."""
     lost = [path for path in _linked_files() if not any(_parts(path))]
     return [finding("linked-file-missing", *map(str, lost))] if lost else []
 
 
 def handlers_of_others() -> list[Any]:
-    """Return the functions of add-ons and scripts that Blender calls, at whatever event.
+    """Return the functions of add-ons and scripts that Blender calls at any event.
 
-    Blender's own and radarsim's are not among them.
+    The functions of Blender and of radarsim are not included.
     """
     program = bpy.utils.system_resource("SCRIPTS")
     hooks = (getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers))
@@ -90,7 +90,9 @@ def code_file(function: Any) -> Path:
 
 
 def _linked_files() -> list[Path]:
-    """Files and folders that the open file reads, sorted; also those that are missing."""
+    """Return the files and folders that the open file reads, sorted, with those that
+    are missing.
+    """
     written, baked = _caches()
     paths = bpy.utils.blend_paths(absolute=True, packed=False)
     found = {_absolute(path) for path in paths if path}  # a baked cache has an empty one
@@ -108,7 +110,7 @@ def _linked_files() -> list[Path]:
 
 
 def _caches() -> tuple[set[Path], set[Path]]:
-    """Folders that simulations write while they are played, and those of baked ones."""
+    """Return the folders that simulations write during playback, and those of baked simulations."""
     written: set[Path] = set()
     baked: set[Path] = set()
     file = Path(bpy.data.filepath or "unsaved.blend")
@@ -140,7 +142,7 @@ def _caches() -> tuple[set[Path], set[Path]]:
 
 
 def _texts(modifier: Any) -> Iterator[str]:
-    """Texts given to the inputs of a Geometry Nodes modifier, which may name files."""
+    """Return the texts in the inputs of a Geometry Nodes modifier. They may name files."""
     values: list[Any] = []
     if hasattr(modifier, "properties"):  # Blender 5.2
         inputs = modifier.properties.inputs
@@ -156,7 +158,9 @@ def _absolute(path: str) -> Path:
 
 
 def _sequence(path: Path) -> Iterator[Path]:
-    """Files of a sequence by one of them: the last digits of the name count."""
+    """Return the files of a sequence, given one of them. The last digits of the name are the
+    number.
+    """
     match = re.fullmatch(r"(.*?)\d+(\D*)", path.name)
     if match is None:
         return
@@ -165,7 +169,9 @@ def _sequence(path: Path) -> Iterator[Path]:
 
 
 def _parts(path: Path) -> list[Path]:
-    """Files of a path: itself, those in a folder, the tiles of an image; empty if it is missing."""
+    """Return the files of a path: the file itself, the files of a folder, or the tiles of an image;
+    empty if it is missing.
+    """
     if path.is_dir():
         return sorted(one for one in path.rglob("*") if one.is_file())
     if _TILE_NUMBER.search(path.name):
@@ -184,9 +190,10 @@ def _sha256(path: Path) -> str:
 
 
 def disabled_drivers() -> list[Finding]:
-    """Find data-blocks with drivers that Blender has refused to evaluate, in the open file.
+    """Return a finding on data-blocks of the open file with drivers that Blender has refused to
+    evaluate.
 
-    Call it when the scene has been evaluated.
+    Call this after the scene is evaluated.
     """
     names: dict[str, None] = {}
     count = 0
@@ -198,12 +205,14 @@ def disabled_drivers() -> list[Finding]:
 
 
 def driven_by_whole_frames() -> list[str]:
-    """Return the names of data-blocks whose drivers read the whole number of the frame."""
+    """Return the names of data-blocks whose drivers read the number of the whole frame."""
     return list(dict.fromkeys(_names_of_readers(r"\bframe_current\b")))
 
 
 def may_move_at_whole_frames() -> bool:
-    """Return whether drivers or handlers of others may move objects at whole frames only."""
+    """Return whether drivers, or handlers of other add-ons, may move objects at whole
+    frames only.
+    """
     return moved_by_scripts() or bool(driven_by_whole_frames())
 
 
@@ -223,10 +232,10 @@ def looks_at_view() -> bool:
 
 
 def reads_context() -> bool:
-    """Return whether scripts may ask, while Blender evaluates a render, which scene is active.
+    """Return whether scripts may read, during the evaluation of a render, which scene is active.
 
-    True for drivers that are Python expressions, and for handlers of other add-ons and scripts that
-    Blender calls when it evaluates a scene.
+    This is possible for drivers with Python expressions, and for handlers of other add-ons and
+    scripts that Blender calls when it evaluates a scene.
     """
     hooks = bpy.app.handlers
     before_render = hooks.render_pre, hooks.depsgraph_update_pre, hooks.depsgraph_update_post
@@ -252,7 +261,7 @@ def _of_others(handler: Any) -> bool:
 
 
 def _drivers() -> Iterator[tuple[Any, Any]]:
-    """All data-blocks with each of their drivers that is not muted."""
+    """Yield all data-blocks with each of their drivers that is not muted."""
     for item in _data_blocks():
         animation = getattr(item, "animation_data", None)
         for curve in animation.drivers if animation is not None else ():
@@ -261,14 +270,16 @@ def _drivers() -> Iterator[tuple[Any, Any]]:
 
 
 def _names_of_readers(pattern: str) -> Iterator[str]:
-    """Names of the data-blocks with drivers that read something."""
+    """Return the names of data-blocks with drivers that read something."""
     for item, curve in _drivers():
         if any(re.search(pattern, text) for text in _read_by(curve.driver)):
             yield item.name
 
 
 def _read_by(driver: Any) -> Iterator[str]:
-    """Expression of a driver, and the paths of properties that its variables read."""
+    """Return the expression of a driver, and the paths of the properties that its
+    variables read.
+    """
     if driver.type == "SCRIPTED":
         yield driver.expression
     for variable in driver.variables:
@@ -277,7 +288,7 @@ def _read_by(driver: Any) -> Iterator[str]:
 
 
 def _data_blocks() -> Iterator[Any]:
-    """All data-blocks in use, and the node trees that are part of them."""
+    """Yield all data-blocks in use, and the node trees that are part of them."""
     for kind in bpy.data.bl_rna.properties:
         if kind.type == "COLLECTION" and kind.identifier != "all_ids":  # of 5.x: all once more
             with_tree = "node_tree" in kind.fixed_type.bl_rna.properties

@@ -16,11 +16,10 @@ _CACHED_MODIFIERS = {"CLOTH", "PARTICLE_SYSTEM", "SOFT_BODY"}
 
 
 def simulation_frames(scene: bpy.types.Scene, last: int) -> range:
-    """Return the frames to show, in order, so that simulations are known at all of them up to
-    `last`.
+    """Return the frames to show, in order, so that simulations are known up to the frame `last`.
 
-    Blender computes a simulation that is not baked from one frame to the next. After a jump it
-    shows an earlier state. Empty if nothing is simulated, or all is baked.
+    Blender computes a simulation that is not baked from one frame to the next; after a jump it
+    shows an earlier state. The list is empty if nothing is simulated, or if everything is baked.
     """
     starts = [cache.frame_start for cache in _caches(scene) if not cache.is_baked]
     if any(map(has_simulation_zone, scene.objects)):  # a step through baked ones does no harm
@@ -42,8 +41,10 @@ def _caches(scene: bpy.types.Scene) -> Iterator[Any]:
 
 
 def writes_disk_caches() -> list[str]:
-    """Return the names of the objects, and of the scenes with rigid bodies, whose simulation writes
-    files during playback. Caches on the disk that are not baked do, and fluids.
+    """Return the names of objects, and of scenes with rigid bodies, whose simulation writes files
+    during playback.
+
+    These are disk caches that are not baked, and fluids.
     """
     found = [
         scene.name
@@ -71,10 +72,11 @@ def _is_written(cache: Any) -> bool:
 
 
 def renders_whole_frames_only(item: bpy.types.Object) -> bool:
-    """Return whether Blender renders an object's shape of a whole frame at times after it.
+    """Return whether Blender renders an object's shape of the whole frame before at times between
+    two frames.
 
-    So it does with cloth and soft bodies that are not baked, and with cache files whose vertices
-    are not interpolated.
+    This is so for cloth and soft bodies that are not baked, and for cache files whose vertices are
+    not interpolated.
     """
     for modifier in item.modifiers:
         if modifier.type in ("CLOTH", "SOFT_BODY"):
@@ -88,9 +90,9 @@ def renders_whole_frames_only(item: bpy.types.Object) -> bool:
 def check_particles_are_baked(snapshot: Snapshot, otherwise: str) -> None:
     """Check that particles that carry objects or pieces of a mesh have a baked cache.
 
-    Between two frames Blender writes states of particles that are not baked into the cache of whole
-    frames, so that places depend on the order in which times are shown. `otherwise` is the remedy
-    for who does not bake.
+    Between two frames, Blender writes the states of particles that are not baked into the cache of
+    whole frames. Then their places depend on the order in which times are shown. `otherwise` is the
+    remedy in the message for users who do not bake.
     """
     if not bpy.data.particles:
         return
@@ -109,7 +111,9 @@ def check_particles_are_baked(snapshot: Snapshot, otherwise: str) -> None:
 
 
 def _carrying_particles(item: bpy.types.Object) -> Iterator[tuple[Any, Any]]:
-    """Yield owner and particle system of all that carry instances, or pieces of an object."""
+    """Yield the owner and the particle system of all particles that carry instances or pieces of an
+    object.
+    """
     explodes = any(modifier.type == "EXPLODE" for modifier in item.modifiers)
     for system in item.particle_systems:
         if explodes or system.settings.render_type in ("OBJECT", "COLLECTION"):
@@ -138,8 +142,8 @@ def has_simulation_zone(item: bpy.types.Object) -> bool:
 
 
 def is_simulated_body(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:
-    """Return whether the rigid-body simulation of a scene moves an object: no passive or animated
-    one.
+    """Return whether the rigid-body simulation of a scene moves an object. It moves no passive or
+    animated body.
     """
     world, body = scene.rigidbody_world, item.rigid_body
     return bool(

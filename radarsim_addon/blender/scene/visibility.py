@@ -61,10 +61,11 @@ def isolate(
     snapshot: Snapshot,
     any_material: bool = False,
 ) -> list[Finding]:
-    """Hide other lights than the transmitter, and what cannot echo; name objects without an echo.
+    """Hide all lights except the transmitter, and all objects that cannot echo; return findings on
+    objects without an echo.
 
-    With `any_material` a world volume encodes the range, so surfaces of all materials echo. Only
-    volumes are hidden, because their paths have no vertex on a surface.
+    With `any_material`, a world volume encodes the range, so surfaces of all materials echo. Then
+    only volumes are hidden, because their paths have no vertex on a surface.
     """
     # Even a weak light takes samples of the transmitter. scene.objects does not contain the lights
     # of instanced collections, so this checks all objects of the file.
@@ -148,7 +149,7 @@ def is_fog(material: bpy.types.Material) -> bool:
 
 
 def _has_volume_only(output: Any) -> bool:
-    """Return whether a material output, or None, has a volume and no surface."""
+    """Return whether a material output, which may be None, has a volume and no surface."""
     return output is not None and (
         output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
     )
@@ -267,9 +268,9 @@ def _fill_slot(recorder: SettingsRestorer, data: Any, index: int, absorber: Any)
 
 
 def echoes(item: bpy.types.Object, is_radar: Callable[[Any], bool] = is_radar_material) -> bool:
-    """Return whether an object can echo: by a Radar Material in a slot, or by Geometry Nodes.
+    """Return whether an object can echo, by a Radar Material in a slot or from Geometry Nodes.
 
-    `is_radar` may be `is_radar_material` with a memory.
+    `is_radar` may be a cached version of `is_radar_material`.
     """
     if item.type not in SURFACE_TYPES:
         return False
@@ -300,7 +301,7 @@ def action_curves(action: Any, slot: Any = None) -> Iterator[Any]:
 
 
 def show_what_renders(recorder: SettingsRestorer, view_layer: bpy.types.ViewLayer) -> None:
-    """Make all rendered objects visible in the viewport, and those that only instances show."""
+    """Make all rendered objects visible in the viewport, also those that only instances show."""
     rendered = set()
     for layer in _rendered_collections(view_layer):
         recorder.set(layer, "hide_viewport", False)
@@ -336,7 +337,9 @@ def show_what_renders(recorder: SettingsRestorer, view_layer: bpy.types.ViewLaye
 
 
 def show_what_ever_renders(recorder: SettingsRestorer, view_layer: bpy.types.ViewLayer) -> None:
-    """Make visible what renders at some time, until Blender evaluates the animation again."""
+    """Make objects visible that are rendered at some time, until Blender evaluates the animation
+    again.
+    """
     for layer in _rendered_collections(view_layer):
         for item in filter(is_hidden_at_times, layer.collection.objects):
             recorder.set(item, "hide_render", False)
@@ -357,7 +360,9 @@ def show_as_rendered(recorder: SettingsRestorer, scene: bpy.types.Scene) -> None
 
 
 def _as_rendered(item: bpy.types.Object) -> Iterator[tuple[Any, str, Any]]:
-    """Yield owners and names of an object's settings for the viewport, with those for renders."""
+    """Yield the owner and the names of each viewport setting of an object, with the setting for
+    renders.
+    """
     yield item, "show_instancer_for_viewport", item.show_instancer_for_render
     for modifier in item.modifiers:
         yield modifier, "show_viewport", modifier.show_render
@@ -380,7 +385,7 @@ def _as_rendered(item: bpy.types.Object) -> Iterator[tuple[Any, str, Any]]:
 
 
 def differs_in_viewport(item: bpy.types.Object, render: bpy.types.RenderSettings) -> bool:
-    """Return whether the viewport shows an object with other settings than renders do."""
+    """Return whether an object's settings for the viewport differ from those for renders."""
     simplified = render.use_simplify and (
         render.simplify_subdivision != render.simplify_subdivision_render
     )
@@ -391,7 +396,7 @@ def differs_in_viewport(item: bpy.types.Object, render: bpy.types.RenderSettings
 def _replace_by_false(
     recorder: SettingsRestorer, tree: bpy.types.NodeTree, node: bpy.types.Node
 ) -> None:
-    """Connect the constant False in the place of a Boolean node."""
+    """Connect the constant False in place of a Boolean node."""
     targets = [link.to_socket for link in node.outputs[0].links]
     constant = tree.nodes.new("FunctionNodeInputBool")
     for target in targets:
@@ -428,7 +433,9 @@ def _present_collections(layer: Any) -> Iterator[Any]:
 
 
 def _view_layers(view_layer: bpy.types.ViewLayer) -> list[Any]:
-    """A view layer, and those of its scene's background set, of the set's own set, and so on."""
+    """Return a view layer, and those of the background sets of its scene, of their own sets, and so
+    on.
+    """
     found, scene = {view_layer.id_data: view_layer}, view_layer.id_data.background_set
     while scene is not None and scene not in found:
         found[scene] = next((one for one in scene.view_layers if one.use), scene.view_layers[0])
@@ -437,7 +444,7 @@ def _view_layers(view_layer: bpy.types.ViewLayer) -> list[Any]:
 
 
 def rendered_objects(view_layer: bpy.types.ViewLayer) -> set[Any]:
-    """Return the objects that are rendered themselves; not those that are only instanced."""
+    """Return the objects that are rendered themselves, without those that only instances show."""
     return {
         item
         for layer in _rendered_collections(view_layer)
@@ -464,7 +471,7 @@ def rendered_rows(snapshot: Snapshot, rendered: set[Any] | None = None) -> Indic
 
 
 def hidden_objects(snapshot: Snapshot, rendered: set[Any]) -> list[Any]:
-    """Return what is rendered, of these objects, and the viewport hides."""
+    """Return which of these objects are rendered, but hidden in the viewport."""
     layout = snapshot.layout
     there = {*layout.objects, *layout.row_of, *layout.instancers}
     hidden = (item for item in rendered - there if not _shown_by_parent(item))
@@ -473,7 +480,7 @@ def hidden_objects(snapshot: Snapshot, rendered: set[Any]) -> list[Any]:
 
 
 def hidden_members(snapshot: Snapshot) -> set[Any]:
-    """Return what the viewport hides of instanced collections, and renders show."""
+    """Return the members of instanced collections that are rendered, but hidden in the viewport."""
     makers = (one for one in snapshot.layout.instancers if one.instance_type == "COLLECTION")
     return {
         item
@@ -484,10 +491,11 @@ def hidden_members(snapshot: Snapshot) -> set[Any]:
 
 
 def ray_flags(items: Sequence[Any], view_layer: bpy.types.ViewLayer) -> Mask:
-    """Return of each object whether rays from the receiver meet it, whether those from the
-    transmitter do, and whether it may return something: no holdout; (3, n).
+    """Return three flags for each object, (3, n).
 
-    An instance follows its object, and what makes it.
+    They say whether rays from the receiver meet it, whether rays from the transmitter meet it, and
+    whether it may return something, because it is no holdout. An instance follows its object, and
+    the object that makes the instance.
     """
     found = [
         (
@@ -502,12 +510,16 @@ def ray_flags(items: Sequence[Any], view_layer: bpy.types.ViewLayer) -> Mask:
 
 
 def _shown_by_parent(item: bpy.types.Object) -> bool:
-    """Whether the parent's vertices or faces have instances of it: it renders only as these."""
+    """Return whether the parent's vertices or faces have instances of an object. Then only these
+    instances are rendered.
+    """
     return item.parent is not None and item.parent.instance_type in {"VERTS", "FACES"}
 
 
 def limited_visibility(snapshot: Snapshot) -> list[Finding]:
-    """Name the rendered objects without a direct echo, and those that waves pass through."""
+    """Return findings on rendered objects without a direct echo, and on objects that waves pass
+    through.
+    """
     parts = visibility_in_parts(snapshot, rendered_rows(snapshot))
     while True:
         try:
@@ -518,7 +530,9 @@ def limited_visibility(snapshot: Snapshot) -> list[Finding]:
 
 
 def visibility_in_parts(snapshot: Snapshot, rows: Indices) -> Generator[None, None, list[Finding]]:
-    """Yield before parts of a few milliseconds; return `limited_visibility`, of `rendered_rows`."""
+    """Return `limited_visibility` of `rendered_rows`; yield before parts that take a few
+    milliseconds.
+    """
     layer, layout = snapshot.depsgraph.view_layer, snapshot.layout
     items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
     # Instances also follow the settings of what makes them.
@@ -556,7 +570,8 @@ def hiding_is_animated() -> bool:
 def suggest_materials(snapshot: Snapshot) -> dict[Any, str | None]:
     """Return the optical materials of the rendered objects, each with a ready material.
 
-    By material the key of `READY` for its name, else for that of an object with it, else None.
+    The ready material is a key of `READY`. It follows from the name of the material, or else from
+    the name of an object that has it; None if neither is known.
     """
     owners: dict[Any, list[str]] = {}
     for item, materials in assigned_materials(snapshot):
@@ -577,10 +592,11 @@ def bare_objects(snapshot: Snapshot) -> list[Any]:
 def replace_material(
     material: bpy.types.Material, ready: str, carrier_hz: float, snapshot: Snapshot
 ) -> Any:
-    """Put a radar material, a key of `READY`, in place of an optical one, which the file keeps.
+    """Assign a radar material, a key of `READY`, in place of an optical material, which stays in
+    the file.
 
-    Waves enter where all objects with the material are closed and have no other. Else it is opaque,
-    and glass a thin sheet. `carrier_hz` is the carrier of the first evaluation.
+    Waves enter it if all objects with the material are closed and have no other material. Otherwise
+    it is opaque, or a thin sheet for glass. `carrier_hz` is the carrier of the first evaluation.
     """
     asset = READY[ready]
     closed = all(
@@ -599,7 +615,7 @@ def replace_material(
 
 
 def _is_closed(item: bpy.types.Object) -> bool:
-    """Whether every edge of an evaluated mesh joins two faces."""
+    """Return whether every edge of an evaluated mesh joins two faces."""
     if item.type != "MESH" or not len(item.data.polygons):
         return False
     return read_mesh(item.data).is_closed

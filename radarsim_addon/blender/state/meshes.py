@@ -59,9 +59,11 @@ def read_numbers(
     dtype: type[np.generic] = np.float32,
     count: int | None = None,
 ) -> NDArray[Any]:
-    """Return a property of all elements, such as the vertices of a mesh, (elements, width).
+    """Return a property of all elements of a collection, such as the vertices of a mesh, (elements,
+    width).
 
-    `dtype` is the type in which Blender stores it; `count` spares the count where it takes long.
+    `dtype` is the type in which Blender stores it. Give `count` if counting the elements takes
+    long.
     """
     values = np.empty((len(items) if count is None else count) * width, dtype=dtype)
     items.foreach_get(name, values)
@@ -74,7 +76,7 @@ def _attribute(mesh: bpy.types.Mesh, name: str) -> Int32 | None:
 
 
 def read_points(mesh: bpy.types.Mesh) -> Single:
-    """Return the vertices of a mesh, own axes, (n, 3)."""
+    """Return the vertices of a mesh in its own axes, (n, 3)."""
     held = mesh.attributes.get("position")
     if held is None:
         return np.empty((0, 3), dtype=np.float32)
@@ -82,7 +84,7 @@ def read_points(mesh: bpy.types.Mesh) -> Single:
 
 
 def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
-    """Return all of a mesh that is needed without Blender."""
+    """Return a mesh as arrays that do not need Blender."""
     polygons = len(mesh.polygons)
     points = read_points(mesh).astype(np.float64)
     if not polygons:
@@ -108,9 +110,9 @@ def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
 
 
 def vertex_positions(evaluated: bpy.types.Object) -> Single:
-    """Return the vertices of an evaluated mesh, in its own axes, (n, 3), Blender units.
+    """Return the vertices of an evaluated mesh in its own axes, (n, 3) [Blender units].
 
-    Hair curves and point clouds have their points instead.
+    For hair curves and point clouds, these are their points.
     """
     with evaluated_mesh(evaluated) as mesh:
         if mesh is not None:
@@ -119,7 +121,7 @@ def vertex_positions(evaluated: bpy.types.Object) -> Single:
 
 
 def _points_of(evaluated: bpy.types.Object) -> Single:
-    """Return the points of hair curves or a point cloud; none of others, (n, 3)."""
+    """Return the points of hair curves or of a point cloud, (n, 3); none for other objects."""
     held = getattr(evaluated.data, "attributes", {}).get("position")
     if held is None:
         return np.empty((0, 3), dtype=np.float32)
@@ -128,9 +130,9 @@ def _points_of(evaluated: bpy.types.Object) -> Single:
 
 @contextlib.contextmanager
 def marked_points(items: Iterable[bpy.types.Object]) -> Iterator[None]:
-    """Give the corners of the meshes of objects their places as an attribute, for a time.
+    """Store the places of mesh corners as an attribute, for the time of a `with` block.
 
-    Modifiers interpolate attributes of corners where they make vertices.
+    Modifiers that make new vertices interpolate this attribute.
     """
     meshes = {item.data: None for item in items if item.type == "MESH"}
     try:
@@ -163,7 +165,7 @@ class SurfacePoints(NamedTuple):
 
 
 def surface_points(evaluated: bpy.types.Object) -> SurfacePoints:
-    """Return what tells the vertices of an evaluated object."""
+    """Return what identifies the vertices of an evaluated object as points of its surface."""
     ends = tuple(getattr(evaluated.data, f"bevel_factor_{end}", 0.0) for end in ("start", "end"))
     with evaluated_mesh(evaluated) as mesh:
         if mesh is None:
@@ -183,9 +185,10 @@ def surface_points(evaluated: bpy.types.Object) -> SurfacePoints:
 def points_within(
     depsgraph: bpy.types.Depsgraph, items: Iterable[bpy.types.Object]
 ) -> dict[str, bytes]:
-    """Return the points of hair and point clouds that nodes make within objects of other types.
+    """Return the points of hair and point clouds that nodes make within objects of other types, by
+    the names of the objects.
 
-    By the names of the objects. `items` are those that may have nodes.
+    `items` are the objects that may have nodes.
     """
     found: dict[str, bytes] = {}
     if not any(modifier.type == "NODES" for item in items for modifier in item.modifiers):

@@ -64,21 +64,23 @@ class SettingsRestorer:
         self._undo.append((key, undo))
 
     def keep(self, owner: Any, *names: str) -> None:
-        """Have `restore` bring back settings that change from render to render."""
+        """Record settings that change from render to render, so that `restore` brings them back."""
         for name in names:
             before = _plain(getattr(owner, name))
             self._undo.append((name, partial(setattr, owner, name, before)))
 
     def keep_frame(self, scene: bpy.types.Scene) -> None:
-        """Have `restore` bring the scene back to the frame of now."""
+        """Record the current frame, so that `restore` brings the scene back to it."""
         # Before frame 0 Blender's subframe is negative, and frame_set takes none that is.
         now = scene.frame_current + scene.frame_subframe
         whole = math.floor(now)
         self.on_restore("frame", lambda: scene.frame_set(whole, subframe=now - whole))
 
     def keep_all(self, owner: Any) -> None:
-        """Have `restore` bring back all settings of a struct in which one setting can change
-        others, and of the structs in it.
+        """Record all settings of a struct and of the structs in it, so that `restore` brings them
+        back.
+
+        This is for structs in which one setting can change others.
         """
         before = list(_settings_of(owner))
 
@@ -101,7 +103,9 @@ class SettingsRestorer:
         self.on_restore(type(owner).__name__, undo)
 
     def on_restore(self, name: str, undo: Callable[[], None]) -> None:
-        """Add a step that takes another change back, with its name for messages."""
+        """Add a function that takes another change back, with the name of the change
+        for messages.
+        """
         self._undo.append((name, undo))
 
     def restore(self) -> list[str]:
@@ -150,7 +154,9 @@ def _struct_at(owner: Any, path: _Path) -> Any:
 
 
 def _read(struct: Any, name: str) -> Any:
-    """Return a setting's value; for points of a curve, location, handle and selection of each."""
+    """Return the value of a setting. For the points of a curve: location, handle type and selection
+    of each.
+    """
     value = getattr(struct, name)
     if name != "points":
         return _plain(value)
@@ -158,7 +164,7 @@ def _read(struct: Any, name: str) -> Any:
 
 
 def _write(struct: Any, name: str, value: Any) -> None:
-    """Set a setting; the points of a curve get their former number first."""
+    """Set a setting. The points of a curve first get their former number."""
     if name != "points":
         setattr(struct, name, value)
         return

@@ -262,14 +262,16 @@ class Snapshot:
         return found
 
     def of_shapes(self, values: list[Any], dtype: Any = bool) -> NDArray[Any]:
-        """Return for each object and instance the value that its shape has."""
+        """Return the value of the shape of each object and instance. `values` has one value per
+        shape.
+        """
         return np.array(values, dtype=dtype)[self.layout.shape]
 
     def label(self, row: int) -> str:
-        """Return the name of the object, with its instancer: ``instancer/object``.
+        """Return the name of the object with its instancer: ``instancer/object``.
 
-        An object is its own instancer where Blender draws the faces of a text, curve or metaball,
-        and what Geometry Nodes instance within it.
+        If Blender draws the faces of a text, curve or metaball as an instance, or if Geometry Nodes
+        instance something within an object, the object is its own instancer.
         """
         name: str = self.shapes[self.layout.shape[row]].original.name_full
         index = int(self.layout.instancer[row])
@@ -278,7 +280,7 @@ class Snapshot:
 
     @cached_property
     def own_shapes(self) -> dict[bpy.types.Object, Shape]:
-        """The shapes of original objects themselves."""
+        """Shapes of the original objects, without those that only instances have."""
         return {shape.original: shape for shape in self.shapes if shape.own}
 
     def evaluated(self, original: bpy.types.Object) -> bpy.types.Object:
@@ -342,9 +344,9 @@ def _shape(
 
 
 def slot_materials(item: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the original materials in the slots of an object, None for an empty slot.
+    """Return the original materials in the slots of an object; None for an empty slot.
 
-    If it is evaluated, they include those that Geometry Nodes set.
+    For an evaluated object, they include the materials that Geometry Nodes assign.
     """
     return tuple(slot.material and slot.material.original for slot in item.material_slots)
 
@@ -352,7 +354,9 @@ def slot_materials(item: bpy.types.Object) -> tuple[Any, ...]:
 def walk(
     depsgraph: bpy.types.Depsgraph, last: Snapshot | None = None, changed: Any = ()
 ) -> Snapshot:
-    """Look at all objects and instances; shapes of the last time that are not `changed` stay."""
+    """Read all objects and instances. Shapes of the last snapshot are reused, except those of
+    `changed` objects.
+    """
     instances = depsgraph.object_instances
     count = len(instances)
     matrices = read_numbers(instances, "matrix_world", 16, np.float32, count)
@@ -406,7 +410,7 @@ def walk(
 def _walked(
     depsgraph: bpy.types.Depsgraph, layout: Layout, shapes: list[Shape], matrices: Real
 ) -> Snapshot:
-    """Return a snapshot in which all is as a walk found it."""
+    """Return a snapshot in which everything is as a walk found it."""
     boxes = np.array([shape.box for shape in shapes]).reshape(-1, 8, 3)
     walked = Walked(layout.shape, boxes, matrices)
     return Snapshot(
@@ -419,7 +423,9 @@ def _objects(depsgraph: bpy.types.Depsgraph) -> list[Any]:
 
 
 def is_there(layout: Layout, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return whether the objects of a layout are still all, and make instances as before."""
+    """Return whether the file still has the objects of a layout, and they make
+    instances as before.
+    """
     try:
         alike = _instancing(layout.instanced) == layout.instanced
     except ReferenceError:  # removed
@@ -432,7 +438,7 @@ def _instancing(objects: Iterable[Any]) -> dict[Any, tuple[Any, ...]]:
 
 
 def _same(last: Snapshot, layout: Layout, shapes: list[Shape]) -> bool:
-    """Return whether there are the same objects and instances as the last time."""
+    """Return whether the objects and instances are those of the last snapshot."""
     before = last.layout
     pairs = ((getattr(before, name), getattr(layout, name)) for name in _ARRAYS)
     return (
@@ -444,7 +450,9 @@ def _same(last: Snapshot, layout: Layout, shapes: list[Shape]) -> bool:
 
 
 def read_again(last: Snapshot, changed: dict[Any, bool]) -> Snapshot:
-    """Return a snapshot with some objects read again, which neither make nor have instances."""
+    """Return a snapshot in which some objects are read again. These objects neither make nor have
+    instances.
+    """
     layout, shapes = last.layout, last.shapes
     changed = {item: other for item, other in changed.items() if item in layout.row_of}
     if not changed:
@@ -538,9 +546,10 @@ _watchers: list[Callable[[Any], None]] = []
 
 
 def watch_evaluations(function: Callable[[Any], None]) -> Callable[[], None]:
-    """Have a function called after each evaluation of Blender; return what ends it.
+    """Register a function that is called after each evaluation by Blender; return a function that
+    ends this.
 
-    The function is given the depsgraph, or None where evaluations may have been missed.
+    The function gets the depsgraph, or None if evaluations may have been missed.
     """
     follow_evaluations()
     _watchers.append(function)
@@ -565,7 +574,7 @@ def _forget(*_: Any) -> None:
 
 
 def follow_evaluations() -> bool:
-    """Have Blender report evaluations; return whether it did so before."""
+    """Register for Blender's reports of evaluations; return whether they were registered before."""
     missing = [(hooks, function) for hooks, function in _reports() if function not in hooks]
     for hooks, function in missing:
         hooks.append(function)
@@ -575,7 +584,7 @@ def follow_evaluations() -> bool:
 
 
 def ignore_evaluations() -> None:
-    """Have Blender report evaluations no longer, until the next snapshot is taken."""
+    """End Blender's reports of evaluations until the next snapshot is taken."""
     for hooks, function in _reports():
         if function in hooks:
             hooks.remove(function)
@@ -588,7 +597,7 @@ def forget_snapshot() -> None:
 
 
 def read_all_again() -> None:
-    """Have Blender evaluate all data again, and the next snapshot read all of it."""
+    """Make Blender evaluate all data again, and the next snapshot read all of it."""
     for name in dir(bpy.data):
         items = getattr(bpy.data, name)
         if isinstance(items, bpy.types.bpy_prop_collection):
@@ -601,7 +610,7 @@ def read_all_again() -> None:
 
 
 def _reports() -> tuple[tuple[Any, Any], ...]:
-    """Return lists of handlers, and what belongs into each."""
+    """Return Blender's lists of handlers, each with the handler to add."""
     handlers = bpy.app.handlers
     return (
         (handlers.depsgraph_update_post, _note_evaluation),
@@ -613,9 +622,9 @@ def _reports() -> tuple[tuple[Any, Any], ...]:
 
 
 def take_snapshot(depsgraph: bpy.types.Depsgraph) -> Snapshot:
-    """Return all objects and instances of a depsgraph that is up to date.
+    """Return all objects and instances of a depsgraph, which must be up to date.
 
-    It is the same snapshot until Blender evaluates something else.
+    Until Blender evaluates something else, this is the same snapshot.
     """
     return _latest.take(depsgraph)
 

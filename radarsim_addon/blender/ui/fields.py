@@ -42,14 +42,16 @@ def tr(text: str, /, **values: Any) -> str:
 
 
 def translated(text: str) -> str:
-    """Return a text that is not constant in the user's language, if its dictionaries know it."""
+    """Return a text that is not a constant in the user's language, if the dictionaries
+    contain it.
+    """
     return str(bpy.app.translations.pgettext_iface(text))
 
 
 def read_dictionaries(folder: Path = LOCALES) -> dict[str, dict[tuple[str, str], str]]:
-    """Return the translations of all locales by context and text, as Blender takes them.
+    """Return the translations of all locales by context and text, in the form that Blender takes.
 
-    ConfigError: a file is no JSON object of texts, or a translation lacks {names} of its text.
+    ConfigError: a file is not a JSON object of texts, or a translation lacks {names} of its text.
     """
     found = {}
     for path in sorted(folder.glob("*.json")):
@@ -82,7 +84,7 @@ def _names(text: str) -> list[str]:
 
 
 def register_translations() -> None:
-    """Give Blender our dictionaries; a second call changes nothing."""
+    """Register radarsim's dictionaries with Blender. A second call changes nothing."""
     unregister_translations()
     dictionaries = read_dictionaries()
     if dictionaries:
@@ -90,7 +92,7 @@ def register_translations() -> None:
 
 
 def unregister_translations() -> None:
-    """Take them back; a second call changes nothing."""
+    """Unregister the dictionaries. A second call changes nothing."""
     bpy.app.translations.unregister(_OWNER)
 
 
@@ -105,7 +107,7 @@ ICONS = {"info": "INFO", "caution": "ERROR", "error": "CANCEL"}  # Blender's ERR
 
 @contextlib.contextmanager
 def reported(operator: bpy.types.Operator) -> Iterator[None]:
-    """Turn a named error into the operator's report; the operator returns CANCELLED then."""
+    """Show a named error as the report of an operator, which then returns CANCELLED."""
     try:
         yield
     except RadarSimError as error:
@@ -179,7 +181,7 @@ def split(layout: bpy.types.UILayout) -> Any:
 def draw_number(layout: bpy.types.UILayout, name: str, text: str, icon: str = "NONE") -> None:
     """Draw a derived number like a field: its name on the left, its value on the right.
 
-    A name that is longer than those of fields takes more of the width.
+    The name takes more of the width if it is longer than the names of fields.
     """
     parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
     names = parts.row()
@@ -189,7 +191,9 @@ def draw_number(layout: bpy.types.UILayout, name: str, text: str, icon: str = "N
 
 
 def misfit(group: Any, item: Declared) -> str:
-    """Return why the value of a setting cannot be, as a measurement says it; "" where it can."""
+    """Return why the value of a setting is not valid, in the words of a measurement; "" if it is
+    valid.
+    """
     try:
         item.check(getattr(Settings(group, {item.name: item}), item.name))
     except ConfigError as error:
@@ -209,7 +213,9 @@ def label_of(item: Declared) -> str:
 
 
 def draw_quantity(layout: bpy.types.UILayout, owner: Any, prop: str, name: str, unit: str) -> None:
-    """Draw a number with its unit behind it: in brackets after the name a sidebar cuts it off."""
+    """Draw a number with its unit after it. In brackets after the name, a narrow sidebar would cut
+    the unit off.
+    """
     parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
     names = parts.row()
     names.alignment = "RIGHT"
@@ -220,7 +226,9 @@ def draw_quantity(layout: bpy.types.UILayout, owner: Any, prop: str, name: str, 
 
 
 def draw_state(panel: Any, text: str) -> None:
-    """Draw a panel's state at the right end of its header, as much as the name leaves room for."""
+    """Draw the state of a panel at the right end of its header, cut to the width that the name
+    leaves.
+    """
     room = letters_across(bpy.context) - len(panel.bl_label) - _HEADER
     if room < len(text):
         text = f"{text[: room - 1].rstrip()}\u2026" if room > _SHORT // 2 else ""
@@ -237,10 +245,10 @@ def draw_fields(
     after: Mapping[str, Sequence[tuple[str, str]]] = MappingProxyType({}),
     labels: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Draw settings one below the other; one that may be None with the switch that sets it.
+    """Draw settings one below the other. A setting that may be None has a switch.
 
-    after: derived numbers (name, value) below a setting, by the name of the setting. labels: other
-    labels than the settings' own.
+    after: derived numbers (name, value) to draw below a setting, by the name of the setting.
+    labels: labels that replace those of the settings.
     """
     column = layout.column()
     for name in names or settings:
@@ -269,7 +277,7 @@ def draw_fields(
 
 
 def letters_across(context: bpy.types.Context) -> int:
-    """Return how many letters a line has room for, next to an icon."""
+    """Return the number of letters that fit into a line next to an icon."""
     if context.region is None:  # without a window
         return 2 * _NARROW
     return max(16, int(context.region.width / (7 * context.preferences.system.ui_scale)) - 4)
@@ -298,13 +306,15 @@ _REFUSALS = ("Writing to ID classes in this context", "can't modify blend data i
 
 
 def _run_calls(_: Any, __: Any) -> None:
-    """Run what waits; the update of the property."""
+    """Run the waiting functions. This is the update function of the property."""
     while _calls:
         _calls.pop()()
 
 
 def may_write(timer: Callable[[], float | None]) -> Callable[[], float | None]:
-    """Return a function for Blender's timers that does the same and may change data."""
+    """Return a function for Blender's timers that calls the given one with the right to change
+    data.
+    """
 
     @functools.wraps(timer)
     def allowed() -> float | None:
@@ -365,6 +375,6 @@ def register_timer_writes() -> None:
 
 
 def unregister_timer_writes() -> None:
-    """Take it back; a second call changes nothing."""
+    """Unregister the property. A second call changes nothing."""
     if hasattr(bpy.types.WindowManager, _PROPERTY):
         delattr(bpy.types.WindowManager, _PROPERTY)

@@ -133,9 +133,10 @@ class RADARSIM_PT_system(ActiveRadarPanel, bpy.types.Panel):
 
 
 def scene_system(scene: bpy.types.Scene) -> RadarSystem | None:
-    """The scene's link budget with its antennas; None where none is used.
+    """Return the link budget of the scene with its antennas; None if the scene uses none.
 
-    The last ones are kept: the gain of an antenna is an integral, and panels draw all the time.
+    The last results are cached: the gain of an antenna is an integral, and Blender draws panels
+    very often.
     """
     wavelength_m = read_measurement(scene).waveform.wavelength_m
     record = own_link_budget(active_radar(scene))
@@ -156,7 +157,7 @@ _rows: dict[str, Any] = {}
 
 
 def _kept_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str, str]]:
-    """Return `budget_rows`, kept for what was drawn last."""
+    """Return `budget_rows`. The rows of the last call are reused if nothing has changed."""
     if _rows.get("of") != (system, measurement):
         _rows.update({"of": (system, measurement), "rows": budget_rows(system, measurement)})
     found: list[tuple[str, str]] = _rows["rows"]
@@ -164,7 +165,7 @@ def _kept_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str,
 
 
 def eirp_w(system: RadarSystem) -> float:
-    """What goes into the peak of the transmitter's pattern [W]."""
+    """Return the EIRP in the peak of the transmitter's pattern, after the transmit loss [W]."""
     record = system.record
     gain = system.transmitter.peak_gain
     return float(record.transmit_power_w * gain / 10 ** (record.transmit_loss_db / 10))
@@ -197,7 +198,7 @@ class TargetSnr:
 
     @classmethod
     def of(cls, system: RadarSystem, measurement: Measurement) -> TargetSnr:
-        """Return it for a link budget and a measurement, whose noise is not zero."""
+        """Return the SNR curve of a link budget and a measurement, whose noise must not be zero."""
         record, radar = system.record, measurement.radar
         power_w = monostatic_power_w(
             record.transmit_power_w * system.transmitter.peak_gain, _RCS_M2, 1.0,
@@ -212,7 +213,7 @@ class TargetSnr:
         return self.at_1_m_db - 40 * math.log10(range_m) - self.weather_db_per_m * range_m
 
     def longest_m(self, needed_db: float) -> float:
-        """Return the range at which the SNR falls to this one [m]."""
+        """Return the range at which the SNR falls to this value [m]."""
         low_m, high_m = 1e-6, 1e12
         for _ in range(80):
             middle_m = math.sqrt(low_m * high_m)
@@ -223,8 +224,9 @@ class TargetSnr:
 
 
 def budget_rows(system: RadarSystem, measurement: Measurement) -> list[tuple[str, str]]:
-    """Return names and values: gains, EIRP, noise, and the SNR of a target of 10 m^2; last a
-    sentence on its detection, without a name.
+    """Return names and values: gains, EIRP, noise, and the SNR of a target of 10 m^2.
+
+    The last row has no name. It is a sentence on the detection of this target.
     """
     gains_dbi = [float(to_db(one.peak_gain)) for one in (system.transmitter, system.receiver)]
     noise_w = system.noise_power_w(measurement.radar.waveform.sampling_rate_hz)

@@ -79,8 +79,8 @@ def lay_out_draft(
 ) -> LivePicture:
     """Return the picture of a draft.
 
-    fields, arrays: of the draft's message. lines: of text above the axes. corner: right and bottom
-    end [px]. scale: of the display.
+    fields, arrays: contents of the draft's message. lines: text above the axes. corner: right and
+    bottom edge [px]. scale: scale of the display.
     """
     unit = scale
     resolved = arrays["velocity_mps"].size > 1
@@ -128,15 +128,15 @@ def lay_out_draft(
 
 
 def _panel_size(resolved: bool, lines: int) -> tuple[int, int]:
-    """Width and height of the whole picture at scale 1 [px]."""
+    """Return the width and the height of the whole picture at scale 1 [px]."""
     height = _PROFILE + 2 * _GAP + (_MAP + 2 * _GAP if resolved else 0) + _LINE * lines + _PAD
     return _LEFT + _WIDTH + _RIGHT + _STRIP, height
 
 
 def fitting_scale(scale: float, room_px: tuple[float, float], resolved: bool, lines: int) -> float:
-    """Return the scale at which a picture fits into a room, at most that of the display.
+    """Return the scale at which a picture fits into a space, at most the scale of the display.
 
-    0: it would be too small to be read.
+    It is 0 if the picture would be too small to read.
     """
     width, height = _panel_size(resolved, lines)
     found = min(scale, room_px[0] / width, room_px[1] / height)
@@ -154,14 +154,18 @@ def number_text(value: float) -> str:
 
 
 def _between(value: Any, low: float, high: float, first: float, last: float) -> Any:
-    """Where a value between two others is, between two places."""
+    """Return the place of a value on an axis, by linear interpolation between two values and their
+    places.
+    """
     return first + (value - low) / (high - low) * (last - first)
 
 
 def _curve(
     range_m: Real, power: Real, top_db: float, ends_m: tuple[float, float], box: Box
 ) -> Real:
-    """Points of the profile: one per pixel at most, the strongest of its ranges."""
+    """Return the points of the profile, at most one per pixel: the strongest of the
+    ranges in it.
+    """
     columns = min(max(round(box.right - box.left), 2), range_m.size)
     level_db = np.full(power.shape, top_db - SPAN_DB)
     np.log10(power, out=level_db, where=power > 0)
@@ -174,7 +178,9 @@ def _curve(
 
 
 def _dashes(noise_w: float, top_db: float, box: Box, unit: float) -> Real:
-    """Dashes across the axes at the level of the noise; none where it is below them."""
+    """Return dashes across the axes at the level of the noise; none if the level is
+    below the axes.
+    """
     level_db = 10 * math.log10(noise_w) if noise_w > 0 else -math.inf
     if not top_db - SPAN_DB < level_db < top_db:
         return np.zeros((0, 2))
@@ -192,7 +198,7 @@ def _peak_mark(
     ends_m: tuple[float, float],
     unit: float,
 ) -> tuple[float, float]:
-    """The place of the peak, whose numbers are written above the axes."""
+    """Return the mark at the peak. The text above the axes gives the numbers of this peak."""
     box, level_db = picture.profile, 10 * math.log10(power_w)
     x = _between(range_m, *ends_m, box.left, box.right)
     y = _between(level_db, top_db - SPAN_DB, top_db, box.bottom, box.top)
@@ -209,7 +215,7 @@ def _add_map(
     top_db: float,
     unit: float,
 ) -> None:
-    """The map's colours and its axes: range upwards, range rate to the right."""
+    """Add the colours of the map and its axes: range upwards, range rate to the right."""
     box, texts = picture.map, picture.texts
     ends_m, ends_mps = cell_edges(arrays["range_m"]), cell_edges(arrays["velocity_mps"])
     for value in nice_ticks(*ends_m, 4):
@@ -229,9 +235,9 @@ def _add_map(
 
 
 def level_colours(power: Real, top_db: float) -> Single:
-    """Return the colours of powers, (..., 4): those of viridis over `SPAN_DB` below `top_db`.
+    """Return the colours of powers, (..., 4), from viridis over `SPAN_DB` below `top_db`.
 
-    In steps of 1 dB: equal neighbours are drawn as one.
+    The levels have steps of 1 dB, because equal neighbours are drawn as one rectangle.
     """
     floor = 10 ** ((top_db - SPAN_DB) / 10)
     level_db = 10 * np.log10(np.maximum(power, floor))
@@ -268,7 +274,7 @@ class Quads(NamedTuple):
 
 
 def picture_quads(picture: LivePicture, scale: float) -> Quads:
-    """Return all of a picture but its texts, what is in front last."""
+    """Return all rectangles of a picture, without its texts. The last ones are in front."""
     strip = level_colours(10 ** (np.linspace(-SPAN_DB, 0, _STRIP_ROWS) / 10)[:, None], 0.0)
     parts = [
         filled(picture.panel, BACK),
@@ -291,9 +297,9 @@ def filled(box: Box, colour: tuple[float, ...]) -> Quads:
 
 
 def pixels(colours: Single, box: Box) -> Quads:
-    """Return an image (rows, columns, 4), bottom row first: equal neighbours in a row are one.
+    """Return an image (rows, columns, 4), bottom row first, as rectangles.
 
-    What is transparent is left out.
+    Equal neighbours in a row become one rectangle. Transparent pixels are left out.
     """
     rows, columns = colours.shape[:2]
     edges = np.ones((rows, columns + 1), dtype=np.bool_)
@@ -365,7 +371,7 @@ def _ring(centre: tuple[float, float], scale: float) -> Quads:
 
 
 def _covered(cover: NDArray[np.floating], colour: tuple[float, ...]) -> Single:
-    """A colour where a line covers pixels, (rows, columns, 4)."""
+    """Return a colour where a line covers pixels, and nothing elsewhere, (rows, columns, 4)."""
     found = np.empty((*cover.shape, 4), dtype=np.float32)
     found[..., :3], found[..., 3] = colour[:3], np.round(cover * _COVERS) / _COVERS
     return found
@@ -383,7 +389,7 @@ _last: dict[str, Any] = {}
 
 
 def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
-    """Draw a draft and its lines of text; without one the lines alone."""
+    """Draw a draft and its lines of text. Without a draft, draw the lines only."""
     scale = float(context.preferences.system.ui_scale)
     beside = _over_px(context, "width", "UI")
     corner = (context.region.width - beside - _MARGIN_PX * scale, _MARGIN_PX * scale)
@@ -417,7 +423,7 @@ def forget_drawing() -> None:
 
 
 def _over_px(context: Any, side: str, *kinds: str) -> int:
-    """Width or height of regions that lie over the view."""
+    """Return the width or the height of the regions that overlap the view [px]."""
     if not context.preferences.system.use_region_overlap:
         return 0
     regions = (region for region in context.area.regions if region.type in kinds)
@@ -425,7 +431,7 @@ def _over_px(context: Any, side: str, *kinds: str) -> int:
 
 
 def _room_px(context: Any, corner: tuple[float, float]) -> tuple[float, float]:
-    """Room between the tools, the headers and the corner, as wide and as high [px]."""
+    """Return the free width and height between the tools, the headers and the corner [px]."""
     above = _over_px(context, "height", "HEADER", "TOOL_HEADER")
     left = _over_px(context, "width", "TOOLS")
     return corner[0] - left, context.region.height - above - corner[1]
@@ -453,7 +459,7 @@ def _draw(batch: Any) -> None:
 
 
 def _shader() -> Any:
-    """One that Blender's own window uses, so that nothing is compiled."""
+    """Return a shader that Blender's window uses already, so that nothing must be compiled."""
     return gpu.shader.from_builtin("FLAT_COLOR")
 
 

@@ -65,9 +65,10 @@ class LivePreview:
         self.statistics = _Statistics()
 
     def tick(self, context: bpy.types.Context) -> float:
-        """Do one slice; return the time to the next one [s].
+        """Do one step; return the time to the next step [s].
 
-        What Blender refuses to change is raised once: where it lets timers, it is done again.
+        If Blender refuses to change data, the error is raised once, and the step runs again where
+        Blender allows it.
         """
         try:
             pause_s = self._step(context, time.perf_counter() + _SLICE_S)
@@ -124,7 +125,7 @@ class LivePreview:
         )
 
     def _receive(self, context: bpy.types.Context) -> None:
-        """Take the newest draft; of a scene that was sent before it is out of date."""
+        """Take the newest draft. A draft of an earlier scene is out of date."""
         for message in self._process.received():
             if message.fields["number"] != self._number:
                 continue
@@ -151,7 +152,7 @@ class LivePreview:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the draft leaves out of this scene."""
+        """Return notes on what the draft of this scene leaves out."""
         return () if self._sent is None else self._sent.notes
 
     def lines(self) -> list[str]:
@@ -191,7 +192,7 @@ class LivePreview:
         return [*lines, *self.notes]
 
     def pause(self) -> None:
-        """Forget the scene: it is read again when its time comes."""
+        """Forget the scene. It is read again at the next suitable time."""
         self._reading = self._snapshot = self._ready = self._sent = None
         self._reader = LiveReader()
         self._waiting = False
@@ -274,7 +275,7 @@ def _on_undo(*_: Any) -> None:
 
 
 def _hooks() -> tuple[tuple[list[Callable[..., None]], Callable[..., None]], ...]:
-    """Lists of handlers, and what belongs into each while the preview is on."""
+    """Return Blender's lists of handlers, each with the handler to add while the preview is on."""
     handlers = bpy.app.handlers
     return (
         (handlers.load_pre, _on_load),

@@ -71,7 +71,7 @@ class LiveScene:
     pulses: int
 
     def same(self, other: LiveScene | None) -> bool:
-        """Whether another one would give the same draft."""
+        """Return whether two scenes give the same draft."""
         if other is None or self.message.fields != other.message.fields:
             return False
         arrays = other.message.arrays
@@ -128,7 +128,9 @@ class _Objects:
         return np.concatenate([np.zeros((0, 3)), *corners])
 
     def count_other(self, render: bpy.types.RenderSettings) -> int:
-        """Return how many objects the viewport shows with other settings than renders."""
+        """Return the number of objects whose settings in the viewport differ from those for
+        renders.
+        """
         items = {*self.snapshot.layout.instancers, *(one.original for one in self.shapes)}
         return sum(differs_in_viewport(item, render) for item in items)
 
@@ -143,9 +145,10 @@ class LiveReader:
         self._next = 0
 
     def read(self, context: bpy.types.Context) -> Iterator[Message | LiveScene | None]:
-        """Yield messages with meshes, then the scene; a `RadarSimError` where it cannot be drafted.
+        """Yield messages with meshes, then the scene. `RadarSimError` if no draft of the scene is
+        possible.
 
-        None after parts that take long. Stop where the scene changes before the end.
+        None follows each part that takes long, so that the caller can stop when the scene changes.
         """
         scene, snapshot = context.scene, take_snapshot(context.evaluated_depsgraph_get())
         rendered = rendered_objects(snapshot.depsgraph.view_layer)
@@ -315,7 +318,9 @@ class _Motion:
 
 
 def _makers_in(collection: bpy.types.Collection) -> Iterator[Any]:
-    """Yield the objects of a collection that instance others, and those of the latter."""
+    """Yield the objects of a collection that instance other objects, also in collections that they
+    instance.
+    """
     for item in collection.all_objects:
         if item.instance_type == "COLLECTION" and item.instance_collection is not None:
             yield item
@@ -323,8 +328,10 @@ def _makers_in(collection: bpy.types.Collection) -> Iterator[Any]:
 
 
 def _unevaluated(item: bpy.types.Object, frame: float) -> Real | None:
-    """Return the poses of an object that is not evaluated, now and `VELOCITY_FRAMES` later,
-    (2, 4, 4) [Blender units]; None if more than its mesh and F-curves make it what it is.
+    """Return the poses of an object that Blender has not evaluated, now and `VELOCITY_FRAMES`
+    later, (2, 4, 4) [Blender units].
+
+    None if its shape or motion comes from more than its mesh and its F-curves.
     """
     if item.type != "MESH" or item.instance_type != "NONE" or item.data.shape_keys is not None:
         return None
@@ -334,7 +341,7 @@ def _unevaluated(item: bpy.types.Object, frame: float) -> Real | None:
 
 
 def _mesh_stamp(item: bpy.types.Object) -> tuple[int, ...]:
-    """What distinguishes the mesh of an object that is not evaluated from others."""
+    """Return a value that changes when the mesh of an unevaluated object changes."""
     mesh = item.data
     return mesh.as_pointer(), len(mesh.vertices), len(mesh.polygons)
 
@@ -342,9 +349,10 @@ def _mesh_stamp(item: bpy.types.Object) -> tuple[int, ...]:
 def _notes(
     surfaces: Sequence[Surface], objects: _Objects, other: int, unknown: int
 ) -> tuple[str, ...]:
-    """What a draft of these surfaces and objects leaves out.
+    """Return notes on what a draft of these surfaces and objects leaves out.
 
-    `other` objects have other settings in the viewport, `unknown` ones an unknown velocity.
+    `other` objects have other settings in the viewport than for renders. `unknown` objects have an
+    unknown velocity.
     """
     radar = [one for one in surfaces if one.is_radar]
     mirrors = sum(

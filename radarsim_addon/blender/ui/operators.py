@@ -55,8 +55,8 @@ _AWAY = 3.0
 def radar_pose(context: bpy.types.Context) -> tuple[Vector, Euler] | None:
     """Return location and rotation of a new radar that looks at the selected objects.
 
-    It is at the eye of the 3D view, or, where that is inside an object, outside the scene. Without
-    a selection it looks at all objects; None in a scene without surfaces.
+    The radar is at the eye of the 3D view, or outside the scene if the eye is inside an object.
+    Without a selection, it looks at all objects. None if the scene has no surfaces.
     """
     surfaces = [
         item
@@ -79,7 +79,7 @@ def radar_pose(context: bpy.types.Context) -> tuple[Vector, Euler] | None:
 
 
 def _sphere(items: list[Any]) -> tuple[Vector, float]:
-    """Centre and radius of the box around objects."""
+    """Return the centre and the radius of the box around objects."""
     corners = [item.matrix_world @ Vector(corner) for item in items for corner in item.bound_box]
     low = Vector(tuple(map(min, *corners)))
     high = Vector(tuple(map(max, *corners)))
@@ -87,7 +87,7 @@ def _sphere(items: list[Any]) -> tuple[Vector, float]:
 
 
 def _within(place: Vector, items: list[Any]) -> bool:
-    """Whether a place is inside the box of an object."""
+    """Return whether a place is inside the box of an object."""
     for item in items:
         local = item.matrix_world.inverted_safe() @ place
         sides = zip(*item.bound_box, strict=True)
@@ -114,7 +114,7 @@ def _show_radar(context: bpy.types.Context, radar: Any) -> None:
 
 
 def _looking(direction: Vector) -> Euler:
-    """Rotation of an empty whose -Z points along a direction, +Y up."""
+    """Return the rotation of an empty whose -Z axis points along a direction, with +Y up."""
     return direction.to_track_quat("-Z", "Y").to_euler()
 
 
@@ -237,7 +237,7 @@ class _MeasuringOperator(bpy.types.Operator):
         return {"CANCELLED"}
 
     def _show(self, context: bpy.types.Context) -> None:
-        """Process the run, unless another one measures, which may replace it."""
+        """Process the run, unless another run measures, because that run may replace it."""
         run = self._run
         assert run is not None
         advance()
@@ -462,7 +462,9 @@ class RADARSIM_OT_open_output(bpy.types.Operator):
 
 
 def _check_settings(context: bpy.types.Context) -> None:
-    """Check what can be checked at once; a `RadarSimError` where settings do not fit together."""
+    """Check the settings, as far as that takes no time; a `RadarSimError` if they contradict one
+    another.
+    """
     radar = active_radar(context.scene)
     output_folder(radar)
     read_measurement(context.scene, radar)

@@ -58,13 +58,17 @@ def ring_ranges(longest_m: float) -> list[float]:
 
 
 def segments(points: Real, closed: bool = False) -> Real:
-    """Return the ends of a line's pieces one after the other, (2 n, 3), from its points (m, 3)."""
+    """Return the ends of the pieces of a line one after the other, (2 n, 3). The line has the
+    points (m, 3).
+    """
     following = np.roll(points, -1, axis=0) if closed else points[1:]
     return np.stack([points[: len(following)], following], axis=1).reshape(-1, 3)
 
 
 def arc(range_m: float, half_angle: float) -> Real:
-    """Return points of a range ring in the plane y = 0, (n, 3) [m]; pi: the whole circle."""
+    """Return the points of a range ring in the plane y = 0, (n, 3) [m]. With pi, it is the whole
+    circle.
+    """
     angle = np.linspace(-half_angle, half_angle, _POINTS)
     return range_m * np.stack([np.sin(angle), np.zeros(_POINTS), -np.cos(angle)], axis=1)
 
@@ -90,8 +94,8 @@ def pyramid(edges: tuple[float, float, float, float], range_m: float) -> Real:
 def beam(antenna: Antenna, axis: Real, range_m: float) -> Real:
     """Return the line around a beam at half its peak gain, as line ends on a sphere [m].
 
-    axis: direction of the peak. Directions in which the gain stays above half of it have no edge
-    and are drawn at 89 degrees.
+    axis: direction of the peak. In directions in which the gain never falls below half, the line is
+    at 89 degrees.
     """
     side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
@@ -112,9 +116,7 @@ def beam(antenna: Antenna, axis: Real, range_m: float) -> Real:
 
 
 def arrows(places: Real, along: Real) -> Real:
-    """Return arrows (n, 3) from places (n, 3) as line ends, (6 n, 3); heads have a seventh of their
-    length.
-    """
+    """Return arrows at places (n, 3) as line ends, (6 n, 3). A head is a seventh of its arrow."""
     tips, back = places + along, places + along * (6 / 7)
     upright = np.hypot(along[:, 0], along[:, 1]) == 0
     aside = np.cross(along, np.where(upright[:, None], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]))
@@ -125,9 +127,9 @@ def arrows(places: Real, along: Real) -> Real:
 
 
 def range_cell(place: Real, thick_m: float, half_angle: float) -> Real:
-    """Return the arcs at half a range cell before and behind a place, and what joins them.
+    """Return the arcs half a range cell before and behind a place, and the lines that join them.
 
-    place: in the receiver's axes [m]. The arcs have its elevation and end with the field of view.
+    place: in the receiver's axes [m]. The arcs have its elevation and end at the field of view.
     """
     range_m = float(np.linalg.norm(place))
     up = math.asin(place[1] / range_m) if range_m > 0 else 0.0
@@ -206,8 +208,9 @@ class _Shown(NamedTuple):
 
 
 def _shown(context: bpy.types.Context) -> _Shown | None:
-    """What there is to be drawn; None where nothing can be measured. A `RadarSimError` where the
-    radar lacks a part.
+    """Return what the overlays draw; None if nothing can be measured.
+
+    A `RadarSimError` if the radar lacks a part.
     """
     switches = getattr(context.window_manager, PROGRESS_PROPERTY)
     names = frozenset(name for name in _NAMES if getattr(switches, f"overlay_{name}"))
@@ -237,9 +240,9 @@ def _shown(context: bpy.types.Context) -> _Shown | None:
 
 
 def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[Label, Any]]]:
-    """Return lines and labels that are switched on, in the axes of receiver and transmitter.
+    """Return the lines and labels that are switched on, in the axes of receiver and transmitter.
 
-    Labels that matter most come first.
+    The most important labels come first.
     """
     shown = _shown(context)
     if shown is None:
@@ -286,7 +289,9 @@ def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[L
 
 
 def _cell_at(place: Real, radar: Any, half_angle: float) -> tuple[Real, Label]:
-    """Outline of the range cell around a place in the receiver's axes, and what it measures [m]."""
+    """Return the outline of the range cell around a place in the receiver's axes, and
+    its size [m].
+    """
     thick_m = radar.waveform.range_resolution_m
     text = tr(
         "{range}: cell {thickness} x {rate:.3g} m/s",
@@ -298,7 +303,7 @@ def _cell_at(place: Real, radar: Any, half_angle: float) -> tuple[Real, Label]:
 
 
 def _longest_m(measurement: Any, record: Any) -> float:
-    """How far lines reach: to the range limit, else as far as the scene [m]."""
+    """Return the length of lines: the range limit, or else the extent of the scene [m]."""
     reach_m = 0.0 if record is None else record.extent.from_emitter_m
     return float(measurement.range_stop_m or reach_m or 100.0)
 
@@ -404,9 +409,9 @@ def projected(places: Real, matrix: Any, width: float, height: float) -> tuple[R
 
 
 def without_overlap(places: Real, sizes: Real) -> list[int]:
-    """Return which texts are drawn: those that meet none before them.
+    """Return which texts to draw: those that overlap no earlier text.
 
-    places, sizes: of their boxes, from the lower left corner, (n, 2) each [px].
+    places, sizes: lower left corners and sizes of their boxes, (n, 2) each [px].
     """
     kept: list[int] = []
     for index in range(len(places)):

@@ -174,10 +174,10 @@ def cfar_threshold(rd_map: RangeDopplerMap, cfar: Cfar) -> CfarResult:
 
 
 def widened_guard(rd_map: RangeDopplerMap, cfar: Cfar) -> Cfar:
-    """Return the detector with guard cells that cover the main lobe of the map's windows.
+    """Return the detector with guard cells that cover at least the main lobe of the map's windows.
 
-    Training cells within the lobe contain the noise, and the echo, of the tested cell: false alarms
-    would be rarer than asked for, and echoes missed.
+    Training cells within the lobe would contain the noise and the echo of the tested cell. Then
+    there would be fewer false alarms than asked for, and targets would be missed.
     """
     waveform, (rows, cols) = rd_map.radar.waveform, rd_map.plane_power.shape
     step_m = float(rd_map.range_m[1] - rd_map.range_m[0]) if cols > 1 else math.inf
@@ -219,7 +219,8 @@ def ring_mask(
 def _ring_sums(power: Real, guard: tuple[int, int], train: tuple[int, int]) -> tuple[Real, Real]:
     """Return the sum over the training cells, and their number in each column.
 
-    Strip by strip: the difference of two boxes would lose the noise next to a strong echo.
+    The sum is taken strip by strip: the difference of two large boxes would lose the noise next to
+    a strong echo.
     """
     reach = guard[0] + train[0], guard[1] + train[1]
     whole = _shifted_sum(power, -reach[1], reach[1], 1, False)
@@ -285,8 +286,8 @@ def _calibration(
     pfa: float,
     rank: float | None,
 ) -> Calibration:
-    """Return the calibration of a ring. It is kept, since all frames of a run share it and it takes
-    longest.
+    """Return the calibration of a ring of training cells. It is cached, because all frames of a run
+    share it and it takes most of the time.
     """
     correlation = np.frombuffer(doppler, complex), np.frombuffer(along, complex)
     return Calibration(np.frombuffer(mask, bool).reshape(shape), correlation, pfa, rank)
@@ -318,7 +319,9 @@ class Calibration:
     def _worth(
         self, mask: Mask, correlation: tuple[Complex, Complex]
     ) -> tuple[float, float, float]:
-        """Return independent cells per cell, scale of the closed form, mean of the statistic."""
+        """Return the number of independent cells per cell, the correction of the closed form, and
+        the mean of the statistic.
+        """
         count = int(mask.sum())
         if self._rank is None:
             doppler, range_ = (np.abs(rho) ** 2 for rho in correlation)
@@ -337,7 +340,7 @@ class Calibration:
         return cells / count, (1 + excess) / scale, mean
 
     def factor(self, count: int) -> float:
-        """Return alpha for this number of available training cells."""
+        """Return alpha if this number of training cells is available."""
         fraction = float(np.interp(count, self._counts, self._fractions))
         scale = float(np.interp(count, self._counts, self._scales))
         if self._rank is None:
@@ -380,7 +383,7 @@ def covariance(mask: Mask, doppler: Complex, range_: Complex) -> Complex:
 
 
 def equivalent_cells(mask: Mask, doppler: Real, range_: Real) -> float:
-    """Return the number of independent cells with a mean as exact as of the cells of a mask.
+    """Return the number of independent cells whose mean is as accurate as the mean over the mask.
 
     `doppler` and `range_` are |rho|^2 at lags of 0, 1 ... cells.
     """
@@ -395,7 +398,7 @@ def equivalent_cells(mask: Mask, doppler: Real, range_: Real) -> float:
 
 
 def ca_factor(pfa: float, cells: float) -> float:
-    """Return alpha of cell averaging over independent cells: n (Pfa^(-1/n) - 1)."""
+    """Return alpha of cell averaging over n independent cells, n (Pfa^(-1/n) - 1)."""
     return float(cells * math.expm1(-math.log(pfa) / cells))
 
 
@@ -426,7 +429,9 @@ def os_factor(pfa: float, cells: float, rank: float) -> float:
 
 
 def os_false_alarms(factor: float, cells: float, rank: float) -> float:
-    """Return Pfa of the ordered statistic: threshold factor x the (rank x cells)-th smallest."""
+    """Return Pfa of the ordered statistic, with the threshold factor x the (rank x cells)-th
+    smallest power.
+    """
     k = rank * cells
     return math.exp(
         math.lgamma(cells + 1)
@@ -437,9 +442,10 @@ def os_false_alarms(factor: float, cells: float, rank: float) -> float:
 
 
 def os_moments(cells: float, rank: float) -> tuple[float, float]:
-    """Return mean and variance of the ordered statistic of independent cells.
+    """Return the mean and the variance of the ordered statistic of independent cells.
 
-    First and second derivative of log Pfa(alpha) at 0, because E exp(-alpha x) generates moments.
+    They follow from the first and second derivative of log Pfa(alpha) at 0, because E exp(-alpha x)
+    generates the moments.
     """
     step = 0.02
     up, down = (math.log(os_false_alarms(sign * step, cells, rank)) for sign in (1, -1))
@@ -447,7 +453,9 @@ def os_moments(cells: float, rank: float) -> tuple[float, float]:
 
 
 def os_equivalent(mean: float, variance: float, rank: float) -> tuple[float, float]:
-    """Return independent cells, and the scale of their statistic, with this mean and variance."""
+    """Return the number of independent cells, and the scale of their statistic, that give this mean
+    and variance.
+    """
     low, high = 1.0, 1e6
     for _ in range(60):
         middle = math.sqrt(low * high)
@@ -486,7 +494,7 @@ def drawn_factor(pfa: float, statistic: Real) -> float:
 
 
 def _bisect(enough: Callable[[float], bool], high: float, rounds: int) -> float:
-    """Return the smallest factor from 0 to `high` that is enough, to 2^-rounds of the interval."""
+    """Return the smallest sufficient factor between 0 and `high`, to 2^-rounds of the interval."""
     low = 0.0
     for _ in range(rounds):
         middle = (low + high) / 2

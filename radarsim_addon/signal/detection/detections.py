@@ -189,7 +189,9 @@ def interpolated_targets(
 
 
 def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar: Cfar) -> float:
-    """Return the mean power of the training cells without the target's response; inf: no point."""
+    """Return the mean power of the training cells without the response of the target; infinite if
+    the target is no point.
+    """
     pulses, ranges = rd_map.plane.shape
     range_limits_m = (max(float(rd_map.range_m[0]), 0.0), float(rd_map.range_m[-1]))
     nothing = np.zeros((1, 1), dtype=np.complex128)
@@ -214,7 +216,7 @@ def _noise_without(rd_map: RangeDopplerMap, peak: Peak, row: int, col: int, cfar
 
 
 def target_count(count: int, left_out: int) -> str:
-    """Return a number of targets as text, such as "256 strongest of 300 targets"."""
+    """Return the number of targets as text, such as "256 strongest of 300 targets"."""
     if left_out:
         return f"{count} strongest of {count + left_out} targets"
     return f"{count} target{'' if count == 1 else 's'}"
@@ -299,11 +301,12 @@ class PathFinder:
     def of_target(
         self, range_m: float, velocity_mps: float, most: int = 12, beam: BeamSines | None = None
     ) -> TargetPaths:
-        """Return the strongest paths within 1.5 resolution cells of a target, maybe none.
+        """Return the strongest paths within 1.5 resolution cells of a target, and the name of the
+        target.
 
-        Range is that in the middle of the burst, the range rate may have folded. The name is that
-        of all such paths, not only of the `most` that are returned. With a `beam` paths from other
-        directions do not count.
+        The range is that in the middle of the burst, and the range rate may have folded. The name
+        follows from all such paths, not only from the `most` that are returned. With a `beam` paths
+        from other directions do not count.
         """
         radar = self._radar
         reach_m = _REACH_CELLS * radar.waveform.range_resolution_m
@@ -420,8 +423,8 @@ class PathFinder:
 
 
 def mirror_corners(antenna_m: Real, image: ImageRecord | None, scatterer_m: Real) -> Sequence[Real]:
-    """Return where a path meets the mirrors of an image, from antenna to scatterer, each (3,)
-    [m].
+    """Return the points at which a path meets the mirrors of an image, from antenna to scatterer,
+    (3,) each [m].
     """
     if image is None:
         return ()

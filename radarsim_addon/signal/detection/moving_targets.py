@@ -166,7 +166,9 @@ class _Target:
 
     @property
     def leaves(self) -> float:
-        """Fraction of the envelope of its echoes that they may leave (amplitude)."""
+        """Fraction of the envelope of the target's echoes that may remain after they are subtracted
+        (amplitude).
+        """
         first, *more = (abs(echo.amplitude) for echo in self.echoes)
         return min(max(sum(more) / first, _POINT_LEAVES), _EXTENDED_LEAVES)
 
@@ -251,7 +253,9 @@ class _Search:
     def _strongest(
         self, found: list[_Target], refused: NDArray[np.bool_]
     ) -> tuple[int, int, _Target | None] | None:
-        """Return the cell of the strongest unexplained peak, and the target it belongs to."""
+        """Return the cell of the strongest peak that no target explains yet, and the target nearby,
+        if any.
+        """
         power = self._residual.real**2 + self._residual.imag**2
         loud = power > np.maximum(self._floor, self._explained**2)
         loud &= self._wanted
@@ -281,7 +285,7 @@ class _Search:
         return None
 
     def _take(self, row: int, col: int, new: bool) -> _Echo:
-        """Subtract the echo that peaks near a cell."""
+        """Subtract the echo whose peak is near a cell, and return it."""
         range_m, cycles = self._place(row, col)
         rows = (row + np.arange(-2, 3)) % self._pulses
         cols = np.arange(max(0, col - 4), min(self._residual.shape[1], col + 5))
@@ -323,9 +327,9 @@ class _Search:
         cycles: float,
         fit: Callable[[float, float], _Fit],
     ) -> _Fit:
-        """Fit an echo cut by the end of the record, by Gauss-Newton over range and Doppler.
+        """Fit an echo that the end of the record cuts, by Gauss-Newton over range and Doppler.
 
-        The cut changes while the echo migrates, so its peak is off in both.
+        The cut part changes while the echo migrates, so the peak is displaced in both.
         """
         step_m = self._recording.echoes.radar.waveform.sample_spacing_m / 8
         step_cycles = 1 / (32 * self._pulses)
@@ -359,7 +363,7 @@ class _Search:
         return float(range_m[col]) + step_m * vertex(spectra[best]), float(cycles)
 
     def refined(self, target: _Target) -> Peak:
-        """Return a target's peak in the map without all other targets."""
+        """Return the peak of a target in the map after all other targets are subtracted."""
         values = self._residual.copy()
         for echo in target.echoes:
             values += echo.response.echo(echo.amplitude)
@@ -368,7 +372,9 @@ class _Search:
 
 
 def doppler_line(weight: Real, cells: float) -> Complex:
-    """Return the map's response, row by row, to an echo at a Doppler in cells; 1 at its place."""
+    """Return the response of the map's rows to an echo at a Doppler in cells, relative
+    to its peak.
+    """
     pulse = np.arange(weight.size)
     train = weight / weight.sum() * np.exp(2j * np.pi * cells * pulse / weight.size)
     return np.asarray(np.fft.fftshift(np.fft.fft(train)))
@@ -376,9 +382,9 @@ def doppler_line(weight: Real, cells: float) -> Complex:
 
 @functools.lru_cache(4)
 def ridge_shape(doppler_taper: str, pulses: int, fastest_cells: float) -> Real:
-    """Return the largest response of a ridge scatterer per row, relative to that next to 0 Hz.
+    """Return the largest response of slow clutter in each row, relative to that next to 0 Hz.
 
-    Of scatterers slower than `fastest_cells`, without what is stationary.
+    The clutter is slower than `fastest_cells`. Stationary clutter is not included.
     """
     weight = slow_time_window(doppler_taper, pulses)
     zero, still = weight.size // 2, doppler_line(weight, 0.0)
@@ -392,7 +398,9 @@ def ridge_shape(doppler_taper: str, pulses: int, fastest_cells: float) -> Real:
 
 
 def envelope(response: PointResponse, row: int, col: int) -> Real:
-    """Return the envelope of a response without nulls between sidelobes, (Doppler, ranges)."""
+    """Return the envelope of a response, with the nulls between sidelobes filled, (Doppler,
+    ranges).
+    """
     pulses, nodes = response.doppler.shape
     columns = response.ranges.shape[1]
     near = response.ranges[:, max(0, col - 4) : col + 5]
@@ -444,7 +452,7 @@ class DopplerFolds:
         self._sums = np.zeros((3, 0))
 
     def add(self, paths: Paths) -> None:
-        """Add paths; where neither the radar nor the scatterers move, they never fold."""
+        """Add paths. If neither the radar nor the scatterers move, they never fold."""
         rated = paths.range_rate_mps != 0
         clutter = np.zeros(len(paths), dtype=bool)
         if paths.motion is not None:
@@ -464,7 +472,7 @@ class DopplerFolds:
         self._sums = np.stack([np.bincount(place, part) for part in parts])
 
     def _cells(self, range_m: Real, rate_mps: Real) -> tuple[Integers, Integers]:
-        """Return range cell, and Doppler cell before folding, of paths or of a peak."""
+        """Return the range cell and the Doppler cell before folding, of paths or of a peak."""
         if math.isfinite(self._period_m):
             range_m = np.mod(range_m, self._period_m)
         doppler = np.rint(rate_mps / self._interval_mps * self._rows)
@@ -478,18 +486,18 @@ class DopplerFolds:
         return bool(self._sums[2].any())
 
     def _known(self) -> tuple[Integers, Integers, Integers]:
-        """Return the range cell, the Doppler row and the number of folds of all paths that were
-        added.
+        """Return the range cell, the Doppler row and the number of Doppler folds of each path that
+        was added.
         """
         doppler, cell = np.divmod(self._codes, _RANGE_CELLS)
         return cell, doppler % self._rows, (doppler + self._rows // 2) // self._rows
 
     def exceed_clutter(self, recording: Recording) -> Mask:
-        """Return where moving scatterers give a map more power than stationary ones do, (Doppler,
-        ranges).
+        """Return the cells of a map in which moving scatterers have more power than stationary
+        scatterers, (Doppler, ranges).
 
-        Powers are those of the paths, spread by the sidelobes of the map over Doppler and over
-        range: a target may be below the clutter of another Doppler.
+        The powers are those of the paths. The sidelobes of the map spread each power over Doppler
+        and range, because a stationary echo can hide a moving target at another Doppler.
         """
         rd_map = recording.rd_map
         (count, size), range_m = rd_map.plane.shape, rd_map.range_m
@@ -517,7 +525,9 @@ class DopplerFolds:
         return np.asarray(moving > stationary + _ROUNDING * float(parts.max(initial=0.0)))
 
     def covers(self, rd_map: RangeDopplerMap) -> Mask:
-        """Return where a path of a moving scatterer may make a peak of a map, (Doppler, ranges)."""
+        """Return the cells of a map in which a path of a moving scatterer may cause a peak,
+        (Doppler, ranges).
+        """
         range_m, rows, count = rd_map.range_m, self._rows, rd_map.plane.shape[0]
         edges = np.zeros((count, range_m.size + 1))
         power, _, clutter = self._sums
@@ -533,13 +543,17 @@ class DopplerFolds:
         return np.asarray(edges.cumsum(axis=1)[:, :-1] > 0)
 
     def _reach_m(self, order: Integers) -> Real:
-        """Return how far from its range a path may peak: a chirp shifts Doppler into range."""
+        """Return how far from its range the peak of a path may be, because a chirp turns Doppler
+        into range [m].
+        """
         fastest_mps = (np.abs(order) + 0.5) * self._interval_mps
         return np.asarray(_REACH_CELLS * self._cell_m + fastest_mps * self._later_s)
 
     @property
     def _later_s(self) -> float:
-        """How much later an echo would be where a chirp shows it, f0 / K [s]; 0 without chirp."""
+        """Time after which an echo is at the range where a chirp shows it now, f0 / K [s]; 0
+        without a chirp.
+        """
         waveform = self._radar.waveform
         if waveform.kind not in ("lfm", "fmcw", "stepped"):
             return 0.0
@@ -548,8 +562,8 @@ class DopplerFolds:
     def order(self, range_m: float, velocity_mps: float) -> int | None:
         """Return how many times the strongest paths at a peak of the map have folded.
 
-        Their range rate is `velocity_mps` plus this many intervals of lambda PRF / 2. None: no
-        moving path is there.
+        Their range rate is `velocity_mps` plus this number times lambda PRF / 2. None: there is no
+        moving path.
         """
         own_cell, own_doppler = self._cells(np.array(range_m), np.array(velocity_mps))
         cell, row, order = self._known()
@@ -565,7 +579,7 @@ class DopplerFolds:
         return round((rate_mps - velocity_mps) / self._interval_mps)
 
     def unfolded(self, targets: Iterable[_Folded]) -> list[_Folded]:
-        """Return the targets with the range rate of the paths that make them."""
+        """Return the targets with the range rate of the paths that cause them."""
         found = []
         for target in targets:
             order = self.order(target.range_m, target.velocity_mps)
@@ -575,7 +589,9 @@ class DopplerFolds:
 
 
 def _spread(power: Real, line: Real, echo: Real) -> Real:
-    """Convolve (Doppler, ranges) with responses about the middle; Doppler wraps, range does not."""
+    """Convolve (Doppler, ranges) with responses centred in their arrays. Doppler wraps, range does
+    not.
+    """
     count, size = power.shape
     spectrum = np.fft.rfft(np.fft.ifftshift(line))[:, None]
     power = np.fft.irfft(np.fft.rfft(power, axis=0) * spectrum, count, axis=0)
@@ -585,8 +601,8 @@ def _spread(power: Real, line: Real, echo: Real) -> Real:
 
 
 def velocity_before_folding_mps(target: Peak | Detection) -> float | None:
-    """Return the true range rate of a target whose Doppler has folded; None: it has not, or is
-    unknown.
+    """Return the true range rate of a target whose Doppler has folded. None: it has not folded, or
+    the rate is unknown.
     """
     true_mps = target.unfolded_velocity_mps
     return None if true_mps is None or true_mps == target.velocity_mps else true_mps

@@ -165,7 +165,9 @@ class _Sums:
     def _add_lone(
         self, rows: PathRows, label: Integers, power: Real, rcs: Real, grid: Places
     ) -> None:
-        """Add a tile of one replicate: its edges, and the differences between neighbours."""
+        """Add a tile of one replicate. Its variance comes from edges, and from differences between
+        neighbouring pixels.
+        """
         self._mean += [self._by_group(label, value) for value in (power, rcs)]
         found = lone_variances(rows, label, np.stack([power, rcs]), self._camera, grid)
         self._variance[:, : found.shape[1]] += found
@@ -192,9 +194,10 @@ class _Sums:
     def _least_relative(
         self, rows: PathRows, label: Integers, power: Real, grids: GridPlaces, number: Indices
     ) -> Real:
-        """Return the smallest relative variance of the sum of each group's rows of a tile.
+        """Return the least relative variance of the power of each group in a tile.
 
-        It comes from edges along the grid of the tile, on which the replicates may agree.
+        It comes from object edges parallel to the pixel grid, for which all replicates may agree on
+        a wrong power.
         """
         count, size = self._replicates, self._size
         total = self._by_group(label, power)
@@ -232,9 +235,10 @@ class _Sums:
 
 
 def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list[Integers]:
-    """Group (from 1; 0: none) of each object (from 1; 0 is unknown), (objects + 1,).
+    """Return the group of each object, (objects + 1,), once for each set of groups that do not
+    overlap.
 
-    Several where groups overlap: in each of them an object has one group at most.
+    Groups have numbers from 1; 0: no group. Objects have numbers from 1; 0: unknown.
     """
     numbers = {name: number for number, name in enumerate(objects, start=1)}
     found: list[Integers] = []
@@ -249,7 +253,7 @@ def _owners(objects: Sequence[str], groups: Mapping[str, Sequence[str]]) -> list
 
 
 def _tile_edges(table: PathRows) -> list[tuple[int, int]]:
-    """Return first and last row of each tile: rows of one tile are adjacent."""
+    """Return the first and the last row of each tile. The rows of a tile follow one another."""
     if table.size == 0:
         return []
     tile = np.asarray(table["tile"])

@@ -146,7 +146,9 @@ def local_maxima(power: Real) -> NDArray[np.bool_]:
 
 
 def are_local_maxima(power: Real, rows: Indices, cols: Indices) -> Mask:
-    """Return which of some cells with power `local_maxima` finds, (n,), much faster for few."""
+    """Return which of these cells are maxima in the sense of `local_maxima`, (n,). For few cells it
+    is much faster.
+    """
     own, last = power[rows, cols], power.shape[1] - 1
     found = np.ones(rows.size, dtype=bool)
     for down, across in itertools.product((-1, 0, 1), repeat=2):
@@ -276,9 +278,10 @@ def _climb(
     step: float,
     within: tuple[float, float] = (-math.inf, math.inf),
 ) -> tuple[float, float]:
-    """Return place and value of the maximum of |sum factors(x) terms| within `step` and `within`.
+    """Return place and value of the maximum of |sum factors(x) terms| at most `step` from `start`,
+    within the limits `within`.
 
-    The interpolation over range is periodic: beyond the last cell it climbs to the first.
+    The interpolation over range is periodic: after the last cell comes the first one.
     """
 
     def value(x: float) -> float:
@@ -391,7 +394,9 @@ def leading_edges(
 
 
 def _prominence_db(level_db: Real, place: int) -> float:
-    """Return the height over the higher of the two saddles that lead to a higher peak."""
+    """Return the height of a peak above the higher of the two saddles that lead to higher peaks
+    [dB].
+    """
     saddles = []
     for side in (level_db[:place][::-1], level_db[place + 1 :]):
         higher = np.flatnonzero(side > level_db[place])
@@ -442,7 +447,7 @@ def find_edges(profile: PowerProfile) -> list[LeadingEdge]:
 
 
 def _without_sidelobes(profile: PowerProfile, found: list[LeadingEdge]) -> list[LeadingEdge]:
-    """Return the edges that exceed the responses of stronger peaks at their range."""
+    """Return the edges that are above the responses of all stronger peaks at their range."""
     kept: list[LeadingEdge] = []
     range_limits_m = (float(profile.range_m[0]), float(profile.range_m[-1]))
     step_m = float(profile.range_m[1] - profile.range_m[0]) if profile.range_m.size > 1 else 1.0

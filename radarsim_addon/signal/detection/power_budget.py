@@ -305,7 +305,9 @@ def _canceller_gain(echo: ObjectEcho, radar: Radar, mti: int) -> float:
 def _shown_range(
     echo: ObjectEcho, radar: Radar, range_limits_m: tuple[float, float] | None
 ) -> float | str:
-    """Return the range at which the map shows an object [m], or the reason why it does not."""
+    """Return the range at which the map shows an object [m], or a text that says why it
+    does not.
+    """
     waveform = radar.waveform
     range_m, cell_m = echo.range_m, waveform.range_resolution_m
     if isinstance(waveform, FmcwWaveform):
@@ -326,7 +328,7 @@ def _shown_range(
 
 
 def projection_findings(frame_input: FrameInput) -> list[Finding]:
-    """Find limits of the powers of a frame that follow from the projection of its receiver."""
+    """Return findings on powers that differ because of the projection of the receiver."""
     if not frame_input.tables or frame_input.receiver.kind != "orthographic":
         return []
     return [finding("orthographic-power")]
@@ -335,9 +337,9 @@ def projection_findings(frame_input: FrameInput) -> list[Finding]:
 def predicted_snr(
     power_w: float, radar: Radar, system: RadarSystem, range_taper: str, doppler_taper: str
 ) -> SnrPrediction:
-    """Predict the SNR of a point target of some received power in the map; see `predict_snr`.
+    """Predict the SNR in the map of a point target with some received power; see `predict_snr`.
 
-    The pulse's energy is that of the samples that carry its echo.
+    Only the samples that contain its echo count for the energy of the pulse.
     """
     pulse_s = coherent_samples(radar) / radar.waveform.sampling_rate_hz
     return predict_snr(
@@ -369,10 +371,10 @@ def clutter_budget(
     wavelength_m: float,
     noise_w: float | None,
 ) -> ClutterBudget | None:
-    """Compare objects with the clutter in their cells; None without clutter.
+    """Compare objects with the clutter in their cells; None if there is no clutter.
 
-    `places` has each object in the map with the range at which the map shows it [m], `noise_w` is
-    the mean noise of a cell.
+    `places` has the objects that the map shows, each with its range there [m]. `noise_w` is the
+    mean noise of a cell.
     """
     least_w = _ROUNDING * float(expected.map.max(initial=0.0))
     clutter, error = expected.clutter_map, expected.clutter_map_error

@@ -156,10 +156,10 @@ def statistics_findings(
     range_limits_m: tuple[float, float] = (0.0, np.inf),
     unranged_fraction: float = 0.0,
 ) -> list[Finding]:
-    """Find limits of a frame's products that follow from its paths.
+    """Return findings on the products of a frame that follow from its paths.
 
-    The render of sampling mode "paths" has reported mixed pixels itself. `unranged_fraction` is
-    that of the received power in paths without a length.
+    In the sampling mode "paths", the render reports mixed pixels itself. `unranged_fraction` is the
+    fraction of the received power in paths without a length.
     """
     counts, found = statistics.counts, []
     of_paths = sampling_mode == "paths"

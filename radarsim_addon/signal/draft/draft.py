@@ -81,7 +81,7 @@ class Draft:
 
 
 def make_draft(scene: DraftScene, meshes: Mapping[int, Mesh], level: DraftLevel) -> Draft:
-    """Return profile and map of a scene of meshes by their keys."""
+    """Return the profile and the map of a scene. `meshes` has its meshes by their keys."""
     edges = scene.receiver
     aspect = (edges.right - edges.left) / (edges.top - edges.bottom)
     rows = max(round(math.sqrt(level.rays / aspect)), 1)
@@ -114,7 +114,7 @@ def make_draft(scene: DraftScene, meshes: Mapping[int, Mesh], level: DraftLevel)
 
 
 def _frame(scene: DraftScene, radar: Radar, table: PathRows, replicates: int) -> FrameInput:
-    """Return a frame that is in no run."""
+    """Return a frame that belongs to no run."""
     names = [f"{number}" for number in range(len(scene.meshes))]
     record = unrendered_record(
         scene.receiver, scene.transmitter, radar.waveform.carrier_hz, table, names, replicates
@@ -150,7 +150,7 @@ def mesh_of(message: Message) -> Mesh:
 
 
 def scene_message(scene: DraftScene) -> Message:
-    """Return the message with a scene; its meshes have messages of their own, which go before."""
+    """Return the message with a scene. The messages with its meshes must come before it."""
     # no more of surfaces than a draft needs
     surfaces = [dataclasses.replace(one, shaders=(), exponent=None) for one in scene.surfaces]
     arrays = {name: x for name, x in vars(scene).items() if isinstance(x, np.ndarray)}
@@ -183,7 +183,9 @@ def scene_of(message: Message) -> DraftScene:
 
 
 def draft_message(draft: Draft, level: int, triangles: int) -> Message:
-    """Return the message with a draft, the number of its level and of triangles; map in float32."""
+    """Return the message with a draft, the number of its level and its number of triangles. The map
+    is float32.
+    """
     values = {**vars(draft), "map_w": draft.map_w.astype(np.float32)}
     arrays = {name: x for name, x in values.items() if isinstance(x, np.ndarray)}
     fields = {name: x for name, x in values.items() if name not in arrays}

@@ -181,7 +181,7 @@ def _surfaces(
     """Return the number of the surface that each of n rays meets, the angles there, and the
     distances from the transmitter [m].
 
-    `item` and `face` are those that the rays meet, `direction` their unit vectors (n, 3).
+    The rays meet `item` and `face`; `direction` has their unit vectors (n, 3).
     """
     surface = np.zeros(item.size, dtype=np.intp)
     flat, normal = np.zeros((2, item.size, 3))
@@ -215,6 +215,8 @@ def _surfaces(
 
 
 def _against(normals: Real, direction: Real) -> Real:
-    """Return unit vectors along normals, on the side that rays come from, (n, 3)."""
+    """Return unit vectors along the normals that point to the side from which the rays come, (n,
+    3).
+    """
     length = np.maximum(norms(normals), 1e-300) * np.where(dots(normals, direction) > 0, -1, 1)
     return np.asarray(normals / length[:, None])

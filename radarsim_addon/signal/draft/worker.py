@@ -48,14 +48,14 @@ class _Inbox:
         self._messages.put(None)
 
     def has_news(self, timeout_s: float = 0.0) -> bool:
-        """Return whether there is something new, or comes within a time."""
+        """Return whether a message has arrived, or arrives within a time."""
         end_s = time.monotonic() + timeout_s
         while self._messages.empty() and time.monotonic() < end_s:
             time.sleep(_LOOK_S)
         return not self._messages.empty()
 
     def newest_scene(self) -> Message | None:
-        """Wait for a scene; return the last one that has come, None at the end of input."""
+        """Wait for a scene; return the newest one, or None at the end of the input."""
         newest = None
         while newest is None or not self._messages.empty():
             message = self._messages.get()
@@ -82,7 +82,7 @@ def serve(reading: IO[bytes], writing: IO[bytes]) -> None:
 
 
 def _draft(scene: DraftScene, number: int, inbox: _Inbox, writing: IO[bytes]) -> None:
-    """Write drafts of a scene, finer and finer, until there is a newer one."""
+    """Write drafts of a scene, each finer than the one before, until a newer scene arrives."""
     triangles = sum(len(inbox.meshes[key].triangles) for key in scene.meshes)
     for index, level in enumerate(LEVELS):
         draft = make_draft(scene, inbox.meshes, level)

@@ -425,9 +425,11 @@ def _phase_within_steps_rad(noise: PhaseNoise, step_s: float) -> float:
 
 
 def quantise(values: Real, bits: int, full_scale: float | None = None) -> tuple[Real, float, int]:
-    """Round values to the steps of an ADC with two's complement; also returns the scale and how
-    many were outside its codes. `full_scale` is the amplitude of code -2^(bits-1); None: clips
-    nothing. Codes end at 2^(bits-1) - 1; one bit is the sign alone, as half of full scale.
+    """Round values to the steps of an ADC with two's complement.
+
+    Also return the scale, and the number of values outside the codes. `full_scale` is the amplitude
+    of the code -2^(bits-1); None: no value is clipped. The largest code is 2^(bits-1) - 1. One bit
+    gives the sign only, as half of full scale.
     """
     half = 2 ** (bits - 1)
     if full_scale is None:

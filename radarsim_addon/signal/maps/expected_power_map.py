@@ -94,13 +94,15 @@ class ExpectedPower:
 
     @property
     def findings(self) -> list[Finding]:
-        """Gaps between single rays, where there are any."""
+        """The finding on gaps between single rays, if there are any."""
         if math.isinf(self.gaps_from_m):
             return []
         return [finding("range-gaps-between-rays", range_m=self.gaps_from_m)]
 
     def cell(self, range_m: float, doppler_hz: float) -> tuple[int, int]:
-        """Return row and column of the map's cell nearest to a range and a Doppler, which folds."""
+        """Return row and column of the map cell nearest to a range and a Doppler. The Doppler may
+        fold.
+        """
         rows = self.doppler_hz.size
         step_hz = self.doppler_hz[1] - self.doppler_hz[0] if rows > 1 else 1.0
         step_m = self.range_m[1] - self.range_m[0] if self.range_m.size > 1 else 1.0
@@ -237,7 +239,8 @@ class _TableSums:
     def replicates(self, table: PathRows) -> Iterator[list[Real]]:
         """Yield the powers in cells of each replicate, plane by plane.
 
-        Replicates of a small table are treated together: of few rows numpy is all overhead.
+        All replicates of a small table are computed at once, because numpy has a high overhead for
+        few rows.
         """
         count = self._record.replicates
         small = table.size <= _SMALL_TABLE and not has_images(table)
@@ -282,7 +285,9 @@ class _TableSums:
         rows: PathRows,
         grid_of: Integers | None = None,
     ) -> None:
-        """Add the points of rows to the plane of each, of several grids to that of each row."""
+        """Add the points of rows to their planes. With several grids, `grid_of` is the grid of each
+        row.
+        """
         if len(planes) == 1:
             self._cells.add(planes[0], part, power, grid_of)
             return
@@ -306,8 +311,10 @@ class _TableSums:
         rows: PathRows,
         grid_of: Integers | None = None,
     ) -> None:
-        """Add rows of views to planes, (grids, ...), with their numbers in the table, and the
-        number of the grid of each; None: the only one.
+        """Add the rows of views to planes, (grids, ...).
+
+        `number` are their numbers in the table. `grid_of` is the grid of each row; None: there is
+        one grid.
         """
         record, cells = self._record, self._cells
         check_finite(rows["length_m"], number, "length")
@@ -362,7 +369,9 @@ class PowerCells:
         self.spacing = 2 * self.step_m, self.step_mps, 2 * self._start_m - self.step_m
 
     def finer(self, per_bin: int) -> PowerCells:
-        """Return the same cells with so many in a bin of Doppler, the first one in its middle."""
+        """Return the same cells with `per_bin` cells in each Doppler bin. The first cell is in the
+        middle of its bin.
+        """
         return PowerCells(*self._given, per_bin)
 
     @property
@@ -394,8 +403,10 @@ class PowerCells:
     def of(
         self, length_m: Real, range_rate_mps: Real
     ) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
-        """Return the points that are seen, again where they fold into a long window, and the cell
-        of each.
+        """Return the indices of the points that are within the map, and the cell of each.
+
+        If the range limits are wider than the range period, a point is seen at several ranges. Its
+        index then occurs several times.
         """
         ranges, period = self.ranges, self._period
         cell = (length_m / 2 - self._start_m) / self.step_m
@@ -479,7 +490,9 @@ class Smearing:
 
 
 def _doppler_response(weight: Real, correlation: Real, finer: int) -> Real:
-    """Return the power of a burst in cells of Doppler from its own, (finer x pulses,)."""
+    """Return the power response of a burst over Doppler, in cells counted from the echo's own,
+    (finer x pulses,).
+    """
     cells = finer * weight.size
     if np.all(correlation == 1):
         return np.asarray(np.abs(np.fft.fft(weight, cells)) ** 2)
@@ -493,7 +506,7 @@ def _doppler_response(weight: Real, correlation: Real, finer: int) -> Real:
 
 
 def _range_response(radar: Radar, range_taper: str, step_m: float, cells_per_sample: int) -> Real:
-    """Return |h|^2 on the cells, its peak in the middle."""
+    """Return |h|^2 over range cells, with its peak in the middle."""
     if radar.waveform.family == "line":
         # it repeats with the range: half a period to each side
         cells = int(radar.waveform.unambiguous_range_m / step_m) // 2 - 3
@@ -527,7 +540,10 @@ def _smear(grid: Real, response: Real) -> Real:
 
 
 def _smear_doppler(rows: Real, held: Indices, response: Real, step: int) -> Real:
-    """Return every `step`-th row of a circular convolution over Doppler, of the rows `held`."""
+    """Convolve rows with a response over Doppler, circularly, and return every `step`-th row.
+
+    `held` are the places of the rows; all other rows are empty.
+    """
     count = response.size
     if held.size <= _FEW_ROWS:
         # sidelobes keep their digits where they are far below the strongest row, too
@@ -564,7 +580,7 @@ class RayGaps:
         self._total_w += float(power_w.sum())
 
     def start_m(self) -> float:
-        """Return the range from which on rays leave gaps; infinite if they are few."""
+        """Return the range beyond which rays leave gaps; infinite if there are few gaps."""
         held = self._power_w > NEGLIGIBLE_FRACTION * self._total_w
         sparse = held & (self._counts[1] > self._counts[0] / 2)
         if not sparse.any() or sparse.sum() < 0.05 * held.sum():

@@ -351,7 +351,7 @@ class ProfileAccumulator:
         self._sums = np.zeros((2, self._size), dtype=np.complex128)
 
     def add(self, paths: Paths) -> None:
-        """Add the power of these paths at their lengths at t."""
+        """Add the power of these paths. Each path has its length at the time of the frame."""
         wavelength_m = self._radar.waveform.wavelength_m
         if self._weighting == "radar-equation":
             # Not the square of an amplitude: with interference a path's own power can be negative.
@@ -363,7 +363,9 @@ class ProfileAccumulator:
             self._flush()
 
     def _flush(self) -> None:
-        """Add up the waiting paths together: a transform of few paths is all overhead."""
+        """Add up all waiting paths together, because the transform of few paths has a high
+        overhead.
+        """
         if not self._waiting:
             return
         range_m, power = map(np.concatenate, zip(*self._waiting, strict=True))
@@ -392,8 +394,7 @@ class ProfileAccumulator:
     def result(self, within: bool = False) -> PowerProfile:
         """Return the profile of all paths added so far.
 
-        `within` leaves out what reaches in from beyond the range limits: sidelobes without their
-        echo.
+        With `within`, it does not contain the sidelobes of echoes beyond the range limits.
         """
         self._flush()
         if self._lines is not None:
@@ -411,7 +412,9 @@ class ProfileAccumulator:
 
 
 def _add_sums(sums: Complex, points: Real, power: Real, beyond: Mask, backend: Backend) -> None:
-    """Add powers of echoes within the range limits to the first sum, from beyond to the second."""
+    """Add the powers of echoes within the range limits to the first sum, and those of other echoes
+    to the second.
+    """
     for total, rows in zip(sums, (~beyond, beyond), strict=True):
         own = slice(None) if rows.all() else rows
         if rows.any():

@@ -58,14 +58,14 @@ class Recording:
 
     @functools.cached_property
     def synthesizer(self) -> EchoSynthesizer | StretchSynthesizer:
-        """What forms single echoes in the receive window of the record."""
+        """Synthesizer of single echoes in the receive window of the record."""
         radar = self.echoes.radar
         single = Radar(radar.waveform, Burst(radar.burst.prf_hz, 1))
         return synthesizer_for(single, self.echoes.range_limits_m)
 
     @functools.cached_property
     def later_s(self) -> float:
-        """How much later a moving echo of a pulse would be where it is shown [s]."""
+        """Time after which a moving echo is at the range where a pulse shows it now [s]."""
         return _coupling_s(self.echoes.radar.waveform, self.rd_map.range_taper)
 
     @classmethod
@@ -77,10 +77,9 @@ class Recording:
         mti: int,
         compressed: RangeProfiles | None = None,
     ) -> Recording:
-        """Return a map over other range limits, otherwise processed as `rd_map`.
+        """Return a map over other range limits, processed as `rd_map` otherwise.
 
-        It is made of that map's profiles (`compressed`) where they are known and over the same
-        ranges.
+        It uses the profiles of that map (`compressed`) if they are known and cover the same ranges.
         """
         wide, found = rd_map, compressed
         if found is None or not np.array_equal(
@@ -122,11 +121,11 @@ class PointResponse:
 def point_response(
     recording: Recording, range_m: float, cycles: float, folds: int = 0
 ) -> PointResponse:
-    """Return the response to an echo at a range in the middle of the burst and a Doppler of the
-    map.
+    """Return the response of the map to an echo at a range in the middle of the burst and at a
+    Doppler.
 
-    `cycles` is the Doppler in cycles per pulse, `folds` are the turns per pulse of its ambiguity:
-    the echo migrates with cycles + folds.
+    `cycles` is the Doppler of the map in cycles per pulse. `folds` is the number of whole cycles
+    per pulse that the map does not show: the echo migrates with cycles + folds.
     """
     radar = recording.echoes.radar
     pulses, waveform = radar.burst.pulses, radar.waveform
@@ -150,11 +149,11 @@ def point_response(
 
 
 def cut_range_m(recording: Recording, line: Complex, range_m: float) -> float:
-    """Return the range of an echo beyond the range limits that fits a line of the map best.
+    """Return the range beyond the range limits whose echo fits a row of the map best.
 
-    An echo that the end of the record cuts need not peak at its range. All ranges on that side of
-    the limits are tried, half a sample apart. `line` is the row of the map at the echo's Doppler,
-    `range_m` the range of its peak.
+    The end of the record cuts such an echo, so its peak need not be at its range. All ranges on
+    that side of the limits are tried, half a sample apart. `line` is the row of the map at the
+    Doppler of the echo, and `range_m` the range of its peak.
     """
     echoes, (start_m, stop_m) = recording.echoes, recording.range_limits_m
     if range_m < echoes.range_limits_m[0]:
@@ -184,11 +183,12 @@ def fit_point(own: Complex, patch: Complex) -> tuple[complex, float]:
 def _profiles(
     recording: Recording, ranges_m: Real, rate_mps: float
 ) -> tuple[Complex, Complex | None]:
-    """Return profiles (Q, ranges) of unit echoes that are shown at Q ranges, and of their images in
-    a real ADC, without their carrier phases, so that they change slowly with range.
+    """Return the profiles (Q, ranges) of unit echoes at Q ranges, and of their images in a real
+    ADC.
 
-    Pulses and codes move while they are under way; where frequencies come one after the other it is
-    the profile of a stationary echo.
+    They have no carrier phase, so that they change slowly with range. The echoes move during pulses
+    and codes. If the frequencies follow one another in time, the profile is that of a stationary
+    echo.
     """
     waveform = recording.echoes.radar.waveform
     if isinstance(waveform, FmcwWaveform | SteppedWaveform):
@@ -228,11 +228,11 @@ def _still_profiles(
 
 
 def _coupling_s(waveform: AnyWaveform, range_taper: str) -> float:
-    """Return how much later a moving echo of a pulse would be where it is shown [s]: f0 / K of a
-    chirp.
+    """Return the time after which a moving echo is at the range where a pulse shows it now [s].
 
-    A Doppler shift turns the spectrum W of w(t) by the spectrum T of t w(t); the slope of its phase
-    over the band is a delay. Codes of PMCW are shown in the middle of their repeats.
+    It is f0 / K for a chirp. A Doppler shift turns the spectrum W of w(t) by the spectrum T of t
+    w(t). The slope of its phase over the band is a delay. Codes of PMCW are shown in the middle of
+    their repeats.
     """
     samples = replica(waveform)
     times_s = (np.arange(samples.size) - (samples.size - 1) / 2) / waveform.sampling_rate_hz

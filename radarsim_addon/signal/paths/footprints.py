@@ -46,8 +46,8 @@ _GAP = 3
 
 
 def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
-    """Return which rows have a known pixel, (n,): parallel rays by where they end, others by their
-    direction.
+    """Return which rows have a known pixel, (n,). For parallel rays it follows from their end, for
+    others from their direction.
     """
     if receiver.kind == "orthographic":
         return are_finite(rows["first_scatterer_m"])
@@ -58,9 +58,10 @@ def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
 
 
 def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
-    """Return column and row of each path's pixel, counted from the first ones that occur, (n,).
+    """Return column and row of each path's pixel, counted from the first pixel in use, (n,).
 
-    The rows are of one tile at one of `count` replicates, one at least, all of them `placed`.
+    The rows are of one tile at one of `count` replicates. There is at least one row, and all are
+    `placed`.
     """
     pose = np.array(receiver.matrix_world, dtype=np.float64)
     # No BLAS, whose threads wait for one another longer than three columns take.
@@ -90,8 +91,10 @@ def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[I
 def joined_places(
     rows: PathRows, receiver: ReceiverRecord, count: int
 ) -> tuple[Integers, Integers]:
-    """Return `grid_places` of rows of several views, whose grids lie side by side: paths of
-    different views are no neighbours.
+    """Return `grid_places` for the rows of several views.
+
+    The grids of the views lie next to each other with a gap, so that paths of different views are
+    not neighbours.
     """
     limits = zip(*view_limits(rows), strict=True)
     return _side_by_side([grid_places(rows[a:b], receiver, count) for a, b in limits])
@@ -155,12 +158,12 @@ def _from_widest_gap(angle: Real) -> Real:
 
 
 def _sphere_steps(u: Real, v: Real, level: Real, area: Real) -> tuple[float, float]:
-    """Return the steps of longitude and latitude of a grid; infinite along an axis with one place
-    alone.
+    """Return the steps of longitude and latitude of a grid; infinite along an axis with a single
+    place.
 
-    Latitudes are distinguished by their steps. Longitudes are not, near a pole, where rounding is
-    multiplied by the inverse of the distance from the axis; but the solid angle of a pixel,
-    sin(dlat/2) cos(lat) dlon times 2, gives their step.
+    Latitudes differ by their steps. Near a pole, longitudes do not, because rounding is multiplied
+    by the inverse distance from the axis. There, the solid angle of a pixel, 2 sin(dlat/2) cos(lat)
+    dlon, gives the step.
     """
     side = math.sqrt(float(np.median(area)))
     same = max(_SAME * side, min(_SAME_RAD, 0.1 * side))
@@ -179,8 +182,8 @@ def _least_step(places: Real, same: float) -> float:
 def _bounded(col: Integers, row: Integers) -> tuple[Integers, Integers]:
     """Return places in an image that is not too large, with the same neighbours.
 
-    Where it would be, empty columns and rows between paths are left out, and if that is not enough
-    each path is taken to be alone.
+    If the image would be too large, empty columns and rows between paths are left out. If that is
+    not enough, no path has a neighbour.
     """
     if _pixels(col, row) > _MOST_PX:
         col, row = _without_gaps(col), _without_gaps(row)
@@ -194,7 +197,7 @@ def _pixels(col: Integers, row: Integers) -> float:
 
 
 def _without_gaps(places: Integers) -> Integers:
-    """Return numbers that keep neighbours adjacent, and others apart."""
+    """Return numbers without gaps: neighbours stay adjacent, and others stay apart."""
     found, number = np.unique(places, return_inverse=True)
     return np.asarray(np.cumsum(np.minimum(np.diff(found, prepend=found[0]), _GAP))[number])
 

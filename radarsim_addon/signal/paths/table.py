@@ -370,7 +370,7 @@ class _Member:
 
 
 def _members(dtype: np.dtype[np.void], rows: int) -> list[_Member]:
-    """Return where the columns of a table of so many rows are."""
+    """Return the place of each column in the file of a table with this number of rows."""
     members, offset = [], 0
     for column in dtype.names or ():
         kind, name = dtype[column], f"{column}.npy".encode()

@@ -338,10 +338,12 @@ def joined_level(power: Real, axes: MapAxes, scale: ColourScale) -> Real:
 
 
 def floor_db_of(top: float, median: float, noise_power: float = 0.0) -> float:
-    """Return the level where the colours begin [dB], in steps of 5 dB.
+    """Return the level at which the colours of a map begin [dB], a multiple of 5 dB.
 
-    With known noise `BELOW_NOISE_DB` below it. Otherwise -`SPAN_DB`, or higher if more than half of
-    the map is noise: the mean of exponential noise is its median over ln 2.
+    With a known noise power, the colours begin `BELOW_NOISE_DB` below the noise. Without it, they
+    begin at -`SPAN_DB`. If more than half of the map is noise, and its mean is higher than that,
+    they begin `BELOW_NOISE_DB` below the mean. For noise of an exponential law the mean is the
+    median over ln 2.
     """
     floor_db, middle = -SPAN_DB, median / math.log(2)
     if top > 0 and noise_power > 0:

@@ -409,7 +409,7 @@ class FmcwWaveform(LineNumbers):
 
     @property
     def duration_s(self) -> float:
-        """Ramp and idle time [s]."""
+        """Duration of ramp and idle time together [s]."""
         sampled_s = self.adc_start_s + self.adc_samples / self.sampling_rate_hz
         return (sampled_s if self.ramp_s is None else self.ramp_s) + self.idle_s
 
@@ -483,7 +483,7 @@ class SteppedWaveform(LineNumbers):
 
     @property
     def duration_s(self) -> float:
-        """All steps [s]."""
+        """Duration of all steps together [s]."""
         return self.steps * self.step_time_s
 
     @property
@@ -559,7 +559,7 @@ class PmcwWaveform(ChipNumbers, LineNumbers):
 
     @property
     def duration_s(self) -> float:
-        """All repeats [s]."""
+        """Duration of all repeats of the code together [s]."""
         return self.code_repeats * self.code_s
 
     @property

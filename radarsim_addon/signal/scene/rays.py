@@ -464,8 +464,8 @@ class _BoxTree:
     def passed(
         self, origins: Real, directions: Real, most: float
     ) -> Iterator[tuple[Indices, Indices, Real]]:
-        """Yield rays, boxes that they pass before the ray parameter `most`, and the parameters at
-        which they enter, in blocks of rays.
+        """Yield, in blocks of rays: the rays, the boxes that they pass before the ray parameter
+        `most`, and the parameters at which they enter them.
         """
 
         def through(ray: Indices, low: Real, high: Real) -> tuple[Mask, Real]:

@@ -201,7 +201,9 @@ class Shader:
 
     @property
     def outshining_width(self) -> float:
-        """Width of a lobe that can outshine the rest; infinite without one."""
+        """Width of the glossy lobe if this lobe can be brighter than the rest of the material; else
+        infinite.
+        """
         if self.kind == "Principled":
             metallic, colour = self.inputs["Metallic"], self.inputs["Base Color"]
             bright = colour is not None and colour > _DARK
@@ -541,9 +543,10 @@ class Surface:
         return self.output.albedo
 
     def brightness(self, angles: Angles, carrier_hz: float, polarisation: str) -> Real:
-        """Return 4 pi f cos_in of n rays, f the BRDF, as of `facet_brightness`, (n,) [m^2/m^2].
+        """Return 4 pi f cos_in of n rays, with the BRDF f, as in `facet_brightness`, (n,)
+        [m^2/m^2].
 
-        Where a node sets an input, the number counts that would be there without the node.
+        If a node sets an input, the number that the input would have without the node counts.
         """
         lambert = 4 * np.maximum(angles.to_transmitter, 0.0)
         if self.kind == "sheet":

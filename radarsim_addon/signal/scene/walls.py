@@ -373,10 +373,11 @@ class ConvexBodies(NamedTuple):
         return np.asarray(self.normals[:, self.planes][body])
 
     def per_height(self, body: Indices, starts: Real) -> Real:
-        """Return one over the heights of `planes` above points (k, 3, m) in bodies, (k, p, m).
+        """Return 1 over the distance of points from the `planes` of their bodies, (k, p, m).
 
-        A ray from there arrives where the cosine to the normal times this is largest; this product
-        is one over the length of its way.
+        The points (k, 3, m) are inside the bodies. A ray from a point first meets the plane for
+        which this value, times the cosine between ray and normal, is largest. This product is 1
+        over the length of the ray.
         """
         below = self.across(body) @ starts
         np.subtract(self.heights[:, self.planes, None][body], below, out=below)

@@ -382,7 +382,9 @@ class PulseSums:
         return found
 
     def _add_phase_error(self, amplitude: Weights, error: float) -> None:
-        """Add an error of all terms, relative to the amplitudes."""
+        """Add an error to the error estimate. `error` is the error of each term of the sum, as a
+        fraction of its amplitude.
+        """
         size, terms = np.abs(amplitude), self._times_s.size * self._sums.grid.count
         size = size if size.ndim == 1 else size.sum(axis=1)
         root = error * float(np.sqrt(terms))

@@ -550,7 +550,9 @@ class RampTransform(EachPulse):
         return total, most
 
     def _basis(self, nodes: int) -> tuple[Real, Real]:
-        """Return nodes of n^2, and their Lagrange polynomials at every n, (nodes, count)."""
+        """Return the interpolation nodes of n^2, and the value of each Lagrange polynomial at each
+        n, (nodes, count).
+        """
         if nodes not in self._bases:
             at = chebyshev_nodes(nodes)
             weights = lagrange(at, self._square / self._half - 1)

@@ -76,10 +76,10 @@ class Ways:
         )
 
     def reflected(self, polarisation: str, wavelength_m: float) -> Reflected:
-        """Return waves of a polarisation that come from the antenna, as they meet the places.
+        """Return the waves from the antenna at the places, in one polarisation.
 
-        The field goes from mirror to mirror as a vector. A scatterer takes the part of it with the
-        polarisation of the run.
+        The field goes from mirror to mirror as a vector. A scatterer receives the part of it that
+        has the polarisation of the run.
         """
         *points_m, from_m = self.stations_m
         fields = None
@@ -98,7 +98,9 @@ class Ways:
         return co_polar(fields, onward, polarisation)
 
     def blocked(self, places_m: Real, obstacles: Obstacles) -> tuple[Mask, Mask]:
-        """Whether something opaque, or only something open, lies on ways from places, (n,) each."""
+        """Return whether something opaque blocks each way from the places, and whether only open
+        objects do, (n,) each.
+        """
         blocked = np.zeros(self.place.size, dtype=bool)
         through, at_m = blocked.copy(), take_rows(places_m, self.place)
         # The mesh lies below the smooth surface where it is convex, and above it elsewhere.
@@ -189,9 +191,10 @@ class ImageChain:
 def image_chains(
     planes: Sequence[Plane], antenna: int, antenna_m: Real, most: int, pairs: bool
 ) -> tuple[list[ImageChain], list[ImageChain]]:
-    """Return the images of an antenna, by its number, and those that there is no room for.
+    """Return the images of an antenna, by its number, and the images beyond the limit.
 
-    With `pairs`, images over two planes in a row follow, those in which most is seen first.
+    With `pairs`, images over two planes in a row follow. The first ones are those in which the
+    antenna sees most.
     """
     first = [ImageChain.of([plane], antenna_m) for plane in planes]
     if not pairs:
@@ -235,7 +238,7 @@ class CurvedMirrors:
         self.focusing: set[int] = set()
 
     def to(self, antenna_m: Real) -> CurvedMirrors:
-        """Return the mirrors of another antenna, over the same tree."""
+        """Return the mirrors for another antenna. They share the search tree."""
         other = copy(self)
         other._antenna_m, other._search = antenna_m, self._search.to(antenna_m)
         return other
@@ -247,7 +250,9 @@ class CurvedMirrors:
 
     @property
     def see_each_other(self) -> bool:
-        """Whether waves may go from a mirror to another one, or to another part of it."""
+        """Return whether waves may go from one mirror to another, or to another part of the same
+        mirror.
+        """
         if len(self.bodies) > 1:
             return True
         corners_m, normals = self._patches.corners_m.reshape(-1, 3), self._patches.normals[:, 0]
@@ -300,7 +305,7 @@ class CurvedMirrors:
 def find_curved_mirrors(
     faces: MirrorFaces, antenna_m: Real, wavelength_m: float
 ) -> tuple[CurvedMirrors | None, list[Finding]]:
-    """Find the curved surfaces that mirror; None without any."""
+    """Return the curved surfaces that mirror; None if there are none."""
     curved = np.flatnonzero(faces.curved)
     own = curved[faces.material[curved] >= 0]
     normals, across_m2 = faces.normals[own], faces.across_m2[own]

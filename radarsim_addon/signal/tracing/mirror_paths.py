@@ -44,10 +44,10 @@ _TURNED_DB = 0.5
 
 
 def alike_in_both(points_m: Real, one_m: Real, other_m: Real, lobe: Real) -> Mask:
-    """Whether points scatter nearly alike towards two places, (3,) or (n, 3), (n,).
+    """Return whether points scatter nearly alike towards two places, (3,) or (n, 3), (n,).
 
     `lobe` is the width alpha of the narrowest lobe of each point's surface: infinite for Lambert, 0
-    where unknown. A Gaussian lobe of facets has the error exp(angle^2 / (2 alpha^2)) at most.
+    if unknown. The error of a Gaussian lobe of facets is at most exp(angle^2 / (2 alpha^2)).
     """
     one, other = one_m - points_m, other_m - points_m
     cosine = dots(one, other) / (norms(one) * norms(other))
@@ -65,7 +65,7 @@ class MirrorPolarisation:
         self._sums: dict[tuple[str, ...], Real] = {}
 
     def add(self, objects: tuple[str, ...], power_w: Real, found: Reflected) -> None:
-        """Add paths: powers as if the mirrors reflected all, and what the mirrors do."""
+        """Add paths: their powers for perfect mirrors, and what the mirrors do to the waves."""
         sums = self._sums.setdefault(objects, np.zeros(4))
         sums += power_w.sum(), power_w @ found.turned, power_w @ found.power, power_w @ found.apart
 
@@ -164,9 +164,9 @@ class MirrorPaths:
         self.lamps_m: Real = np.array(places_m).reshape(-1, 3)
 
     def _find_images(self, wanted: Collection[str]) -> list[ImageChain]:
-        """Find the images of both antennas; return the pairs of mirrors that there is no room for.
+        """Find the images of both antennas; return the pairs of mirrors beyond the limit.
 
-        `wanted` are names of objects.
+        `wanted` are the names of objects that the user chose.
         """
         antennas_m = [self.transmitter_m]
         if not (self._one_place or self._flat_view):
@@ -190,7 +190,7 @@ class MirrorPaths:
         return left
 
     def _left_out(self, curved: CurvedMirrors | None, pairs: list[ImageChain]) -> list[Finding]:
-        """Find what is left out, or is known less well, by the choice of mirrors."""
+        """Return findings on what the choice of mirrors leaves out, or makes less exact."""
         found, faces, most = [], self._faces, self.most_images
         owns = [plane.own for plane in self._planes]
         owns += [] if curved is None else [curved.own]
@@ -221,10 +221,11 @@ class MirrorPaths:
         return found
 
     def _straight_back(self) -> list[Finding]:
-        """Find the mirrors in which the receiver sees the transmitter, a point without a size.
+        """Return findings on mirrors in which the receiver sees the transmitter.
 
-        Physical optics of a conductor: 4 pi A^2 / lambda^2 of its area, and at most that of its
-        image, 4 pi (R1 R2 / (R1 + R2))^2.
+        The transmitter is a point, so this echo is not formed. Physical optics of a conductor gives
+        4 pi A^2 / lambda^2 for its area, and at most the level of its image, 4 pi (R1 R2 / (R1 +
+        R2))^2.
         """
         found: dict[str, None] = {}
         most_m2 = 0.0
@@ -250,7 +251,7 @@ class MirrorPaths:
 
     @property
     def findings(self) -> list[Finding]:
-        """Findings on the mirrors, after all rows."""
+        """Return the findings on mirrors, after all rows were added."""
         # of two reflections, no path goes over a mirror both out and back
         found = self._findings + self._turned.findings(self.most_reflections > 2)
         model = self.obstacles.model
@@ -288,13 +289,15 @@ class MirrorPaths:
 
     @property
     def shared_bodies(self) -> set[int]:
-        """Numbers of the bodies whose planes are those of others, too."""
+        """Numbers of the bodies whose planes also belong to other bodies."""
         every = [plane.bodies for plane in self._planes]
         return {number for bodies in every if len(bodies) > 1 for number in bodies}
 
     @property
     def records(self) -> list[ImageRecord]:
-        """The images, in the order of their numbers from 1; the receiver's own are the last."""
+        """The images, in the order of their numbers from 1. The images of the receiver
+        come last.
+        """
         return [chain.record for chain in self._every_image]
 
     @cached_property
@@ -302,14 +305,16 @@ class MirrorPaths:
         return PathImages.of(self.records, np.zeros((0, 2), dtype=np.int32))
 
     def reflections(self, image: int) -> int:
-        """Return how many reflections besides those of mirrors are followed with an image."""
+        """Return how many reflections, in addition to those at mirrors, are followed
+        with an image.
+        """
         return self.most_reflections - 1 if image <= len(self.images) else 1
 
     # -- rows --------------------------------------------------------------------------------------
 
     def number(self, rows: PathRows, pixels: Indices) -> PathRows:
-        """Return rows with the columns of images, and with the point (pixel) of single
-        scatterings.
+        """Return rows with the columns of images, and with the number of the point (pixel) for
+        single scatterings.
         """
         wide = rows.widened(self.dtype)
         once = (rows["order"] == 1) & (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
@@ -318,11 +323,11 @@ class MirrorPaths:
         return wide
 
     def choose(self, image: int, rows: PathRows) -> tuple[PathRows, float]:
-        """Return the paths over an image, from 1, among rows measured with it, with power and
-        phase.
+        """Return the paths over an image, from 1, among rows that were measured with it, with power
+        and phase.
 
-        Also returns the power of paths left out because open objects lie on the way [W]. With the
-        light at the receiver, the paths are those of single scatterings.
+        Also returns the power [W] of paths that are left out because open objects are on the way.
+        With the light at the receiver, the paths are those of single scatterings.
         """
         if image > len(self.images):
             rows = rows[rows["point"] > 0]
@@ -338,12 +343,12 @@ class MirrorPaths:
         number: int,
         direct_m: Real | None = None,
     ) -> tuple[PathRows, float]:
-        """Return the paths of rows over a mirror to the antenna at an end, and the power of those
-        that are left out because open objects lie on the way [W].
+        """Return the paths of rows over a mirror to one antenna, and the power [W] of paths that
+        are left out because open objects are on the way.
 
-        Rows have the power of the image; with `direct_m`, that of a straight way to this place. The
-        surface has then the same radiance in both directions, and the ratio is that of the
-        irradiances, or of the solid angles that it fills.
+        Rows have the power of the image. With `direct_m`, they have the power of the direct way to
+        this place. Then the surface has the same radiance in both directions, and the ratio is that
+        of the irradiances, or of the solid angles.
         """
         places_m, curved = rows["last_scatterer_m"], number < 0
         ways = mirror.ways(places_m)
@@ -444,10 +449,11 @@ class MirrorPaths:
         return every, through_w + blocked_w
 
     def _ways_back(self, rows: PathRows, alike: Mask) -> tuple[PathRows, float]:
-        """Return the ways back over mirrors from points, with the power over that of a direct one.
+        """Return the ways back over mirrors from points, with their power over that of the direct
+        way.
 
-        With both antennas in one place they are those of the paths to the transmitter, as far as
-        surfaces scatter alike: the reverse path has the same power.
+        If both antennas are in one place, they are the ways to the transmitter wherever surfaces
+        scatter alike: the reverse path has the same power.
         """
         points, power_w = rows["point"], rows["power_w"]
         if self._one_place:
@@ -482,8 +488,10 @@ class MirrorPaths:
         return PathRows.joined(parts), through_w
 
     def _otherwise(self, rows: PathRows) -> Mask:
-        """Whether the surface at a point scatters otherwise towards the transmitter's image, over
-        which the row goes, than towards the transmitter, (n,).
+        """Return whether the surface at a point scatters differently towards the transmitter and
+        towards its image, (n,).
+
+        The rows go over this image.
         """
         found = (rows["transmitter_image"] > 0) & (rows["point"] > 0)
         some = rows[found]
@@ -495,12 +503,14 @@ class MirrorPaths:
         return found
 
     def _lit_from(self, rows: PathRows) -> Real:
-        """Places of the transmitter, or of its image, for rows over planes, (n, 3) [m]."""
+        """Return the place of the transmitter, or of its image for rows over planes, (n, 3) [m]."""
         numbers = np.stack([rows["transmitter_image"]] * 2, axis=-1)
         return self._path_images.of_paths(numbers).places(1, self.transmitter_m)
 
     def _seen_directly(self, rows: PathRows) -> Mask:
-        """Rows that come over mirrors to a vertex that another pixel sees, (n,)."""
+        """Return which rows come over mirrors to a vertex that another pixel sees
+        directly, (n,).
+        """
         gone = np.zeros(rows.size, dtype=bool)
         once = (rows["transparent_depth"] == 0) & (rows["last_body"] > 0)
         once &= are_finite(rows["last_scatterer_m"])
@@ -524,7 +534,9 @@ class MirrorPaths:
         return gone
 
     def _sees(self, rows: PathRows, from_m: Real) -> Mask:
-        """Whether a pixel sees last vertices, (n,), on the side on which `from_m` (n, 3) is."""
+        """Return whether a pixel sees the last vertex, on the side that faces `from_m` (n, 3),
+        (n,).
+        """
         last_m, body = rows["last_scatterer_m"], rows["last_body"]
         ends_m = np.broadcast_to(self._receiver_m, last_m.shape)
         normals = self.normals(body, from_m, last_m)
@@ -535,7 +547,9 @@ class MirrorPaths:
 
 
 def _pairs(one: Indices, other: Indices) -> tuple[Indices, Indices]:
-    """Return the numbers of all pairs with the same value, those of `one` in order."""
+    """Return the numbers of all pairs with the same value. The numbers of `one` are in rising
+    order.
+    """
     order = np.argsort(other, kind="stable")
     first = np.searchsorted(other[order], one, "left")
     count = np.searchsorted(other[order], one, "right") - first

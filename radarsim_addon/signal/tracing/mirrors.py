@@ -53,7 +53,7 @@ class MirrorFaces:
 
 
 def mirror_faces(obstacles: Obstacles, unwanted: Collection[int] = ()) -> MirrorFaces:
-    """Return the faces of a scene that mirror, but for objects that are unwanted, by number."""
+    """Return the faces of a scene that mirror, without those of unwanted objects, by number."""
     model = obstacles.model
     none = np.zeros(0, dtype=np.int64)
     corner = np.zeros((0, 3, 3))
@@ -97,9 +97,9 @@ def mirror_faces(obstacles: Obstacles, unwanted: Collection[int] = ()) -> Mirror
 
 
 def mirroring_objects(obstacles: Obstacles, unwanted: Collection[int]) -> dict[str, None]:
-    """Return the names of the objects with faces that mirror, each once.
+    """Return the names of the objects that have faces that mirror.
 
-    Meshes are read only where some of an object's surfaces mirror and others do not.
+    Meshes are read only if some of an object's surfaces mirror and others do not.
     """
     model = obstacles.model
     names: dict[str, None] = {}
@@ -136,7 +136,9 @@ class Plane:
         return np.asarray(turned @ point_m + shift_m)
 
     def heights_m(self, points_m: Real) -> Real:
-        """Distances of points (n, 3) from the plane, on its mirroring side, (n,)."""
+        """Return the distances of points (n, 3) from the plane, positive on the side that mirrors,
+        (n,).
+        """
         return dots(points_m, self.normal) - self.offset_m
 
     @property
@@ -163,8 +165,10 @@ def find_planes(
     most: int,
     wanted: Collection[str] = (),
 ) -> tuple[list[list[Plane]], list[Finding]]:
-    """Return the planes that mirror each antenna, at most `most`, those in which it sees most
-    first, after those of objects that the user wants first.
+    """Return at most `most` planes that mirror each antenna.
+
+    Planes of objects that the user wants first come first, then those in which the antenna sees
+    most.
     """
     flat = np.flatnonzero(~faces.curved)
     middles_m, across_m2 = faces.corners_m[flat].mean(axis=1), faces.across_m2[flat]
@@ -211,6 +215,6 @@ def find_planes(
 
 
 def _brightness(material: MirrorMaterial) -> float:
-    """Reflectance of a mirror at normal incidence."""
+    """Return the reflectance of a mirror at normal incidence."""
     along = np.array([[0.0, 0.0, -1.0]])
     return float(material.reflection(along, -along[0], "average", math.inf)[0][0])

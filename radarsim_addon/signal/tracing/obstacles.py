@@ -62,8 +62,10 @@ class Obstacles:
         return self._known[mesh]
 
     def block(self, start_m: Real, end_m: Real) -> tuple[Mask, Mask]:
-        """Return whether something opaque lies on ways, both ends left out, and whether only
-        something open does, (n,) each.
+        """Return whether something opaque is on each way, and whether only something open is, (n,)
+        each.
+
+        Both ends of a way do not count.
         """
         way_m = end_m - start_m
         clear = np.maximum(_CLEAR, _CLEAR_M / np.maximum(norms(way_m), _CLEAR_M))[:, None]

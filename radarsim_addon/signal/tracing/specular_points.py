@@ -53,10 +53,11 @@ class SmoothPatches:
 
     @classmethod
     def of_mesh(cls, corners_m: Real, normals: Real, vertices: Integers) -> tuple[Self, Real]:
-        """Return the patches over triangles, and how far each may be off the surface, (k,) [m].
+        """Return the patches over triangles, and the largest distance of each from the true
+        surface, (k,) [m].
 
-        `vertices` are the numbers of the corners' vertices in the mesh, (k, 3). The error is
-        infinite where normals differ too much to tell the surface.
+        `vertices` are the numbers of the corners' vertices in the mesh, (k, 3). The distance is
+        infinite if the normals differ too much to know the surface.
         """
         own = _corner_shapes(corners_m, normals)
         area = norms(crosses(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0]))
@@ -105,7 +106,7 @@ class SmoothPatches:
     def curvature(self, weights: Real, normal: Real, first: Real, second: Real) -> Real:
         """Return the curvature tensors along two axes at weights, (k, 2, 2) [1/m].
 
-        The axes are unit vectors (k, 3) across the unit `normal` there.
+        The axes are unit vectors (k, 3) perpendicular to the unit `normal`.
         """
         found = np.zeros((len(weights), 2, 2))
         for corner in range(3):
@@ -134,7 +135,9 @@ def _mean(weights: Real, corners: Real) -> Real:
 
 
 def _corner_shapes(corners_m: Real, normals: Real) -> Real:
-    """Return shape operators at the corners by the triangle alone, (k, 3, 3, 3) [1/m]."""
+    """Return the shape operators at the corners that follow from the triangle alone, (k, 3, 3, 3)
+    [1/m].
+    """
     found = np.empty((len(corners_m), 3, 3, 3))
     for i in range(3):
         others = [(i + 1) % 3, (i + 2) % 3]
@@ -194,13 +197,15 @@ class SpecularSearch:
         self._build_tree()
 
     def to(self, antenna_m: Real) -> SpecularSearch:
-        """Return the search to another antenna, over the same tree."""
+        """Return the search for another antenna, with the same tree."""
         other = copy(self)
         other._antenna_m = np.asarray(antenna_m, dtype=np.float64)
         return other
 
     def find(self, places_m: Real) -> SpecularPoints:
-        """Return all reflections on ways from places (n, 3) to the antenna, nothing in between."""
+        """Return all reflections on ways from places (n, 3) to the antenna. Nothing between them is
+        considered.
+        """
         starts = range(0, max(len(places_m), 1), _CHUNK)
         parts = [self._find(places_m[start : start + _CHUNK], start) for start in starts]
         columns = ([getattr(part, one.name) for part in parts] for one in fields(SpecularPoints))
@@ -223,7 +228,9 @@ class SpecularSearch:
         return replace(found, place=found.place + first)
 
     def _mismatch(self, edges: Real, ends_m: Real, points_m: Real, normals: Real) -> Real:
-        """Return the part of the bisector across the normal, along edges (n, 2, 3), (n, 2)."""
+        """Return the component of the bisector perpendicular to the normal, along edges (n, 2, 3),
+        (n, 2).
+        """
         bisector = _towards(ends_m, points_m) + _towards(self._antenna_m, points_m)
         across = bisector - dots(bisector, normals)[:, None] * normals
         return np.stack([dots(edges[:, 0], across), dots(edges[:, 1], across)], axis=1)
@@ -275,7 +282,7 @@ class SpecularSearch:
         return place, patch, weights
 
     def _newton(self, patch: Indices, ends_m: Real, weights: Real) -> Real:
-        """Search from these weights for those without a mismatch, (n, 3)."""
+        """Search for the weights at which there is no mismatch, from these weights, (n, 3)."""
         patches, edges = self.patches.select(patch), self._edges[patch]
         weights = weights / weights.sum(axis=1)[:, None]
         moves = np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
@@ -301,8 +308,10 @@ class SpecularSearch:
     # -- the tree ----------------------------------------------------------------------------------
 
     def _build_tree(self) -> None:
-        """Levels from single patches to the top: of each node, a sphere around its patches, and a
-        cone around their normals. Node i has nodes 2i and 2i + 1 of the level below.
+        """Return the levels of the tree, from single patches to the top.
+
+        Each node has a sphere around its patches, and a cone around their normals. Node i has nodes
+        2i and 2i + 1 of the level below.
         """
         patches = self.patches
         curve = along_curve(patches.corners_m.mean(axis=1))
@@ -328,7 +337,7 @@ class SpecularSearch:
             size *= _BRANCHES
 
     def _candidates(self, places_m: Real) -> tuple[Indices, Indices]:
-        """Pairs of places and patches that may have a reflection, (n,) each."""
+        """Return the pairs of places and patches that may have a reflection, (n,) each."""
         place, node = np.arange(len(places_m)), np.zeros(len(places_m), dtype=np.intp)
         for level in reversed(self._levels):
             place = np.repeat(place, _BRANCHES)
@@ -352,10 +361,12 @@ class SpecularSearch:
 
 
 def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tuple[Real, Real]:
-    """Return the bisectors of the directions from spheres to two places, and how far they turn.
+    """Return the bisectors of the directions from spheres to two places, and how much they can
+    turn.
 
-    Unit vectors at the centres, (n, 3), and the largest angle to that of any point of the sphere,
-    (n,) [rad]; pi where any direction is possible. Places are (3,) or (n, 3) [m].
+    The bisectors are unit vectors at the centres, (n, 3). The second result is the largest angle to
+    the bisector of any point in the sphere, (n,) [rad]; pi if every direction is possible. Places
+    are (3,) or (n, 3) [m].
     """
     bisector, off = np.zeros_like(centre_m), np.zeros(len(centre_m))
     for end_m in (one_m, other_m):
@@ -370,9 +381,7 @@ def bisectors(centre_m: Real, radius_m: Real, one_m: Real, other_m: Real) -> tup
 
 
 def _first_of_each(found: SpecularPoints) -> Mask:
-    """Return a mask that omits repetitions: reflections on a common edge, at the place of an
-    earlier one.
-    """
+    """Return a mask without repetitions: reflections at a common edge have the same place."""
     kept = np.ones(found.place.size, dtype=bool)
     apart = 0
     while True:
