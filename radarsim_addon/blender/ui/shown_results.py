@@ -22,7 +22,7 @@ from ...signal.pictures import FrameProfile, FrameView, Target, profile_of, read
 from ...typed_json import read_record
 from ..rig_settings import settings
 from ..run import scene_text
-from ..scene import active_radar, antennas_of
+from ..scene import active_radar, antennas_of, whole_of
 from .fields import tr
 from .picture_images import draw_image, forget_requests, show_images
 from .result_pictures import KINDS, WIDTH, processing_records
@@ -449,9 +449,10 @@ def follow_selection() -> None:
     if _state.run is None or active is None or not active.select_get():
         return
     chosen = _state.chosen
-    if chosen is not None and active.name in (chosen["name"], *chosen["name"].split("/")):
+    names = [name for name in (active.name, whole_of(active)) if name]  # a wheel, its car
+    if chosen is not None and {*names} & {chosen["name"], *chosen["name"].split("/")}:
         return  # it was chosen in the list
-    target = _of_object(active.name)
+    target = next(filter(None, map(_of_object, names)), None)
     if target is not None:
         _choose(context, target)
 
