@@ -235,6 +235,8 @@ class TargetPaths:
     lines_m: list[Real]
     #: Power of each path, (n,) [W].
     power_w: Real
+    #: Where the strongest path of this name leaves the receiver for, (3,) [m]; None without paths.
+    seen_at_m: Real | None = None
 
 
 class PathFinder:
@@ -310,7 +312,7 @@ class PathFinder:
         ends = chosen[self._rows["first_object"]] | chosen[self._rows["last_object"]]
         mine = np.flatnonzero(ends)
         found = self._answer(mine, self._power_w[mine], most)
-        return TargetPaths(name, name, found.lines_m, found.power_w)
+        return dataclasses.replace(found, name=name, last_object=name)
 
     def named(self, targets: Iterable[_Target]) -> list[_Target]:
         """Return the targets with the names of the objects that their paths touch."""
@@ -333,7 +335,7 @@ class PathFinder:
         chosen = rows[np.argsort(-weight, kind="stable")[:most]]
         lines = [self._line(self._rows[number]) for number in chosen.tolist()]
         powers_w = np.asarray(self._power_w[chosen], dtype=np.float64)
-        return TargetPaths(self._name(row), last, lines, powers_w)
+        return TargetPaths(self._name(row), last, lines, powers_w, self._line(row)[1])
 
     def _name(self, row: Mapping[str, Any]) -> str:
         ends = [self._names[row[end]] for end in ("first_object", "last_object")]
