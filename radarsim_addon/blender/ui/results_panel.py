@@ -36,6 +36,7 @@ from .shown_results import (
     chosen_target,
     draw_pictures,
     follow_objects,
+    has_unseen_run,
     ignore_objects,
     show_frame,
     show_picture,
@@ -573,6 +574,8 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
         age = age_of_results()
         if age:
             layout.label(text=age, icon="ERROR")
+        if has_unseen_run():
+            layout.label(text="This file has a run: process it to see it", icon="INFO")
         fault = fault_of_pictures()
         if run is not None and view is not None:
             if fault:
