@@ -326,8 +326,7 @@ class PathFinder:
         if not rows.size:
             return TargetPaths("", "", [], np.zeros(0))
         ends = [self._whole[self._rows[end][rows]] for end in ("first_object", "last_object")]
-        ends = np.sort(ends, axis=0)
-        _, pair = np.unique(ends, axis=1, return_inverse=True)
+        _, pair = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
         # A path and its reverse touch the same objects.
         strongest = np.flatnonzero(pair == np.bincount(pair, weight).argmax())
         row = self._rows[int(rows[strongest[weight[strongest].argmax()]])]

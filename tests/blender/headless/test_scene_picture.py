@@ -95,12 +95,12 @@ def test_objects_are_where_the_receiver_sees_them(run: Any, frame: int) -> None:
 
 @pytest.mark.parametrize("frame", [1, 25])
 def test_targets_are_named_and_marked_on_their_objects(run: Any, frame: int) -> None:
-    figure = radarsim.show(run, frame=frame, width_px=WIDTH_PX)
+    figure: Any = radarsim.show(run, frame=frame, width_px=WIDTH_PX)
     texts = numbered(figure)
     assert {text.split("\n")[0] for text in texts} == set(PLATES)
     (axis,) = figure.axes
-    across, _ = axis.lines[0].get_data()
-    for text, u in zip(texts, across, strict=True):
+    across = np.asarray(axis.lines[0].get_data()[0], dtype=np.float64)
+    for text, u in zip(texts, across.tolist(), strict=True):
         left, right = columns(text.split("\n")[0], frame)
         assert left <= (u / HALF[0] + 1) / 2 * WIDTH_PX <= right
     near = next(text for text in texts if text.startswith("Near"))
