@@ -274,6 +274,26 @@ def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:
         bpy.ops.radarsim.select_target(row=99)
 
 
+def test_a_part_that_is_selected_chooses_the_row_of_its_object(state: Any) -> None:
+    process()
+    hub, wheel = (bpy.data.objects.new(name, None) for name in ("Hub", "Wheel"))
+    for item, parent in ((hub, bpy.data.objects["Car"]), (wheel, hub)):
+        bpy.context.scene.collection.objects.link(item)
+        item.parent = parent
+    wheel.select_set(True)
+    bpy.context.view_layer.objects.active = wheel
+    sr.follow_selection()
+    assert chosen() == "Car"
+
+
+def test_parts_are_listed_by_themselves_where_asked(state: Any) -> None:
+    assert "--parts" not in rp.chosen_processing(bpy.context)
+    state.parts = True
+    assert "--parts" in rp.chosen_processing(bpy.context)
+    assert "parts" in recording.drawn(rp.RADARSIM_PT_results).fields
+    process()
+
+
 @pytest.mark.parametrize("picture", ["MAP", "PROFILE", "SPECTROGRAM", "RANGE_TIME"])
 def test_a_click_on_a_peak_selects_its_object(state: Any, picture: str) -> None:
     """The place is read from the picture: what the mark of the chosen target changes there."""
