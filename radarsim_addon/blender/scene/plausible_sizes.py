@@ -40,9 +40,9 @@ def _kind(words: str, least_m: float, most_m: float, shape: Literal["tall", "lon
 
 
 #: Usual sizes. Vehicles: Directive 96/53/EC allows 12 m for a rigid truck, 15 m for a rigid bus and
-#: 18.75 m for one with a trailer; North American combinations reach 25 m. Persons: the 5th
-#: percentile of Japanese women and the 95th of US men are 1.45 and 1.87 m (Pheasant, Bodyspace);
-#: children are smaller. Cars, two-wheelers, trees and houses: what is on the road and in streets.
+#: 18.75 m with a trailer; some countries allow 25.25 m. Persons: the 5th percentile of Japanese
+#: women and the 95th of US men are 1.45 and 1.87 m (City University of Hong Kong, Online
+#: Anthropometry); children are smaller. Cars, two-wheelers, trees and houses: as in streets.
 KINDS = (
     _kind("car sedan hatchback suv taxi", 3.0, 6.0, "long"),
     _kind("van minivan minibus", 3.5, 8.0, "long"),
@@ -58,15 +58,15 @@ _KIND_OF_WORD = {word: kind for kind in KINDS for word in kind.words}
 #: Words that make a name that of a part, or of something else: "Car Wheel", "Bus Stop".
 _OTHER_THINGS = frozenset(re.findall(r"[a-z]+", """
     antenna arm armrest axle bark bench blade body bolt branch brake bulb bumper button cab
-    cabin camera carrier chair counter dash decal disc display dock door driver engine exhaust
-    eye face field finger floor foliage foot frame fruit garage glass ground grill hair hand
-    handle head headlight hole hood hook horn hub interior jacket key lamp lane leaf leaves leg
-    lens licence license light lights line logo mask mirror model mount navigation nut panel
-    park parking part pedal phone picture pipe plane plate pole port poster props rack radar
-    radio rail ramp rim road roof root seat sensor shadow shed shelter shirt shoe sign spoiler
-    spoke stair station steering stop street stump suspension tail tank terrain tire tires toy
-    track trailer trim trunk tyre tyres vent wall wash wheel wheels window windows windscreen
-    windshield wiper wire
+    cabin camera carrier chair charger counter dash decal disc display dock door driver engine
+    exhaust eye face field finger floor foliage foot frame fruit garage glass ground grill hair
+    hand handle head headlight hole hood hook horn hub interior jacket key lamp lane leaf leaves
+    leg lens licence license light lights line logo mask mirror model mount navigation nut panel
+    park parking part pedal phone picture pipe plane plant plate pole port poster props rack
+    radar radio rail ramp rim road roof root seat sensor shadow shed shelter shirt shoe sign
+    spoiler spoke stair station steering stop street stump suspension tail tank terrain tire
+    tires toy track trailer trim trunk tyre tyres vent wall wash wheel wheels window windows
+    windscreen windshield wiper wire
 """))  # fmt: skip
 #: Sizes may be off by this factor beyond the usual ones.
 _SLACK = 1.5
