@@ -157,3 +157,20 @@ def test_what_cannot_be_shown_is_refused(run: Any) -> None:
     bpy.context.scene.name = "Another"
     with pytest.raises(SceneError, match="which is not open"):
         radarsim.show(run)
+
+
+def test_rings_show_the_scene_without_marks(tmp_path: Path) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    rig = radarsim.add_radar(look_at=(0, 1, 0), preset="paper", width_px=32, height_px=24)
+    rs.add_plate(10.0, 4.0, preset="metal")
+    run = radarsim.measure(
+        rig, tmp_path / "run", frames=[1], sampling_mode="rings", ring_step_m=4.0, samples=1
+    )
+    try:
+        figure = radarsim.show(run, width_px=WIDTH_PX)
+    finally:
+        rig_settings.unregister()
+    assert not figure.legends
+    picture = np.asarray(figure.axes[0].images[0].get_array())
+    middle, corner = picture[picture.shape[0] // 2, picture.shape[1] // 2], picture[1, 1]
+    assert np.abs(middle.astype(int) - corner.astype(int)).max() > 20
