@@ -89,7 +89,8 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
         own = sys.argv if "--" in sys.argv else [*sys.argv, "--"]
         command = [bpy.app.binary_path, *own[1:], "--frame-worker"]
     try:
-        about = run_frames(["render", *words], share, sys.stdout, command=command)
+        replies: list[dict[str, Any]] = []
+        about = run_frames(["render", *words], share, sys.stdout, replies.append, command)
     except RadarSimError as error:
         print(error_line(error), file=sys.stderr)
         return error.exit_code
@@ -99,11 +100,13 @@ def _render_by_workers(words: list[str], share: Share, process: bool) -> int:
             file=sys.stderr,
         )
         return getattr(stop, "exit_code", 130)
-    print(f"radarsim: wrote {about['folder']}", flush=True)
-    processed = process_main(["process", about["folder"], *share.words]) if process else 0
-    from .signal.runs import frame_findings, open_run
+    from .signal.runs import done_before_text, frame_findings, open_run
 
     run = open_run(about["folder"])
+    if earlier := sorted(reply["frame"] for reply in replies if reply.get("earlier")):
+        print(f"radarsim: {done_before_text(run, earlier)}", flush=True)
+    print(f"radarsim: wrote {about['folder']}", flush=True)
+    processed = process_main(["process", about["folder"], *share.words]) if process else 0
     found = [*run.record.findings, *frame_findings(run.path, about["frames"])]
     return max(processed, exit_code(found, about["frames"]))
 

@@ -71,6 +71,8 @@ class ObjectRecord:
     velocity_mps: list[float] | None = None
     azimuth_deg: float | None = None
     elevation_deg: float | None = None
+    #: Object with which lists count this one, a car for its wheel; empty: it is counted by itself.
+    part_of: str = ""
 
 
 SCHEMA_VERSION = 2

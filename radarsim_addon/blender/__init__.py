@@ -3,8 +3,8 @@
 
 ``add_radar``, ``antennas``, ``settings``, ``material``, ``simple_material``, ``set_clutter``,
 ``set_clutter_fluctuation``, ``set_mirror``, ``set_scattered_lobe``, ``assign_material``,
-``assign_by_name``, ``measure``, ``process``: see :mod:`.headless.scripting`. They are loaded when
-they are first used: importing this package does not import bpy.
+``assign_by_name``, ``measure``, ``process``, ``show``: see :mod:`.headless.scripting`. They are
+loaded when they are first used: importing this package does not import bpy.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         measure,
         process,
         settings,
+        show,
         simple_material,
     )
     from .materials import set_clutter, set_clutter_fluctuation, set_mirror, set_scattered_lobe
@@ -38,6 +39,7 @@ __all__ = [
     "set_mirror",
     "set_scattered_lobe",
     "settings",
+    "show",
     "simple_material",
 ]
 

@@ -15,7 +15,7 @@ from typing import Any
 from ...errors import RadarSimError
 from ...findings import Finding, exit_code, finding_lines, to_json
 from ...options import share_of
-from ...signal.runs import frame_findings, open_run
+from ...signal.runs import done_before_text, frame_findings, open_run
 from ...terminal import ProgressLine, error_line
 from ..run import FramesHeldError, MeasurementJob
 from .console import quiet_blender
@@ -84,6 +84,10 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
             _print_findings(job.run_findings, job.frames, stream)
             if arguments.plan_only:
                 return 0
+            earlier = _done_frames(job)
+            if earlier:
+                text = done_before_text(open_run(job.folder), earlier)
+                print(f"radarsim: {text}", file=stream, flush=True)
             progress = ProgressLine(stream, job.unit)
             progress.show(job.done, job.total, None)
             try:
@@ -96,7 +100,8 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
                     progress.show(job.done, job.total, job.seconds_left)
                 progress.show(job.done, job.total, None)
             finally:  # of the frames that are done, whatever ended the run
-                _print_findings(job.frame_findings, job.frames, stream)
+                found = [*frame_findings(job.folder, earlier), *job.frame_findings]
+                _print_findings(found, job.frames, stream)
         finally:
             job.leave()
         if job.summary:
@@ -116,6 +121,12 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
         return max(done, exit_code(found, job.own_frames))
 
 
+def _done_frames(job: MeasurementJob) -> list[int]:
+    """Return the job's frames that were measured before."""
+    run = open_run(job.folder)
+    return [frame for frame in job.own_frames if not run.frame(frame).missing()]
+
+
 def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any) -> None:
     for line in finding_lines(findings, frames):
         print(f"radarsim: {line}", file=stream, flush=True)
@@ -127,10 +138,11 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool 
     `animate`: whether moving pictures are made; None: the default. Return the exit code.
     """
     # a render alone needs nothing of it
-    from ...signal.pipeline import FrameResult, ProcessOptions, frame_lines, process_run
+    from ...signal.pipeline import FrameResult, ProcessOptions, frame_lines, kept_lines, process_run
 
     options = ProcessOptions(animate=animate)
-    printed = {item.code for item in job.findings}
+    rendered = [*job.findings, *frame_findings(job.folder, job.own_frames)]
+    printed = {item.code for item in rendered}
     findings: list[Finding] = []
     frames: list[int] = []
     try:
@@ -142,6 +154,7 @@ def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool 
                 findings += event.findings
                 frames.append(event.frame)
             elif event.kept is not None:
+                print("\n".join(kept_lines(event.kept)), file=stream, flush=True)
                 findings += event.kept.findings
                 frames.append(event.kept.frame)
     finally:
@@ -190,7 +203,8 @@ class FrameRenderer:
             with quiet_blender():
                 job.take([frame])
                 if job.done == job.total:
-                    return {"earlier": True}
+                    found = frame_findings(job.folder, [frame])
+                    return {"earlier": True, "findings": [to_json(item) for item in found]}
                 for task in job.pending():
                     if self._stopping:
                         sys.exit()

@@ -66,6 +66,7 @@ from ..scene import (
 )
 from ..state import evaluated_snapshot
 from .console import quiet_blender
+from .scene_picture import show  # noqa: F401
 from .session import make_job
 
 

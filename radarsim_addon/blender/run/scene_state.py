@@ -57,9 +57,11 @@ from ..scene import (
     Rig,
     check_meshes,
     check_normals,
+    check_sizes,
     displaced_surfaces,
     isolate,
     limited_visibility,
+    rendered_surfaces,
     sharpen_walls,
     show_what_ever_renders,
 )
@@ -126,6 +128,7 @@ class MeasurementSettings:
             self._set_code()
             self.findings = [*unfit, *self._camera_markers(), *self._set_materials(assigned)]
             snapshot = evaluated_snapshot(self._view_layer)
+            self.findings += check_sizes(rendered_surfaces(snapshot), self._plan.metres_per_unit)
             self.findings += isolate(
                 self._recorder, self._scene, self._rig.emitter, snapshot, self._any_material
             )

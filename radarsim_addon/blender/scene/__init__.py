@@ -5,8 +5,9 @@ In: the evaluated scene in Blender units. Out: records in metres. `visibility` s
 evaluated scene what Cycles renders, and hides what encodes no range. `rig` finds the antennas,
 `poses` makes their records. `ground_truth` has the boxes of surfaces, their extent and the true
 distances of objects; `closing_speeds` their poses and largest range rates. Checks before a run:
-`finite_checks` (coordinates), `mesh_checks` (interiors, normals), `simulations` (caches),
-`scene_files` (files, drivers, scripts). `view_checks` looks at the scene as the receiver does.
+`finite_checks` (coordinates), `mesh_checks` (interiors, normals), `plausible_sizes` (unit scale, up
+axis), `simulations` (caches), `scene_files` (files, drivers, scripts). `view_checks` looks at the
+scene as the receiver does.
 """
 
 from .closing_speeds import (
@@ -30,9 +31,12 @@ from .ground_truth import (
     displaced_surfaces,
     echoing_boxes,
     extent_of_boxes,
+    rendered_surfaces,
     scene_extent,
+    whole_of,
 )
 from .mesh_checks import check_meshes, check_normals, sharpen_walls
+from .plausible_sizes import check_sizes, sizes_in_parts
 from .poses import (
     NEAR_CLIP_UNITS,
     aim,
@@ -132,6 +136,7 @@ __all__ = [
     "check_particles_are_baked",
     "check_poses",
     "check_scale",
+    "check_sizes",
     "check_vertices",
     "differs_in_viewport",
     "disabled_drivers",
@@ -177,6 +182,7 @@ __all__ = [
     "remove_patterns",
     "rendered_objects",
     "rendered_rows",
+    "rendered_surfaces",
     "renders_whole_frames_only",
     "replace_material",
     "rigid_pose",
@@ -187,9 +193,11 @@ __all__ = [
     "show_what_ever_renders",
     "show_what_renders",
     "simulation_frames",
+    "sizes_in_parts",
     "suggest_materials",
     "transmitter_record",
     "unreadable_files",
     "visibility_in_parts",
+    "whole_of",
     "writes_disk_caches",
 ]

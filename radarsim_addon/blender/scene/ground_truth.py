@@ -22,10 +22,10 @@ from ... import contract
 from ...arrays import Indices, Real, distances
 from ...findings import Finding, finding
 from ...signal.scene import triangle_distances
-from ..materials import clutter_name, fluctuation_of, roughness_of
+from ..materials import SURFACE_TYPES, clutter_name, fluctuation_of, roughness_of
 from ..nodes import is_radar_material
 from ..plan import Extent
-from ..state import Snapshot
+from ..state import Snapshot, slot_materials
 from .finite_checks import check_meshes_finite
 from .rig import Rig
 from .visibility import ABSORBER_NAME, echoes, rendered_rows
@@ -200,7 +200,7 @@ def object_records(
     azimuth_deg = np.degrees(np.arctan2(right, -back)).tolist()
     elevation_deg = np.degrees(np.arctan2(up, np.hypot(right, back))).tolist()
     records = []
-    said_by = cache(_said_by_materials)
+    said_by, of_whole = cache(_said_by_materials), cache(whole_of)
     for number, (row, distance) in enumerate(nearest):
         shape = snapshot.shapes[snapshot.layout.shape[row]]
         displaced = any(map(_displaces, shape.materials))
@@ -212,12 +212,32 @@ def object_records(
                 centre_m=(centres[number] * metres_per_unit).tolist(),
                 azimuth_deg=azimuth_deg[number],
                 elevation_deg=elevation_deg[number],
+                part_of=of_whole(shape.original)
+                if snapshot.label(row) == shape.original.name_full
+                else "",
                 **motion.get(row, {"range_rate_mps": None}),
                 collections=collections.get(shape.original.name_full, []),
                 **said_by(shape.materials),
             )
         )
     return sorted(records, key=lambda record: record.name)
+
+
+def whole_of(item: bpy.types.Object) -> str:
+    """Return the name of the farthest surface or armature that an object is parented to.
+
+    Empty without any. Empties on the way join nothing, and clutter has no parts.
+    """
+    whole, parent = "", item.parent
+    if clutter_name(slot_materials(item)) is not None:
+        return whole
+    while parent is not None:
+        if parent.type in SURFACE_TYPES or parent.type == "ARMATURE":
+            if clutter_name(slot_materials(parent)) is not None:
+                break
+            whole = parent.name_full
+        parent = parent.parent
+    return whole
 
 
 def _nearest_instances(found: Boxes, receiver: Real) -> list[tuple[int, float]]:

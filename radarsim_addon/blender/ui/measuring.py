@@ -214,11 +214,11 @@ def _tick() -> float | None:
     advance()
     run = current_run()
     if before is not None:
-        show(run or before)
+        show_state(run or before)
     return None if run is None else _LOOK_S
 
 
-def show(run: WindowRun) -> None:
+def show_state(run: WindowRun) -> None:
     """Show in the panel and the status bar how far a run is."""
     manager = bpy.context.window_manager
     progress = getattr(manager, PROGRESS_PROPERTY)

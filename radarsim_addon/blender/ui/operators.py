@@ -33,7 +33,7 @@ from ..rig_settings import (
 from ..scene import active_radar, setup_rig
 from .fields import findings_text, report_findings, reported, tr
 from .live_preview import LIVE_PROPERTY
-from .measuring import WindowRun, add_run, advance, current_run, end_runs, show
+from .measuring import WindowRun, add_run, advance, current_run, end_runs, show_state
 from .panels import preset_choice
 from .picture_images import COVERAGE_IMAGE, draw_image, show_images, start_drawing
 from .results_panel import chosen_processing
@@ -246,7 +246,7 @@ class _MeasuringOperator(bpy.types.Operator):
         elif context.scene.session_uid != run.measured.settings[0]:
             self.report({"INFO"}, "The run is of another scene: open it and press Process Last Run")
         else:
-            show(run)
+            show_state(run)
             bpy.ops.radarsim.process_last_run("INVOKE_DEFAULT", folder=str(run.folder))
 
     def cancel(self, context: bpy.types.Context) -> None:

@@ -36,6 +36,7 @@ from .shown_results import (
     chosen_target,
     draw_pictures,
     follow_objects,
+    has_unseen_run,
     ignore_objects,
     show_frame,
     show_picture,
@@ -180,6 +181,12 @@ class RadarResults(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
         description="Choose the false alarms per cell; processes the run again",
     )
+    parts: bpy.props.BoolProperty(
+        name="Parts",
+        update=_process_again,
+        options={"SKIP_SAVE"},
+        description="List parts of objects, such as the wheels of a car, by themselves",
+    )
     window_pulses: bpy.props.IntProperty(
         name="Window [pulses]",
         default=64,
@@ -248,6 +255,8 @@ def chosen_processing(context: bpy.types.Context) -> list[str]:
     words = ["--thermal-noise"] if state.thermal_noise else []
     if state.cfar != "OFF":
         words += ["--cfar", state.cfar, "--pfa", state.pfa]
+    if state.parts:
+        words.append("--parts")
     if state.picture == "SPECTROGRAM":
         words += ["--spectrogram", str(state.window_pulses)]
         words += ["--spectrogram-overlap", f"{state.overlap:.4g}"]
@@ -565,6 +574,8 @@ class RADARSIM_PT_results(RadarPanel, bpy.types.Panel):
         age = age_of_results()
         if age:
             layout.label(text=age, icon="ERROR")
+        if has_unseen_run():
+            layout.label(text="This file has a run: process it to see it", icon="INFO")
         fault = fault_of_pictures()
         if run is not None and view is not None:
             if fault:
@@ -603,6 +614,7 @@ def _draw_processing(context: bpy.types.Context, layout: bpy.types.UILayout, sta
     column.prop(state, "cfar")
     if state.cfar != "OFF":
         column.prop(state, "pfa")
+    column.prop(state, "parts")
     if state.picture != "SPECTROGRAM":
         return
     column.prop(state, "window_pulses")

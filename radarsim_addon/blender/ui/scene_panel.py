@@ -487,6 +487,7 @@ _QUICK = {
     "wavelength-exceeds-scene", "burst-exceeds-animation", "ring-step-below-resolution",
     "single-snapshot", "short-snapshot-interval", "footprints-too-coarse", "objects-below-a-pixel",
     "run-takes-long", "optical-material", "hidden-from-receiver", "rays-pass-through",
+    "size-implausible", "lies-on-its-side", "scene-size-implausible",
 }  # fmt: skip
 
 

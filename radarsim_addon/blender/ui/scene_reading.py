@@ -67,6 +67,7 @@ from ..scene import (
     nothing_moves,
     ray_flags,
     rendered_objects,
+    sizes_in_parts,
     visibility_in_parts,
 )
 from ..state import Shape, Snapshot, take_snapshot, watch_evaluations
@@ -104,6 +105,8 @@ class SceneRecord:
     materials: tuple[str, ...]
     #: Findings about objects that some kinds of rays do not meet.
     visibility: tuple[Finding, ...]
+    #: Findings about sizes and up axes that do not fit the names of objects.
+    sizes: tuple[Finding, ...]
     #: What pixels span of the flat surfaces in view; None without a perspective.
     pixels: PixelSpans | None = None
 
@@ -335,6 +338,8 @@ def _read(scene: bpy.types.Scene, snapshot: Snapshot) -> Iterator[SceneRecord | 
     visibility = yield from visibility_in_parts(snapshot, surfaces.rows)
     yield None
     objects = yield from _objects(surfaces, visibility)
+    sizes = yield from sizes_in_parts(surfaces, metres)
+    yield None
     pixels = yield from _pixel_spans(radar, rig, boxes, metres)
     yield None
     measured = {
@@ -351,6 +356,7 @@ def _read(scene: bpy.types.Scene, snapshot: Snapshot) -> Iterator[SceneRecord | 
         tuple(sorted({o.name for o in measured.values() if any_material and o.is_optical})),
         tuple(sorted({name for one in measured.values() for name in one.materials})),
         tuple(visibility),
+        tuple(merge(sizes)),
         pixels,
     )
 
@@ -486,7 +492,7 @@ def quick_findings(
         found.append(finding("no-radar-material", *record.bare))
     if record.optical:
         found.append(finding("optical-material", *record.optical))
-    return merge([*found, *record.visibility])
+    return merge([*found, *record.visibility, *record.sizes])
 
 
 def current_measurement(scene: bpy.types.Scene) -> tuple[Measurement | None, str]:

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import hashlib
+import json
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,15 +17,15 @@ import bpy
 
 from ... import errors
 from ...contract import RUN_FILE, RunRecord
-from ...errors import OutputError, SceneError
+from ...errors import OutputError, RadarSimError, SceneError
 from ...findings import Finding, from_json
 from ...processes import own_folder
 from ...signal.paths import MOST_UNCERTAIN
 from ...signal.pictures import FrameProfile, FrameView, Target, profile_of, read_view
 from ...typed_json import read_record
-from ..rig_settings import settings
+from ..rig_settings import output_folder, settings
 from ..run import scene_text
-from ..scene import active_radar, antennas_of
+from ..scene import active_radar, antennas_of, whole_of
 from .fields import tr
 from .picture_images import draw_image, forget_requests, show_images
 from .result_pictures import KINDS, WIDTH, processing_records
@@ -139,6 +142,8 @@ _OF_NO_FRAME = {
     "output_folder", "overwrite", "frame_mode", "frame_start", "frame_end", "frame_step"
 }  # fmt: skip
 
+#: Custom property of a scene that tells its last run, as JSON.
+_LAST_RUN = "radarsim_last_run"
 #: Where the state of the tab's results hangs on the window manager.
 RESULTS_PROPERTY = "radarsim_results"
 
@@ -165,6 +170,8 @@ class _State:
     owner: object = field(default_factory=object)
     #: Fingerprints of all runs that this window has measured of the open file.
     own: set[str] = field(default_factory=set)
+    #: Whether the file that was opened has a run that is not shown yet.
+    waits: bool = False
     #: Scene of the last run that has begun, and of those that have not.
     scenes: list[MeasuredScene] = field(default_factory=list)
 
@@ -242,6 +249,58 @@ def age_of_results() -> str:
         return tr("Older than the last run: process it")
     edited = last.edited or _radar_of(bpy.context.scene) != last.radar
     return tr("The scene was edited after this run") if edited else ""
+
+
+def has_unseen_run() -> bool:
+    """Return whether the run that the opened file was saved with is there, and not shown yet."""
+    return _state.waits and shown_run() is None
+
+
+@bpy.app.handlers.persistent
+def _keep_with_file(*_: Any) -> None:
+    """Save with each scene which run was its last one, and whether it was edited since."""
+    last = _state.scenes[0] if _state.scenes else None
+    for scene in bpy.data.scenes:
+        if last is not None and last.fingerprint and last.settings[0] == scene.session_uid:
+            record = {
+                "fingerprint": last.fingerprint,
+                "edited": last.edited or _radar_of(scene) != last.radar,
+                "content": _content_of(scene),
+            }
+            scene[_LAST_RUN] = json.dumps(record)
+
+
+def _recall_from_file() -> None:
+    """Take over what was saved with the scene that a file opens with."""
+    scene = bpy.context.scene
+    record = {}
+    with contextlib.suppress(TypeError, ValueError):  # no text, no JSON
+        record = json.loads(scene.get(_LAST_RUN))
+    fingerprint = record.get("fingerprint") if isinstance(record, dict) else None
+    if not isinstance(fingerprint, str) or not fingerprint:
+        return
+    # a Blender without radarsim may have edited the file
+    edited = record.get("edited") is not False or record.get("content") != _content_of(scene)
+    _state.own.add(fingerprint)
+    _state.scenes = [MeasuredScene(_settings_of(scene), _radar_of(scene), edited, fingerprint)]
+    with contextlib.suppress(RadarSimError):
+        folder = output_folder(active_radar(scene))
+        _state.waits = check_own_run(scene, folder) == fingerprint
+
+
+def _content_of(scene: bpy.types.Scene) -> str:
+    """Return a digest of what a scene holds: objects with their places, data and materials."""
+    found = [repr(_settings_of(scene)[1:])]
+    for item in scene.objects:
+        slots = [slot.material and slot.material.name for slot in item.material_slots]
+        data = item.data
+        size = len(data.vertices) if isinstance(data, bpy.types.Mesh) else 0
+        parts = item.name_full, item.type, item.parent and item.parent.name, data and data.name
+        place = [value for row in item.matrix_basis for value in row]
+        if item.animation_data is not None:  # the frame decides where it is
+            place = []
+        found.append(repr((*parts, size, slots, place, item.hide_render)))
+    return hashlib.sha256("\n".join(found).encode()).hexdigest()
 
 
 def _settings_of(scene: bpy.types.Scene) -> tuple[Any, ...]:
@@ -449,9 +508,10 @@ def follow_selection() -> None:
     if _state.run is None or active is None or not active.select_get():
         return
     chosen = _state.chosen
-    if chosen is not None and active.name in (chosen["name"], *chosen["name"].split("/")):
+    names = [name for name in (active.name, whole_of(active)) if name]  # a wheel, its car
+    if chosen is not None and {*names} & {chosen["name"], *chosen["name"].split("/")}:
         return  # it was chosen in the list
-    target = _of_object(active.name)
+    target = next(filter(None, map(_of_object, names)), None)
     if target is not None:
         _choose(context, target)
 
@@ -494,7 +554,8 @@ def uncertain_text(item: Target) -> str:
 def _forget_at_load(*_: Any) -> None:
     forget_run()
     forget_requests()
-    _state.own, _state.scenes = set(), []
+    _state.own, _state.scenes, _state.waits = set(), [], False
+    _recall_from_file()
     _subscribe()
 
 
@@ -514,6 +575,7 @@ def follow_objects() -> None:
     if _forget_at_load not in bpy.app.handlers.load_post:
         bpy.app.handlers.load_post.append(_forget_at_load)
         bpy.app.handlers.depsgraph_update_post.append(_note_edit)
+        bpy.app.handlers.save_pre.append(_keep_with_file)
         _subscribe()
 
 
@@ -523,4 +585,5 @@ def ignore_objects() -> None:
     if _forget_at_load in bpy.app.handlers.load_post:
         bpy.app.handlers.load_post.remove(_forget_at_load)
         bpy.app.handlers.depsgraph_update_post.remove(_note_edit)
+        bpy.app.handlers.save_pre.remove(_keep_with_file)
         bpy.msgbus.clear_by_owner(_state.owner)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -115,6 +116,24 @@ class FrameInput:
                 "Measure the scene by paths (Sampling mode: Paths, or --sampling-mode paths)."
             )
         return self.tables[0]
+
+    @cached_property
+    def whole_names(self) -> dict[str, str]:
+        """Name under which lists count each object of the table: its own, or that of the object
+        whose part it is.
+        """
+        scene = [] if self.ground_truth is None else self.ground_truth.objects
+        wholes = {item.name: item.part_of for item in scene if item.part_of}
+        return {name: wholes.get(name, name) for name in self.table.record.objects}
+
+    def by_parts(self) -> FrameInput:
+        """Return the input with each part of an object, such as the wheel of a car, by itself."""
+        if self.ground_truth is None:
+            return self
+        objects = [dataclasses.replace(item, part_of="") for item in self.ground_truth.objects]
+        return dataclasses.replace(
+            self, ground_truth=dataclasses.replace(self.ground_truth, objects=objects)
+        )
 
     def of_update(self, number: int) -> FrameInput:
         """Return the input with one visibility update of the burst alone, counted from 0."""

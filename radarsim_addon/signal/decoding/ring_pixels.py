@@ -162,17 +162,24 @@ def _rays(receiver: ReceiverRecord, width_px: int, height_px: int) -> PixelRays:
     )
 
 
-def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
-    """Whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+def image_places(points_m: Real, receiver: ReceiverRecord) -> tuple[Real, Real]:
+    """Return where points (n, 3) [m] are in the coordinates of a receiver's edges, (n,) each.
+
+    They are NaN for points behind the receiver, unless it is equirectangular.
+    """
     pose = np.asarray(receiver.matrix_world, dtype=np.float64)
     x, y, z = ((points_m - pose[:3, 3]) @ pose[:3, :3]).T
     if receiver.kind == "equirectangular":
         u, v = np.arctan2(x, -z), np.arctan2(y, np.hypot(x, z))
         middle = (receiver.left + receiver.right) / 2
-        u = middle + (u - middle + math.pi) % (2 * math.pi) - math.pi
-    else:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u, v = np.where(z < 0, x / -z, np.nan), y / -z
+        return middle + (u - middle + math.pi) % (2 * math.pi) - math.pi, v
+    depth = np.where(z < 0, 1.0 if receiver.kind == "orthographic" else -z, np.nan)
+    return x / depth, y / depth
+
+
+def in_view(points_m: Real, receiver: ReceiverRecord) -> Mask:
+    """Whether points (n, 3) [m] lie in the directions that a receiver renders, (n,)."""
+    u, v = image_places(points_m, receiver)
     across = (u >= receiver.left) & (u <= receiver.right)
     return np.asarray(across & (v >= receiver.bottom) & (v <= receiver.top))
 

@@ -249,6 +249,8 @@ class TargetPaths:
     #: None over mirrors.
     reflections: int = 0
     rcs_m2_per_w: float | None = None
+    #: Where the strongest path of this name leaves the receiver for, (3,) [m]; None without paths.
+    seen_at_m: Real | None = None
 
 
 class BeamSines(NamedTuple):
@@ -264,6 +266,7 @@ class BeamSines(NamedTuple):
 class PathFinder:
     """Finds the paths of a frame (sampling mode "paths") that make a target.
 
+    A part of an object, such as the wheel of a car, has the object's name.
     Powers are those of the link budget; None: EIRP of the render, G_r = 1.
     """
 
@@ -271,6 +274,11 @@ class PathFinder:
         self._input, self._radar = frame_input, frame_input.radar
         table, waveform = frame_input.table, self._radar.waveform
         self._record, self._rows = table.record, table.rows
+        # A part is counted with its whole: numbers stand for the first object of that name.
+        self._wholes = frame_input.whole_names
+        self._names = ["", *(self._wholes[name] for name in self._record.objects)]
+        first = {name: number for number, name in reversed(list(enumerate(self._names)))}
+        self._whole = np.array([first[name] for name in self._names], dtype=np.int64)
         burst_s = (self._radar.burst.pulses - 1) / self._radar.burst.prf_hz
         motion = table.motion
         self._moves = np.zeros(0, bool) if motion is None else which_move(motion.bodies)
@@ -339,15 +347,15 @@ class PathFinder:
         return np.asarray((np.abs(sines - beam.sines) <= beam.reach).all(axis=1))
 
     def of_object(self, name: str, most: int = 12) -> TargetPaths:
-        """Return the strongest paths whose first or last scatterer is on an object."""
-        if name not in self._record.objects:
+        """Return the strongest paths whose first or last scatterer is on an object or its parts."""
+        pairs = zip(["", *self._record.objects], self._names, strict=True)
+        chosen = np.array([bool(name) and name in pair for pair in pairs])
+        if not chosen.any():
             return TargetPaths("", "", [], np.zeros(0))
-        number = self._record.objects.index(name) + 1
-        ends = self._rows["first_object"] == number
-        ends |= self._rows["last_object"] == number
+        ends = chosen[self._rows["first_object"]] | chosen[self._rows["last_object"]]
         mine = np.flatnonzero(ends)
         found = self._answer(mine, self._power_w[mine], most)
-        return TargetPaths(name, name, found.lines_m, found.power_w)
+        return dataclasses.replace(found, name=name, last_object=name)
 
     def named(self, targets: Iterable[_Target]) -> list[_Target]:
         """Return the targets with the names of the objects that their paths touch."""
@@ -360,14 +368,14 @@ class PathFinder:
         rows, weight = rows[weight > 0], weight[weight > 0]
         if not rows.size:
             return TargetPaths("", "", [], np.zeros(0))
-        ends = np.sort([self._rows[end][rows] for end in ("first_object", "last_object")], axis=0)
-        _, pair = np.unique(ends, axis=1, return_inverse=True)
+        ends = [self._whole[self._rows[end][rows]] for end in ("first_object", "last_object")]
+        _, pair = np.unique(np.sort(ends, axis=0), axis=1, return_inverse=True)
         # A path and its reverse touch the same objects.
         of_pair = np.bincount(pair, weight)
         strongest = np.flatnonzero(pair == of_pair.argmax())
         number = int(rows[strongest[weight[strongest].argmax()]])
         row = self._rows[number]
-        last = self._record.objects[row["last_object"] - 1] if row["last_object"] else ""
+        last = self._names[row["last_object"]]
         chosen = rows[np.argsort(-weight, kind="stable")[:most]]
         lines = [self._line(self._rows[number]) for number in chosen.tolist()]
         powers_w = np.asarray(self._power_w[chosen], dtype=np.float64)
@@ -382,12 +390,12 @@ class PathFinder:
             arrives / np.linalg.norm(arrives) if arrives.any() else None,
             int(row["order"]),
             rcs_m2 / float(self._power_w[number]) if rcs_m2 > 0 else None,
+            self._line(row)[1],
         )
 
     def _name(self, row: Mapping[str, Any]) -> str:
-        names = self._record.objects
-        ends = [int(row[end]) for end in ("first_object", "last_object")]
-        touched = [names[number - 1] for number in dict.fromkeys(ends) if number]
+        ends = [self._names[row[end]] for end in ("first_object", "last_object")]
+        touched = [name for name in dict.fromkeys(ends) if name]
         via: list[str] = []
         if len(touched) == 2:
             first, last = (self._moves_at(int(row[end])) for end in ("first_body", "last_body"))
@@ -398,7 +406,8 @@ class PathFinder:
         if "mirrors" in row:
             unknown -= int(row["mirrors"])
             images = (int(row[end]) for end in ("receiver_image", "transmitter_image"))
-            via += [name for n in images if n for name in self._record.images[n - 1].objects]
+            mirrors = (name for n in images if n for name in self._record.images[n - 1].objects)
+            via += [self._wholes.get(name, name) for name in mirrors]
         text = " and ".join(touched)
         text += f" via {' and '.join(dict.fromkeys(via))}" if via else ""
         return f"{text} ({row['order']} reflections)" if text and unknown > 0 else text

@@ -21,7 +21,7 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from ...arrays import Indices, Integers, Real, distances
+from ...arrays import Indices, Integers, Mask, Real, distances
 from ...contract import PathsRecord, ReceiverRecord
 from ...errors import ConfigError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
@@ -51,9 +51,9 @@ class ObjectEcho:
     """Echo of an object, or of a group of objects.
 
     Powers [W] and cross sections [m^2] have their standard errors; range and rate of the one-way
-    range at t are means weighted by power. `paths` counts rows of the table, all replicates
-    together. `multi_object_power_w`, of paths that also touch other objects (first or last vertex),
-    is not in `power_w`.
+    range at t are means weighted by power, without parts where the object itself has an echo.
+    `paths` counts rows of the table, all replicates together. `multi_object_power_w`, of paths that
+    also touch other objects (first or last vertex), is not in `power_w`.
     """
 
     name: str
@@ -93,7 +93,9 @@ def object_echoes(
 ) -> list[ObjectEcho]:
     """Return power and cross section of every object, or group, with an echo, strongest first.
 
-    Without a link budget the powers are those of the render: its EIRP, and G_r = 1.
+    Without `groups` the parts of an object, such as the wheels of a car, are counted with it;
+    ``open_frame(frame).by_parts()`` as the frame has each part by itself. Without a link budget the
+    powers are those of the render: its EIRP, and G_r = 1.
     """
     return received_echoes(frame, carrier_hz, link, groups)[0]
 
@@ -108,11 +110,17 @@ def received_echoes(
     frame_input = as_input(frame)
     table, waveform = frame_input.table, frame_input.radar.waveform
     record = table.record
+    is_part = np.zeros(len(record.objects) + 1, dtype=bool)
     if groups is None:
-        groups = {name: [name] for name in record.objects}
+        is_part[1:] = [name != whole for name, whole in frame_input.whole_names.items()]
+        joined: dict[str, list[str]] = {}
+        for name, whole in frame_input.whole_names.items():
+            joined.setdefault(whole, []).append(name)
+        groups = joined
     names = list(groups)
     received_w = 0.0
-    sums = _Sums(_owners(record.objects, groups), len(names), record.replicates, record.receiver)
+    owners = _owners(record.objects, groups)
+    sums = _Sums(owners, len(names), record.replicates, record.receiver, is_part)
     for start, stop in _tile_edges(table.rows):
         rows = table.rows[start:stop]
         kept = usable(rows)
@@ -127,17 +135,26 @@ def received_echoes(
 class _Sums:
     """Sums over tiles: the mean of the replicates, and the variance of that mean.
 
-    All are by group, from 1; what has none is at 0.
+    All are by group, from 1; what has none is at 0. An object with parts is where it is itself, and
+    has its own rate: the rotors of a drone, whose rates differ, add power.
     """
 
     def __init__(
-        self, owners: list[Integers], groups: int, replicates: int, camera: ReceiverRecord
+        self,
+        owners: list[Integers],
+        groups: int,
+        replicates: int,
+        camera: ReceiverRecord,
+        is_part: Mask,
     ) -> None:
         self._owners, self._size = owners, groups + 1
         self._replicates, self._camera = replicates, camera
         self._mean, self._variance = np.zeros((2, 2, self._size))
         self._paths = np.zeros(self._size, dtype=np.int64)
         self._range, self._rate, self._shared = np.zeros((3, self._size))
+        self._is_part = is_part
+        #: Power, range and rate of objects without their parts.
+        self._alone = np.zeros((3, self._size))
 
     def add_tile(
         self, rows: PathRows, power: Real, rcs: Real, grids: GridPlaces, number: Indices
@@ -154,6 +171,10 @@ class _Sums:
             self._paths += np.bincount(label, minlength=self._size)
             self._range += self._by_group(label, power * rows["length_m"] / 2)
             self._rate += self._by_group(label, power * rows["range_rate_mps"])
+            if self._is_part.any():
+                alone = np.where(self._is_part[last] | self._is_part[first], 0, label)
+                values = power, power * rows["length_m"] / 2, power * rows["range_rate_mps"]
+                self._alone += [self._by_group(alone, value) for value in values]
             if self._replicates == 1:
                 self._add_lone(rows, label, power, rcs, grids.of_views(number))
             else:
@@ -217,6 +238,10 @@ class _Sums:
 
     def echoes(self, names: Sequence[str]) -> list[ObjectEcho]:
         errors = np.sqrt(self._variance)
+        weight, range_m, rate_mps = self._mean[0], self._range, self._rate
+        if self._is_part.any():
+            known = self._alone[0] > 0
+            weight, range_m, rate_mps = np.where(known, self._alone, [weight, range_m, rate_mps])
         return [
             ObjectEcho(
                 name=name,
@@ -225,9 +250,9 @@ class _Sums:
                 power_error_w=float(errors[0, i]),
                 rcs_m2=float(self._mean[1, i]),
                 rcs_error_m2=float(errors[1, i]),
-                range_m=float(self._range[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
+                range_m=float(range_m[i] / weight[i]) if weight[i] else 0.0,
                 multi_object_power_w=float(self._shared[i]),
-                range_rate_mps=float(self._rate[i] / self._mean[0, i]) if self._mean[0, i] else 0.0,
+                range_rate_mps=float(rate_mps[i] / weight[i]) if weight[i] else 0.0,
             )
             for i, name in enumerate(names, start=1)
             if self._paths[i] or self._shared[i]
@@ -307,7 +332,7 @@ def path_rcs_m2(rows: PathRows, record: PathsRecord) -> Real:
 
 def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
     """Return the objects of a frame by name, by the name of a collection, or by a pattern with *
-    and ?.
+    and ?. With an object come its parts.
     """
     frame_input = as_input(frame)
     record, scene = frame_input.table.record, frame_input.ground_truth
@@ -315,7 +340,11 @@ def matching_objects(frame: RadarFrame | FrameInput, pattern: str) -> list[str]:
     for item in scene.objects if scene is not None else []:
         for name in item.collections:
             collections.setdefault(name, set()).add(item.name.rsplit("/", 1)[-1])
-    found = [name for name in record.objects if fnmatchcase(name, pattern)]
+    found = [
+        name
+        for name, whole in frame_input.whole_names.items()
+        if fnmatchcase(name, pattern) or fnmatchcase(whole, pattern)
+    ]
     if not found:
         inside = {
             item

@@ -8,7 +8,14 @@ text for people, `commands` the commands that process nothing (info, objects, an
 """
 
 from ..products import FrameResult
-from .cli import FrameProcessor, frame_lines, main, parse_process_arguments, process_options
+from .cli import (
+    FrameProcessor,
+    frame_lines,
+    kept_lines,
+    main,
+    parse_process_arguments,
+    process_options,
+)
 from .commands import write_coverage
 from .frame import process_frame
 from .options import ProcessOptions, ResolvedOptions
@@ -21,6 +28,7 @@ __all__ = [
     "Progress",
     "ResolvedOptions",
     "frame_lines",
+    "kept_lines",
     "main",
     "parse_process_arguments",
     "process_frame",

@@ -78,7 +78,7 @@ def add_process_parser(commands: Subcommands) -> None:
     options, receiver, cfar = declared(ProcessOptions), declared(Receiver), declared(Cfar)
     files = ("products", "plots", "animate", "animation_format", "hdf5", "sigmf")
     of_radar = ("link_budget", "thermal_noise")
-    detection = ("mti",)
+    detection = ("mti", "parts")
     others = [name for name in options if name not in (*files, *of_radar, *detection)]
     add_arguments(process, options, *others, defaults=True)
     group = process.add_argument_group("radar and receiver (docs/waveforms.md, docs/receiver.md)")
@@ -299,7 +299,9 @@ def main(arguments: Sequence[str] | None = None, others: Mapping[str, str] | Non
         if chosen.command == "antennas":
             return print_antennas(chosen.source, chosen.out, chosen.carrier_ghz)
         if chosen.command == "objects":
-            return print_objects(chosen.folder, chosen.object, chosen.frames, chosen.link_budget)
+            return print_objects(
+                chosen.folder, chosen.object, chosen.frames, chosen.link_budget, chosen.parts
+            )
         if chosen.command == "merge":
             return merge_parts(chosen.out, chosen.parts)
         if chosen.command == "info":

@@ -216,12 +216,17 @@ def add_objects_parser(commands: Subcommands, frame_numbers: Callable[[str], lis
         help="object, collection, or a pattern with * and ?; several are taken together "
         "[each object by itself]",
     )
+    parser.add_argument("--parts", action="store_true", help="parts of objects by themselves")
     parser.add_argument("--frames", type=frame_numbers, metavar="A:B", help="frames [all]")
     parser.add_argument("--link-budget", metavar="FILE", help="link budget (JSON) [the run's own]")
 
 
 def print_objects(
-    folder: str, pattern: str | None, frames: Sequence[int] | None, system_file: str | None
+    folder: str,
+    pattern: str | None,
+    frames: Sequence[int] | None,
+    system_file: str | None,
+    parts: bool = False,
 ) -> int:
     """Print a line for each frame and object; return the exit code."""
     run = open_run(folder)
@@ -233,6 +238,7 @@ def print_objects(
         if gaps:
             raise FrameFileError(f"{frame.path}: {gaps[0].reason}. Render the run again.")
         frame_input = open_frame(frame, link_budget=link_budget)
+        frame_input = frame_input.by_parts() if parts else frame_input
         groups = None if pattern is None else {pattern: matching_objects(frame_input, pattern)}
         link = FrameBudget(frame_input).link
         echoes = object_echoes(frame_input, run.radar.waveform.carrier_hz, link, groups)

@@ -119,6 +119,9 @@ class ProcessOptions:
     )  # fmt: skip
     cfar: Cfar | None = None
     spectrogram: SpectrogramOptions | None = None
+    parts: bool = setting(
+        "Parts", "List parts of objects, such as the wheels of a car, by themselves", False
+    )
     hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
     sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
 
@@ -262,9 +265,10 @@ class ResolvedOptions(ProcessOptions):
         FrameFileError, SchemaError
             As :func:`.decoding.open_frame`.
         """
-        return open_frame(
+        opened = open_frame(
             frame, radar=self.radar, link_budget=self.link_budget, range_limits_m=self.limits_m
         )
+        return opened.by_parts() if self.parts else opened
 
     def record(self) -> dict[str, Any]:
         """Return the options as plain JSON, without the radar, which has a record of its own."""

@@ -10,7 +10,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from ...contract import (
     render_stem,
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
-from ...findings import Finding, frames_text
+from ...findings import Finding, frames_text, merge
 from ...typed_json import check_run, file_sha256, from_json, read_record
 from ..radar import Radar, Weather, burst_from_dict, channels_from_dict, waveform_from_dict
 from .exr import read_exr
@@ -397,3 +397,22 @@ def frame_findings(folder: Path, frames: Iterable[int]) -> list[Finding]:
         if path.is_file():
             found += read_record(path, PathsRecord).findings
     return found
+
+
+def done_before_text(run: Run, frames: Sequence[int]) -> str:
+    """Return one line about frames that were rendered before: number of paths or images, standard
+    errors, number of findings.
+    """
+    where = f"{frames_text(frames, run.record.frames)}: done before"
+    if run.record.sampling_mode != "paths":
+        return f"{where}; {sum(run.frame(frame).planned for frame in frames)} images"
+    records = [read_record(run.frame(frame).path / PATHS_FILE, PathsRecord) for frame in frames]
+    paths = sum(record.path_count for record in records)
+    errors = sorted(record.relative_error for record in records if record.path_count)
+    texts = [f"{100 * error:.2g} %" for error in (*errors[:1], *errors[-1:])]
+    known = " to ".join(dict.fromkeys(texts)) or "unknown"
+    count = len(merge(item for record in records for item in record.findings))
+    return (
+        f"{where}; {paths:,} paths, standard error {known}, "
+        f"{count} finding{'' if count == 1 else 's'}"
+    )

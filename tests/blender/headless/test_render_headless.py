@@ -91,6 +91,21 @@ def test_paths_are_measured_where_asked_for(here: Command, blend: Path, tmp_path
         again = here(blend, "--out", folder, "--resolution", "16x16", *words)
         assert again.returncode == 0, again.stderr
         assert table.stat().st_mtime_ns == written
+        # it says what is there, as the first one did, and with --process what was made of it
+        count = len({item.code for item in record.findings})
+        known = f"{record.path_count:,} paths, standard error {100 * record.relative_error:.2g} %"
+        assert f"frame 1: done before; {known}, {count} finding" in again.stdout
+        assert "done before" not in done.stdout
+        assert all(f"[{item.code}]" in again.stdout for item in record.findings)
+        processed = here(blend, "--out", folder, "--resolution", "16x16", *words, "--process")
+        assert processed.returncode == 0, processed.stderr
+        assert f"files in {folder / 'products'}" in processed.stdout
+
+
+def test_rings_that_are_done_are_counted(here: Command, blend: Path, tmp_path: Path) -> None:
+    here(blend, "--out", tmp_path / "run")
+    again = here(blend, "--out", tmp_path / "run")
+    assert "frame 1: done before; 6 images" in again.stdout
 
 
 def test_who_finishes_last_processes_a_shared_run(

@@ -15,6 +15,7 @@ bpy = pytest.importorskip("bpy")
 
 from mathutils import Matrix
 
+from radarsim_addon import blender as radarsim
 from radarsim_addon import contract
 from radarsim_addon.blender import nodes
 from radarsim_addon.blender.scene import echoing_boxes, measure_pixel_spans
@@ -325,3 +326,35 @@ def test_pixels_on_the_ground_are_long_in_metres() -> None:
     along_m = range_m * np.sqrt(range_m**2 - 1)
     # a step across the image turns by its cosine, of 0.864 in the corners
     assert np.all(span_m <= along_m * (1 + 1e-9)) and np.all(span_m >= 0.86 * along_m)
+
+
+def test_a_part_names_the_surface_or_armature_that_it_is_parented_to(tmp_path: Path) -> None:
+    """Empties join nothing, clutter has no parts, and instances are counted as they were."""
+    rs.new_scene()
+    armature = bpy.data.objects.new("Walker", bpy.data.armatures.new("Bones"))
+    axle, fleet, slot = (bpy.data.objects.new(name, None) for name in ("Axle", "Fleet", "Slot"))
+    for item in (armature, axle, fleet, slot):
+        bpy.context.scene.collection.objects.link(item)
+    parents = {
+        "Ground": None, "Car": "Ground", "Hub": "Car", "Axle": "Car", "Wheel": "Hub",
+        "Tyre": "Axle", "Taxi": "Fleet", "Bus": "Fleet", "Arm": "Walker", "Hand": "Arm",
+        "Slot": "Car",
+    }  # fmt: skip
+    for number, name in enumerate(parents):
+        if name not in bpy.data.objects:
+            rs.add_plate(10.0 + number, 1.0).name = name
+    ground = bpy.data.objects["Ground"]
+    made = radarsim.material("itu_medium_dry_ground")
+    radarsim.set_clutter(made, "constant_gamma", gamma_db=-12.0)
+    ground.data.materials.clear()
+    ground.data.materials.append(made)
+    rs.instance_of(rs.add_plate(40.0, 1.0), name="Shown").parent = bpy.data.objects["Car"]
+    for name, parent in parents.items():
+        if parent is not None:
+            bpy.data.objects[name].parent = bpy.data.objects[parent]
+    truth, _, _ = measured(tmp_path, width_px=16, height_px=16)
+    wholes = {name: item.part_of for name, item in truth.items()}
+    assert wholes == {
+        "Ground": "", "Car": "", "Hub": "Car", "Wheel": "Car", "Tyre": "Car", "Taxi": "",
+        "Bus": "", "Arm": "Walker", "Hand": "Walker", "Shown/Plate": "",
+    }  # fmt: skip

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -272,6 +273,26 @@ def test_a_row_selects_its_object_and_an_object_its_row(state: Any) -> None:
     assert bpy.context.view_layer.objects.active.name == names[1]
     with pytest.raises(RuntimeError, match="no row 99"):
         bpy.ops.radarsim.select_target(row=99)
+
+
+def test_a_part_that_is_selected_chooses_the_row_of_its_object(state: Any) -> None:
+    process()
+    hub, wheel = (bpy.data.objects.new(name, None) for name in ("Hub", "Wheel"))
+    for item, parent in ((hub, bpy.data.objects["Car"]), (wheel, hub)):
+        bpy.context.scene.collection.objects.link(item)
+        item.parent = parent
+    wheel.select_set(True)
+    bpy.context.view_layer.objects.active = wheel
+    sr.follow_selection()
+    assert chosen() == "Car"
+
+
+def test_parts_are_listed_by_themselves_where_asked(state: Any) -> None:
+    assert "--parts" not in rp.chosen_processing(bpy.context)
+    state.parts = True
+    assert "--parts" in rp.chosen_processing(bpy.context)
+    assert "parts" in recording.drawn(rp.RADARSIM_PT_results).fields
+    process()
 
 
 @pytest.mark.parametrize("picture", ["MAP", "PROFILE", "SPECTROGRAM", "RANGE_TIME"])
@@ -565,3 +586,90 @@ def test_a_view_has_the_direction_that_the_receiver_looks_in(
     view = read_view(tmp_path, 1)
     assert view.azimuth_deg == pytest.approx(azimuth_deg, abs=1e-9)
     assert view.width_deg == pytest.approx(40.0)
+
+
+@pytest.fixture
+def saved(state: Any, tmp_path: Path) -> Path:
+    """A file that was measured and then saved."""
+    settings(active_radar(bpy.context.scene)).output_folder = "//run"
+    path = tmp_path / "mine.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert bpy.ops.radarsim.measure_and_show() == {"FINISHED"}
+    assert sr.age_of_results() == ""
+    bpy.ops.wm.save_mainfile()
+    return path
+
+
+def reopened(path: Path) -> str:
+    """Open a file, process its run as the panel offers it, and return the age of the results."""
+    bpy.ops.wm.open_mainfile(filepath=str(path))
+    assert sr.has_unseen_run() and "This file has a run: process it to see it" in texts()
+    assert sr.shown_view() is None
+    process()
+    assert not sr.has_unseen_run()
+    return sr.age_of_results()
+
+
+def test_a_reopened_file_shows_its_last_run_with_one_click(saved: Path, tmp_path: Path) -> None:
+    before = [tuple(row.values()) for row in bpy.context.window_manager.radarsim_results.rows]
+    picture = pixels("MAP")
+    assert reopened(saved) == ""
+    rows = bpy.context.window_manager.radarsim_results.rows
+    assert [tuple(row.values()) for row in rows] == before and before
+    np.testing.assert_array_equal(pixels("MAP"), picture)
+    # under another name it is still the run of this file
+    other = tmp_path / "other name.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(other))
+    assert reopened(other) == ""
+    bpy.data.objects["Wall"].location.x += 1.0
+    bpy.context.view_layer.update()
+    assert sr.age_of_results() == "The scene was edited after this run"
+
+
+def test_a_file_that_was_edited_after_its_run_says_so(saved: Path) -> None:
+    bpy.data.objects["Wall"].location.x += 1.0
+    bpy.context.view_layer.update()
+    bpy.ops.wm.save_mainfile()
+    assert reopened(saved) == "The scene was edited after this run"
+
+
+def test_a_file_that_was_edited_without_radarsim_says_so(saved: Path) -> None:
+    sr.ignore_objects()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(saved))
+        bpy.data.objects["Wall"].location.x += 1.0
+        bpy.ops.wm.save_mainfile()
+    finally:
+        sr.follow_objects()
+    assert reopened(saved) == "The scene was edited after this run"
+
+
+def test_a_run_that_is_gone_is_not_offered(saved: Path) -> None:
+    shutil.rmtree(saved.parent / "run")
+    bpy.ops.wm.open_mainfile(filepath=str(saved))
+    assert not sr.has_unseen_run()
+    sr.ignore_objects()
+    try:
+        bpy.context.scene[sr._LAST_RUN] = "no JSON"
+        bpy.ops.wm.save_mainfile()
+    finally:
+        sr.follow_objects()
+    bpy.ops.wm.open_mainfile(filepath=str(saved))
+    assert not sr.has_unseen_run() and not sr._state.own
+
+
+def test_a_file_that_was_measured_before_it_was_saved_shows_its_run(
+    state: Any, tmp_path: Path
+) -> None:
+    """The run knows no file name; what the file keeps of it does."""
+    rs.new_scene()
+    apply_preset(bpy.context.scene, active_radar(bpy.context.scene), radar_preset("paper"))
+    rs.add_plate(CAR_M, 2.0).name = "Car"
+    view = settings(active_radar(bpy.context.scene))
+    view.sampling_mode, view.replicates, view.pulses = "paths", 1, 16
+    view.width_px = view.height_px = 16
+    view.output_folder = str(tmp_path / "run")
+    assert bpy.ops.radarsim.measure_and_show() == {"FINISHED"}
+    path = tmp_path / "first.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    assert reopened(path) == ""

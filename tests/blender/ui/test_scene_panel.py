@@ -470,3 +470,20 @@ def test_a_radar_without_its_camera_is_said_until_it_has_one(scene: Any) -> None
     scene.camera = camera
     bpy.context.view_layer.update()
     assert "cannot measure" not in recording.drawn(*recording.TAB).texts
+
+
+def test_a_size_that_does_not_fit_a_name_is_listed_at_once(scene: Any) -> None:
+    """Until it is scaled; the arrow selects the object."""
+    rs.setup_rig(scene)
+    bpy.ops.mesh.primitive_cube_add(location=(0, 60, 0))
+    item = bpy.context.object
+    item.name, item.dimensions = "Parked Car", (18, 45, 15)
+    (found,) = (one for one in quick() if one.code == "size-implausible")
+    assert "a car of 45 m" in found.text and "(scale by 0.09)" in found.text
+    (select,) = buttons_of("size-implausible")
+    item.select_set(False)
+    press(select)
+    assert bpy.context.selected_objects == [item]
+    item.scale = item.scale * 0.1
+    bpy.context.view_layer.update()
+    assert not [one for one in quick() if one.code == "size-implausible"]

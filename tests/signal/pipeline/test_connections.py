@@ -5,13 +5,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from radarsim_addon.contract import AntennaRecord, LinkBudget
+from radarsim_addon.contract import (
+    GROUND_TRUTH_FILE,
+    AntennaRecord,
+    GroundTruthRecord,
+    LinkBudget,
+    ObjectRecord,
+    frame_dir,
+)
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -28,6 +36,7 @@ from radarsim_addon.signal import (
     process_run,
 )
 from radarsim_addon.signal.radar import Weather
+from radarsim_addon.typed_json import write_record
 from tests.signal import synthetic
 from tests.signal import unequal as u
 
@@ -269,6 +278,25 @@ def test_a_canceller_passes_what_moves(run: Path, base: FrameResult) -> None:
         assert mean[column] == pytest.approx(gain * coherent_w(echo), rel=2e-2)
     assert mean[column_of(result.rd_map, MAST)] < 1e-6 * coherent_w(MAST)
     np.testing.assert_array_equal(result.echoes.samples, base.echoes.samples)
+
+
+def test_parts_are_listed_by_themselves_where_asked(run: Path, tmp_path: Path) -> None:
+    """The mast is a part of the boat, which keeps its own range rate."""
+    copied = tmp_path / "run"
+    shutil.copytree(run, copied)
+    record = open_run(run).record
+    objects = [
+        ObjectRecord(echo.name, None, echo.range_m, None, part_of="Boat" if echo is MAST else "")
+        for echo in u.ECHOES
+    ]
+    truth = GroundTruthRecord(1, 0.0, objects, record.fingerprint)
+    write_record(copied / frame_dir(1) / GROUND_TRUTH_FILE, truth)
+    whole = processed(copied).budget.objects
+    assert [echo.name for echo in whole] == ["Boat", "Aircraft"]
+    assert whole[0].power_w == pytest.approx(MAST.power_w + BOAT.power_w, rel=1e-9)
+    assert whole[0].range_rate_mps == pytest.approx(BOAT.rate_mps)
+    parts = processed(copied, parts=True).budget.objects
+    assert [echo.name for echo in parts] == ["Mast", "Boat", "Aircraft"]
 
 
 def test_speckle_and_its_cells(run: Path, base: FrameResult) -> None:
