@@ -180,7 +180,7 @@ def test_who_joins_a_run_does_not_look_at_all_its_frames_again(
             looked.clear()
             words = [blend, "--out", folder, "--frames", f"1:{frames}", *WORDS]
             worker = FrameRenderer(parse_render_arguments([str(word) for word in words]), joins)
-            assert worker.do(1) == {"earlier": True}
+            assert worker.do(1) == {"earlier": True, "findings": []}
             worker.close()
             assert len(looked) == count
     finally:
