@@ -195,15 +195,20 @@ def processing_records(folder: Path, views: Path, words: Sequence[str]) -> Itera
     """
     # slow: not for `add-on enabled`
     from ...signal.pictures import write_view
-    from ...signal.pipeline import parse_process_arguments, process_options, process_run
+    from ...signal.pipeline import (
+        Progress,
+        parse_process_arguments,
+        process_options,
+        process_run,
+    )
 
     chosen = parse_process_arguments(["process", str(folder), "--no-plots", *words])
     for event in process_run(folder, process_options(chosen)):
-        if hasattr(event, "rd_map"):
+        if isinstance(event, Progress):
+            yield {"fraction": event.done / max(event.total, 1), "text": event.text}
+        else:
             write_view(event, views)
             yield _frame_record(event)
-        else:
-            yield {"fraction": event.done / max(event.total, 1), "text": event.text}
 
 
 def _frame_record(result: Any) -> dict[str, Any]:

@@ -11,7 +11,14 @@ with noise and clutter, `statistics` counts paths and reports doubtful ones.
 
 from .array_targets import DirectedDetection, detect_in_directions, named_in_directions
 from .cfar import Cfar, CfarKind, CfarResult, cfar_threshold
-from .detections import Detection, Detections, PathFinder, detect_targets, target_count
+from .detections import (
+    Detection,
+    Detections,
+    PathFinder,
+    TargetPaths,
+    detect_targets,
+    target_count,
+)
 from .moving_targets import (
     SLOWEST_CELLS,
     DopplerFolds,
@@ -19,7 +26,7 @@ from .moving_targets import (
     received_recording,
     velocity_before_folding_mps,
 )
-from .objects import matching_objects, object_echoes, paths_of_objects
+from .objects import ObjectEcho, matching_objects, object_echoes, paths_of_objects
 from .peaks import (
     MAX_EDGES,
     LeadingEdge,
@@ -46,9 +53,11 @@ __all__ = [
     "FrameBudget",
     "FrameStatistics",
     "LeadingEdge",
+    "ObjectEcho",
     "PathFinder",
     "Peak",
     "StatisticsSum",
+    "TargetPaths",
     "cfar_threshold",
     "detect_in_directions",
     "detect_targets",

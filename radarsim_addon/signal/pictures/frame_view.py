@@ -19,7 +19,15 @@ import numpy as np
 
 from ...arrays import Real, read_npz
 from ...typed_json import from_json
-from ..detection import DirectedDetection, FrameBudget, PathFinder, matching_objects
+from ..detection import (
+    Detection,
+    DirectedDetection,
+    FrameBudget,
+    ObjectEcho,
+    PathFinder,
+    TargetPaths,
+    matching_objects,
+)
 from ..products import FrameResult
 from .echo import EchoAxes, echo_axes
 from .figure import MOST_CELLS, cell_width, strongest
@@ -126,8 +134,8 @@ def read_view(folder: Path, frame: int) -> FrameView:
     return FrameView(arrays=arrays, **record)
 
 
-def write_view(result: Any, folder: Path) -> None:
-    """Write the data for pictures of a frame's result (a `signal.FrameResult`)."""
+def write_view(result: FrameResult, folder: Path) -> None:
+    """Write the data for pictures of a frame's result."""
     source, radar = result.source, result.rd_map.radar
     finder = PathFinder(source, FrameBudget(source).link) if source.tables else None
     interval_mps = 2 * radar.max_unambiguous_velocity_mps
@@ -136,7 +144,7 @@ def write_view(result: Any, folder: Path) -> None:
 
     errors = {echo.name: echo.power_error for echo in result.budget.objects}
 
-    def of_object(echo: Any) -> Target:
+    def of_object(echo: ObjectEcho) -> Target:
         budget, rate = result.budget, echo.range_rate_mps
         place_m = echo.range_m + later_s * rate
         snr = budget.snr.get(echo.name)
@@ -155,11 +163,11 @@ def write_view(result: Any, folder: Path) -> None:
             lines_m=_lines(finder.of_object(echo.name, _MOST_PATHS)) if finder else [],
         )
 
-    def of_detection(item: Any) -> Target:
+    def of_detection(item: Detection) -> Target:
         found = finder.of_target(item.range_m, item.velocity_mps, _MOST_PATHS) if finder else None
         watts = result.echoes.amplitude_model == "radar-equation"
         true_mps = item.unfolded_velocity_mps
-        directed = isinstance(item, DirectedDetection)
+        directed = item if isinstance(item, DirectedDetection) else None
         return Target(
             name=item.name if directed else found.name if found else "",
             range_m=item.range_m,
@@ -167,11 +175,11 @@ def write_view(result: Any, folder: Path) -> None:
             map_range_m=item.range_m,
             map_velocity_mps=item.velocity_mps,
             power_dbm=item.level_db + 30 if watts else None,
-            rcs_dbsm=item.rcs_dbsm if directed else None,
+            rcs_dbsm=directed.rcs_dbsm if directed else None,
             snr_db=item.snr_db,
             power_error=errors.get(found.last_object, 0.0) if found else 0.0,
-            azimuth_deg=item.azimuth_deg if directed else None,
-            elevation_deg=item.elevation_deg if directed else None,
+            azimuth_deg=directed.azimuth_deg if directed else None,
+            elevation_deg=directed.elevation_deg if directed else None,
             lines_m=_lines(found) if found else [],
         )
 
@@ -180,7 +188,7 @@ def write_view(result: Any, folder: Path) -> None:
     ahead = -matrix[:3, 2]
     perspective = camera.kind == "perspective"
     width = math.atan(camera.right) - math.atan(camera.left) if perspective else 0.0
-    record = {
+    record: dict[str, Any] = {
         "frame": result.frame,
         "time_s": result.time_s,
         "unit": "dBW" if result.echoes.amplitude_model == "radar-equation" else "dB",
@@ -202,7 +210,7 @@ def write_view(result: Any, folder: Path) -> None:
     _file(folder, result.frame, "json").write_text(text, encoding="utf-8")
 
 
-def _spectrogram_rows(result: Any, targets: list[Target]) -> list[int]:
+def _spectrogram_rows(result: FrameResult, targets: list[Target]) -> list[int]:
     """Return the indices of the targets that lie within the ranges of the spectrogram and, if it
     shows some objects only, belong to these.
     """
@@ -223,7 +231,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _lines(found: Any) -> list[list[list[float]]]:
+def _lines(found: TargetPaths) -> list[list[list[float]]]:
     """Return corners of paths, to a tenth of a millimetre."""
     return [np.round(line, 4).tolist() for line in found.lines_m]
 

@@ -26,7 +26,7 @@ from ...messages import Message
 from ...movie_file import png_bytes
 from ..maps import power_to_db
 from .antennas import plot_coverage
-from .echo import empty_echo
+from .echo import EchoAxes, empty_echo
 from .figure import TALL_TEXT, Sheet, cell_width, new_figure, range_unit, save_figure, time_unit
 from .frame_view import FrameProfile, FrameView, profile_of, read_view
 from .map import (
@@ -138,7 +138,7 @@ class _Levels(NamedTuple):
     title: Text
 
 
-def _units_of(axes: Any) -> tuple[float, float]:
+def _units_of(axes: MapAxes | SpectrogramAxes | EchoAxes) -> tuple[float, float]:
     if isinstance(axes, MapAxes):
         return axes.doppler_unit.size, axes.range_unit.size
     if isinstance(axes, SpectrogramAxes):
@@ -154,7 +154,9 @@ _EMPTY: dict[str, tuple[Callable[..., tuple[Axes, AxesImage, Colorbar]], str]] =
 
 
 @functools.lru_cache(maxsize=8)
-def _empty_levels(kind: str, axes: Any, floor_db: float, width_px: int) -> _Levels:
+def _empty_levels(
+    kind: str, axes: MapAxes | SpectrogramAxes | EchoAxes, floor_db: float, width_px: int
+) -> _Levels:
     figure = new_figure(WIDTH_IN, HEIGHT_IN)
     axis, image, bar = _EMPTY[kind][0](figure, axes, floor_db)
     title = axis.set_title(TALL_TEXT, fontsize=10)

@@ -252,7 +252,7 @@ def channels_from_dict(data: Sequence[dict[str, Any]]) -> tuple[Channel, ...]:
     return found or (SINGLE_CHANNEL,)
 
 
-def _elements(data: Any, where: str) -> tuple[Element, ...]:
+def _elements(data: object, where: str) -> tuple[Element, ...]:
     if not isinstance(data, list) or len(data) > MAX_CHANNELS:
         raise ConfigError(f"{where} is {data!r:.60}; expected a list of at most {MAX_CHANNELS}.")
     return tuple(

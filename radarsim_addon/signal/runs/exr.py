@@ -265,14 +265,14 @@ def read_exr(path: str | Path, channels: Sequence[str] = CHANNELS) -> dict[str, 
     return images
 
 
-def _read_openexr(module: Any, path: Path, channels: Sequence[str]) -> dict[str, Single]:
+def _read_openexr(module: ModuleType, path: Path, channels: Sequence[str]) -> dict[str, Single]:
     with module.File(str(path), separate_channels=True) as file:
         found = file.channels()
         # copies: the library's own buffers die with the file
         return {name: np.array(found[name].pixels) for name in channels}
 
 
-def _read_openimageio(module: Any, path: Path, channels: Sequence[str]) -> dict[str, Single]:
+def _read_openimageio(module: ModuleType, path: Path, channels: Sequence[str]) -> dict[str, Single]:
     source = module.ImageInput.open(str(path))
     if source is None:
         raise RuntimeError(module.geterror() or "OpenImageIO cannot open it")
@@ -321,13 +321,13 @@ def write_exr(path: str | Path, images: Mapping[str, NDArray[Any]]) -> None:
             raise cannot_write(path, error) from error
 
 
-def _write_openexr(module: Any, path: Path, planes: Mapping[str, Single]) -> None:
+def _write_openexr(module: ModuleType, path: Path, planes: Mapping[str, Single]) -> None:
     header = {"compression": module.ZIP_COMPRESSION, "type": module.scanlineimage}
     with module.File(header, dict(planes)) as file:
         file.write(str(path))
 
 
-def _write_openimageio(module: Any, path: Path, planes: Mapping[str, Single]) -> None:
+def _write_openimageio(module: ModuleType, path: Path, planes: Mapping[str, Single]) -> None:
     pixels = np.stack(list(planes.values()), axis=-1)
     height, width, count = pixels.shape
     spec = module.ImageSpec(width, height, count, module.FLOAT)
