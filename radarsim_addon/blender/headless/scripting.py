@@ -336,7 +336,7 @@ def add_radar(
     return rig
 
 
-def _look(rig: Any, target: Sequence[float]) -> None:
+def _look(rig: bpy.types.Object, target: Sequence[float]) -> None:
     direction = Vector(target) - rig.location
     if direction.length == 0:
         raise ConfigError(
@@ -361,7 +361,7 @@ class Antennas(NamedTuple):
     transmitter: Any
 
 
-def antennas(rig: Any) -> Antennas:
+def antennas(rig: bpy.types.Object) -> Antennas:
     """Return the antennas of a radar, for example to place them apart from one another.
 
     Parameters
@@ -386,7 +386,7 @@ def antennas(rig: Any) -> Antennas:
     return Antennas(found.camera, found.emitter)
 
 
-def settings(rig: Any) -> Settings:
+def settings(rig: bpy.types.Object) -> Settings:
     """Return the settings of a radar by their names, in SI and float64.
 
     Parameters

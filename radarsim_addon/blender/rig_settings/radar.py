@@ -291,7 +291,7 @@ _ALL: dict[str, Declared | Mapping[str, Declared]] = {
 }
 
 
-def settings(radar: Any) -> Settings:
+def settings(radar: bpy.types.Object) -> Settings:
     """Return the settings of a radar by their names, in SI and float64.
 
     Parameters
@@ -535,7 +535,7 @@ def _frames(scene: bpy.types.Scene, view: Settings) -> tuple[int, ...]:
     return tuple(frames)
 
 
-def read_path_options(radar: Any, **given: Any) -> PathOptions:
+def read_path_options(radar: bpy.types.Object, **given: Any) -> PathOptions:
     """Return how paths are followed."""
     return settings(radar).record(PathOptions, **_of(PathOptions, given))
 
@@ -564,7 +564,7 @@ def read_link_budget(
     return record
 
 
-def own_link_budget(radar: Any) -> LinkBudget | None:
+def own_link_budget(radar: bpy.types.Object) -> LinkBudget | None:
     """Return the link budget of a radar's settings, antennas unchecked; None without one."""
     view = settings(radar)
     if not view.use_link_budget:
@@ -574,7 +574,7 @@ def own_link_budget(radar: Any) -> LinkBudget | None:
     return view.record(LinkBudget, **antennas)
 
 
-def output_folder(radar: Any) -> Path:
+def output_folder(radar: bpy.types.Object) -> Path:
     """Return the output folder as an absolute path; it may not exist.
 
     Raises OutputError if none is set, or it is relative to a file that was never saved.
