@@ -207,7 +207,7 @@ def test_neighbours_change_nothing() -> None:
     both = np.concatenate([vertices, back]), np.concatenate([triangles, triangles + len(vertices)])
     mesh = TriangleMesh(*both)
     origin = np.array([0.3, -0.2, 30.0])
-    u, v = np.meshgrid(*2 * [np.linspace(-2.5, 2.5, 120)])
+    u, v = np.meshgrid(*2 * [np.linspace(-2.5, 2.5, 60)])
     aims = np.stack([u.ravel(), v.ravel(), np.zeros(u.size)], axis=1)
     directions = (aims - origin) / np.linalg.norm(aims - origin, axis=1, keepdims=True)
     exact = first_hits(*both, origin, directions)

@@ -23,7 +23,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.pipeline import main
 from tests.signal.synthetic import Setup, points, run_record, write_run
-from tests.worker_processes import differences, finished, products
+from tests.worker_processes import differences, products
 
 FRAMES = (1, 2, 3, 4)
 SETUP = Setup(
@@ -32,7 +32,7 @@ SETUP = Setup(
     radar=Radar(Waveform(5.3e9, 50e6, 2.5e-6, 60e6), Burst(1000.0, 64)),
 )
 ECHOES = [(5, 6, 300.0, 5.0, 1e-6)]
-QUICK = ProcessOptions(products=False, plots=False, animate=True, cfar=Cfar())
+QUICK = ProcessOptions(products=False, plots=False, animate=True, cfar=Cfar(pfa=1e-12))
 
 
 @pytest.fixture(scope="module")
@@ -146,15 +146,23 @@ def test_more_frames_and_another_version(folder: Path, monkeypatch: pytest.Monke
     assert processed(folder) == [*FRAMES, 5]
 
 
-def test_workers_keep_what_one_process_has_done(folder: Path, tmp_path: Path) -> None:
+def test_workers_keep_what_one_process_has_done(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """And the other way round, with pictures and the animation's common colours."""
-    finished("process", folder)
+
+    def finished(*words: str) -> str:
+        capsys.readouterr()
+        assert main(["process", str(folder), *words]) == 0
+        return capsys.readouterr().out
+
+    finished()
     alone = products(folder)
     for frame in (2, 4):
         (folder / f"products/frame_{frame:04d}_summary.json").unlink()
-    out = finished("process", folder, "--workers", 2)
+    out = finished("--workers", "2")
     assert out.count("done before") == 2
     assert not differences(products(folder), alone)
-    out = finished("process", folder)
+    out = finished()
     assert out.count("done before") == len(FRAMES)
     assert not differences(products(folder), alone)

@@ -77,11 +77,11 @@ def intensities(
     [
         (9, 0.0, None),  # 49 paths on the plate
         (64, 0.0, None),
-        (64, 50.0, None),
-        (64, 0.0, 0.0),
-        (64, 0.0, 0.3 / WAVENUMBER),
-        (64, 0.0, 1.5 / WAVENUMBER),
-        (64, 0.0, 5 / WAVENUMBER),
+        (32, 50.0, None),
+        (32, 0.0, 0.0),
+        (32, 0.0, 0.3 / WAVENUMBER),
+        (32, 0.0, 1.5 / WAVENUMBER),
+        (32, 0.0, 5 / WAVENUMBER),
     ],
 )
 def test_mean_power_and_exponential_intensity(
@@ -124,7 +124,7 @@ def test_level_of_a_smooth_surface_does_not_grow_with_the_resolution(
     tmp_path: Path, kh: float
 ) -> None:
     """It did by 6 dB for each doubling, 39 dB at 128 pixels: a coherent sum over pixel centres."""
-    for size_px in (16, 32, 64, 128):
+    for size_px in (16, 64):
         record, table, _ = scene(tmp_path / f"run{size_px}", side_m=3.0, size_px=size_px)
         surface = {1: Roughness(kh / WAVENUMBER)}
         ratio = intensities(record, table, 200, surface, cell_m=2.0**-4) / table["power_w"].sum()
