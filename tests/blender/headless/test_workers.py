@@ -161,7 +161,9 @@ def test_dask_workers_change_no_byte(blend: Path, alone: Path, tmp_path: Path) -
     with dask_cluster(tmp_path) as address:
         words: list[Any] = ["--frames", f"1:{FRAMES}", *WORDS, "--dask", address]
         finished("render", blend, "--out", folder, *words)
+        finished("process", folder, "--no-plots", "--cfar", "ca", "--dask", address)
     assert_same(folder, alone)
+    assert not differences(products(folder), products(alone))
 
 
 def test_who_joins_a_run_does_not_look_at_all_its_frames_again(

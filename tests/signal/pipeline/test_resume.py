@@ -144,25 +144,3 @@ def test_more_frames_and_another_version(folder: Path, monkeypatch: pytest.Monke
         "radarsim_addon.signal.pipeline.process._software", lambda: {"radarsim": "9.9.9"}
     )
     assert processed(folder) == [*FRAMES, 5]
-
-
-def test_workers_keep_what_one_process_has_done(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """And the other way round, with pictures and the animation's common colours."""
-
-    def finished(*words: str) -> str:
-        capsys.readouterr()
-        assert main(["process", str(folder), *words]) == 0
-        return capsys.readouterr().out
-
-    finished()
-    alone = products(folder)
-    for frame in (2, 4):
-        (folder / f"products/frame_{frame:04d}_summary.json").unlink()
-    out = finished("--workers", "2")
-    assert out.count("done before") == 2
-    assert not differences(products(folder), alone)
-    out = finished()
-    assert out.count("done before") == len(FRAMES)
-    assert not differences(products(folder), alone)
