@@ -17,7 +17,7 @@ from radarsim_addon.signal import (
 )
 from radarsim_addon.signal.detection import find_moving_targets
 from radarsim_addon.signal.maps import Recording, point_response
-from tests.signal.pointscenes import BURST, PAIRS, WAVEFORMS, clutter, scene, speeds
+from tests.signal.pointscenes import BURST, PAIRS, WAVEFORMS, WINDOWS, clutter, scene, speeds
 from tests.signal.synthetic import Setup, points, write_run
 
 pytestmark = pytest.mark.slow
@@ -98,7 +98,8 @@ def test_a_mover_most_of_whose_pulse_is_not_recorded_has_no_sidelobes_in_the_win
         )
 
 
-@pairs
+@every_waveform
+@pytest.mark.parametrize("window", WINDOWS)
 def test_what_stands_still_does_not_move(name: str, window: str) -> None:
     for mti in (0, 2):
         assert (
