@@ -473,8 +473,8 @@ class SceneTime:
         """Bring the scene to a moment; return the snapshot at it."""
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:
-            show_as_rendered(self._restorer, self._scene)
-            forget_snapshot()  # meshes are those of renders from now on
+            if show_as_rendered(self._restorer, self._scene):
+                forget_snapshot()  # meshes are those of renders from now on
             self._hiding_moves = hiding_is_animated()
         if self._shown is None or (self._hiding_moves and self._shown.frame != instant.frame):
             show_what_renders(self._restorer, self._view_layer)

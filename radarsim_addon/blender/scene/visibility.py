@@ -346,17 +346,22 @@ def show_what_ever_renders(recorder: SettingsRestorer, view_layer: bpy.types.Vie
     show_what_renders(recorder, view_layer)
 
 
-def show_as_rendered(recorder: SettingsRestorer, scene: bpy.types.Scene) -> None:
-    """Give modifiers, node groups, curves... in the viewport their settings for renders."""
+def show_as_rendered(recorder: SettingsRestorer, scene: bpy.types.Scene) -> bool:
+    """Give modifiers, node groups, curves... in the viewport their settings for renders; return
+    whether any was another one.
+    """
     render = scene.render
-    recorder.set(render, "simplify_subdivision", render.simplify_subdivision_render)
-    recorder.set(render, "simplify_child_particles", render.simplify_child_particles_render)
+    changed = recorder.set(render, "simplify_subdivision", render.simplify_subdivision_render)
+    of_renders = render.simplify_child_particles_render
+    changed |= recorder.set(render, "simplify_child_particles", of_renders)
     for item in bpy.data.objects:
         for owner, name, value in _as_rendered(item):
-            recorder.set(owner, name, value)
+            changed |= recorder.set(owner, name, value)
     for tree in bpy.data.node_groups:
         for node in [one for one in tree.nodes if one.bl_idname == "GeometryNodeIsViewport"]:
             _replace_by_false(recorder, tree, node)
+            changed = True
+    return changed
 
 
 def _as_rendered(item: bpy.types.Object) -> Iterator[tuple[Any, str, Any]]:

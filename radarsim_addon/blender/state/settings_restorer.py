@@ -32,17 +32,18 @@ class SettingsRestorer:
     def __init__(self) -> None:
         self._undo: list[tuple[str, Callable[[], None]]] = []
 
-    def set(self, owner: Any, name: str, value: Any) -> None:
-        """Set an attribute and record its former value, if they differ.
+    def set(self, owner: Any, name: str, value: Any) -> bool:
+        """Set an attribute and record its former value, if they differ; return whether they do.
 
         Raises AttributeError, TypeError or ValueError if the owner has no such setting or does not
         accept the value. Nothing is recorded then.
         """
         before = _plain(getattr(owner, name))
         if before == value:
-            return
+            return False
         setattr(owner, name, value)
         self._undo.append((name, lambda: setattr(owner, name, before)))
+        return True
 
     def set_if_present(self, owner: Any, name: str, value: Any) -> None:
         """Set an attribute that only some Blender versions have."""
