@@ -439,6 +439,8 @@ def stop_signals() -> Iterator[None]:
 
     names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {name: signal.signal(getattr(signal, name), interrupt) for name in names}
+    if hasattr(signal, "SIGPIPE"):  # Blender's Python does not ignore it, and workers may end
+        before["SIGPIPE"] = signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     try:
         yield
     finally:

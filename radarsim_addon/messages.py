@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 from collections.abc import Mapping
 from typing import IO, Any, NamedTuple
@@ -30,6 +31,8 @@ def open_messages() -> tuple[IO[bytes], IO[bytes]]:
 
     From now on, everything else that the process prints goes to its standard error.
     """
+    if hasattr(signal, "SIGPIPE"):  # Blender's Python does not ignore it, and the window may end
+        signal.signal(signal.SIGPIPE, signal.SIG_IGN)
     if sys.platform == "win32":
         import msvcrt
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import os
 import queue
+import signal
 import subprocess
 import sys
 import tempfile
@@ -91,9 +92,14 @@ class WorkerProcess:
     def _write(self) -> None:
         stream = self._process.stdin
         assert stream is not None
+        # Blender does not ignore this signal, as Python does: a worker that has ended would end it.
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGPIPE})
         with contextlib.suppress(OSError, ValueError):  # ended meanwhile
             while (message := self._outgoing.get()) is not None:
                 write_message(stream, *message)
+        # Here, and not by the collection of garbage: that may be in Blender's own thread.
+        with contextlib.suppress(OSError, ValueError):
             stream.close()
 
     def _read(self) -> None:

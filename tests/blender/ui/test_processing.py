@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import contextlib
 import stat
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -108,3 +110,31 @@ def test_a_worker_that_fails_is_named(
     with contextlib.closing(job), pytest.raises(OutputError, match="code 3: no numpy here"):
         while not job.step():
             time.sleep(0.005)
+
+
+_SENDS_TO_AN_ENDED_PROCESS = """
+import gc, signal, time
+if hasattr(signal, "SIGPIPE"):
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # as in the Blender program
+import numpy as np
+from radarsim_addon.blender.ui.worker_process import WorkerProcess
+from radarsim_addon.messages import Message
+for _ in range(2):
+    worker = WorkerProcess("signal.draft.worker")
+    worker.send(Message({"kind": "nothing"}, {"much": np.zeros(1 << 22)}))
+    time.sleep(0.05)
+    worker.close()
+    del worker
+    gc.collect()
+    time.sleep(0.2)
+print("alive")
+"""
+
+
+def test_blender_survives_a_worker_that_ends_while_it_is_written_to() -> None:
+    """Blender does not ignore the signal of a broken pipe, as Python's own program does."""
+    done = subprocess.run(
+        [sys.executable, "-c", _SENDS_TO_AN_ENDED_PROCESS],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout.split()[-1:]) == (0, ["alive"]), done.stderr
