@@ -131,7 +131,7 @@ def script(robot: Any) -> Any:
     settings.rings = RINGS
     settings.ring_step_m = 5.0
     settings.width_px = settings.height_px = 128
-    settings.samples = 4
+    settings.samples = 32  # so that a run takes longer than the walk needs to press a key
     robot.view.tag_redraw()
     yield from robot.settle()
     yield from robot.shot("04_numbers")
