@@ -22,7 +22,13 @@ from radarsim_addon.signal.angles import (
     music,
     unit_vectors,
 )
-from radarsim_addon.signal.detection import DirectedDetection, detect_in_directions
+from radarsim_addon.signal.detection import (
+    DirectedDetection,
+    detect_in_directions,
+    detect_targets,
+)
+from radarsim_addon.signal.motion import BodyMotion
+from radarsim_addon.signal.motion.body_motion import rotation
 from radarsim_addon.signal.radar import (
     AntennaArray,
     Burst,
@@ -135,22 +141,41 @@ def test_two_targets_in_one_cell(apart_deg: float) -> None:
     assert second.level_db == pytest.approx(10 * math.log10(0.5), abs=0.05)
 
 
-def test_antennas_apart_and_turned() -> None:
-    """Transmitters 0.4 m beside the receivers: angles and places are those from the receiver."""
-    radar = radar_of("1x8")
-    antennas = antennas_at((1.0, 2.0, 3.0), (0.4, 0.0, 0.1))
-    direction = direction_of(-25.0)
-    point = np.array([1.0, 2.0, 3.0]) + 6.0 * direction
-    echoes = echoes_of(radar, [point], antennas=antennas)
+@pytest.mark.parametrize("turn_deg", [0.0, 25.0])
+def test_antennas_apart_and_turned(turn_deg: float) -> None:
+    """Transmitters 1.5 m beside the receivers, turned to the left: angles are the receiver's."""
+    radar = radar_of("3x4")
+    apart = antennas_at((1.0, 2.0, 3.0), (1.5, 0.0, 0.2))
+    turned = apart.transmitter.pose.copy()
+    turned[:3, :3] = rotation(np.array([0.0, math.radians(turn_deg), 0.0]))
+    antennas = dataclasses.replace(apart, transmitter=BodyMotion(turned))
+    direction = direction_of(-25.0, 5.0)
+    point = np.array([1.0, 2.0, 3.0]) + 4.0 * direction
     geometry = geometry_at(radar, antennas)
     pose = np.eye(4)
     pose[:3, 3] = (1.0, 2.0, 3.0)
-    rd_map = map_of(echoes)
+    rd_map = map_of(echoes_of(radar, [point], antennas=antennas))
     target = detect_in_directions(rd_map, geometry, pose, dynamics_db=40.0).targets[0]
     assert isinstance(target, DirectedDetection)
-    assert target.azimuth_deg == pytest.approx(-25.0, abs=0.005)
+    assert target.azimuth_deg == pytest.approx(-25.0, abs=0.01)
+    assert target.elevation_deg == pytest.approx(5.0, abs=0.02)
     place = [target.world_x_m, target.world_y_m, target.world_z_m]
-    assert place == pytest.approx(point.tolist(), abs=0.01)
+    assert place == pytest.approx(point.tolist(), abs=0.005)
+
+
+def test_an_array_detects_what_one_channel_does_not() -> None:
+    """A beam of twelve channels has 10.8 dB less noise: 11 dB are 22 dB in the beam."""
+    radar = radar_of("3x4")
+    echoes = echoes_of(radar, [20.0 * direction_of(15.0)], radial_mps=4.0)
+    # of each sample; windows over 256 samples and 64 chirps leave 1.5^2 / 16384 of it
+    noise = math.sqrt(16384 / 1.5**2 / 10**1.1 / 2)
+    found = detected(radar, echoes, noise=noise)
+    assert found[0].azimuth_deg == pytest.approx(15.0, abs=2.0)
+    assert found[0].snr_db == pytest.approx(21.8, abs=2.0)
+    rng = np.random.default_rng(7)
+    noises = noise * rng.standard_normal((2, *echoes.samples.shape))
+    noisy = dataclasses.replace(echoes, samples=echoes.samples + noises[0] + 1j * noises[1])
+    assert not detect_targets(map_of(noisy).channel(0)).targets
 
 
 def test_noise_alone_gives_few_false_alarms() -> None:

@@ -7,6 +7,7 @@ import csv
 import dataclasses
 import json
 import math
+import shutil
 from pathlib import Path
 
 import h5py
@@ -20,7 +21,15 @@ from radarsim_addon.signal.detection import Cfar, DirectedDetection
 from radarsim_addon.signal.echoes import Receiver
 from radarsim_addon.signal.pipeline.cli import main
 from radarsim_addon.signal.products import FrameResult
-from radarsim_addon.signal.radar import AntennaArray, Channel, Element, linear_array
+from radarsim_addon.signal.radar import (
+    SINGLE_CHANNEL,
+    AntennaArray,
+    Channel,
+    Element,
+    channels_to_dict,
+    linear_array,
+)
+from radarsim_addon.typed_json import write_record
 from tests.signal import path_runs as pr
 
 WAVELENGTH_M = pr.C0_MPS / pr.WAVEFORM.carrier_hz
@@ -168,10 +177,15 @@ def test_the_commands_list_angles_and_write_clouds(
 
 
 def test_a_run_of_its_own_array(run: Path, tmp_path: Path) -> None:
-    """The record of a run holds the channels that it was made for."""
-    record = json.loads((run / "run.json").read_text())
-    assert open_run(run).radar.channels == Radar(pr.WAVEFORM, pr.BURST).channels
-    assert record.get("channels", []) == []
+    """The record of a run holds the channels that it was made for, and processing uses them."""
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    assert open_run(run).radar.channels == (SINGLE_CHANNEL,)
+    channels = channels_to_dict(radar_of().channels)
+    write_record(folder / "run.json", dataclasses.replace(open_run(run).record, channels=channels))
+    assert open_run(folder).radar == radar_of()
+    found = processed(folder, tmp_path / "products").detections
+    assert found is not None and isinstance(found.targets[0], DirectedDetection)
 
 
 def test_an_echo_within_the_array_is_refused(run: Path, tmp_path: Path) -> None:
