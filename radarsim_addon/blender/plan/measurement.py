@@ -194,7 +194,9 @@ class Measurement:
     def __post_init__(self) -> None:
         if self.array != "single":
             array = array_preset(self.array, self.waveform.wavelength_m)
-            object.__setattr__(self, "channels", array.channels(self.burst))
+            object.__setattr__(
+                self, "channels", array.channels(self.burst, self.waveform.duration_s)
+            )
         self.radar  # noqa: B018  # the chirp must fit into the pulse interval
         check_settings(self)
         if not self.frames:

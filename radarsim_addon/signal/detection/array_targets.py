@@ -41,6 +41,10 @@ _UNSEEN = 20.0
 _MAX_CANDIDATES = 2048
 #: Power of another target in the cell of a stronger one, over that: the fit leaves less.
 _WEAKEST = 1e-3
+#: Power of a target over that of the paths in its cell and beam, above which they do not make it.
+_MOST_OVER_PATHS = 100.0
+#: Sine of the angle off broadside beyond which a beam is that of the edge of what can be seen.
+_EDGE = 0.995
 #: Paths farther than this from a target's direction, in beam widths, have no part in it.
 _REACH_BEAMS = 1.0
 #: Rounds of interpolating range and Doppler and finding the direction.
@@ -129,9 +133,15 @@ def detect_in_directions(
 
 
 def named_in_directions(
-    finder: PathFinder, targets: Iterable[Detection], geometry: ArrayGeometry, pose: Real
+    finder: PathFinder,
+    targets: Iterable[Detection],
+    geometry: ArrayGeometry,
+    pose: Real,
+    watts: bool = True,
 ) -> list[DirectedDetection]:
-    """Return targets of an array with what the paths in their cell and beam tell of them."""
+    """Return targets of an array with what the paths in their cell and beam tell of them; `watts`:
+    levels are powers.
+    """
     measured = np.flatnonzero(geometry.measures)
     axes = pose[:3, :3].T[measured]
     reach = _REACH_BEAMS / geometry.extent_wavelengths[measured]
@@ -140,12 +150,16 @@ def named_in_directions(
         assert isinstance(one, DirectedDetection)
         beam = BeamSines(axes, one.direction[measured], reach)
         paths = finder.of_target(one.range_m, one.velocity_mps, 1, beam)
+        # Stronger by far than the paths there: it is a sidelobe of something else.
+        if watts and _MOST_OVER_PATHS * paths.nearby_w < 10 ** (one.level_db / 10):
+            named.append(one)
+            continue
         told: dict[str, Any] = {"name": paths.name, "purity": paths.purity}
         if paths.direction is not None:
             angles = angles_deg(pose[:3, :3].T @ paths.direction)
             told |= {"true_azimuth_deg": angles[0], "true_elevation_deg": angles[1]}
             told["reflections"] = paths.reflections
-        if paths.rcs_m2_per_w is not None:
+        if watts and paths.rcs_m2_per_w is not None:
             told["rcs_dbsm"] = one.level_db + 10 * math.log10(paths.rcs_m2_per_w)
         named.append(dataclasses.replace(one, **told))
     return named
@@ -236,6 +250,8 @@ class _Search:
         return found
 
     def _is_above(self, source: Source, noise: float, col: int) -> bool:
+        if float(np.hypot(*source.direction[:2])) > _EDGE:
+            return False
         return bool(abs(source.amplitude) ** 2 > max(noise * self._ratio[col], self._least))
 
     def _values_at(self, target: Detection) -> Complex:

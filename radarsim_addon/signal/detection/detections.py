@@ -249,6 +249,8 @@ class TargetPaths:
     #: None over mirrors.
     reflections: int = 0
     rcs_m2_per_w: float | None = None
+    #: Power of all paths there [W]; those next to the peak count less.
+    nearby_w: float = 0.0
     #: Where the strongest path of this name leaves the receiver for, (3,) [m]; None without paths.
     seen_at_m: Real | None = None
 
@@ -390,7 +392,8 @@ class PathFinder:
             arrives / np.linalg.norm(arrives) if arrives.any() else None,
             int(row["order"]),
             rcs_m2 / float(self._power_w[number]) if rcs_m2 > 0 else None,
-            self._line(row)[1],
+            seen_at_m=self._line(row)[1],
+            nearby_w=float(weight.sum()),
         )
 
     def _name(self, row: Mapping[str, Any]) -> str:

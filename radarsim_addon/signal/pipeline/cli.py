@@ -83,7 +83,9 @@ def add_process_parser(commands: Subcommands) -> None:
     add_arguments(process, options, *others, defaults=True)
     group = process.add_argument_group("radar and receiver (docs/waveforms.md, docs/receiver.md)")
     group.add_argument(
-        "--waveform", metavar="FILE", help="Read another waveform and burst (JSON) [the run's own]"
+        "--waveform",
+        metavar="FILE",
+        help="Read another waveform, burst and array (JSON) [the run's own]",
     )
     add_arguments(group, options, *of_radar, defaults=True)
     add_arguments(group, receiver, defaults=True)
@@ -345,7 +347,9 @@ def frame_lines(result: FrameResult) -> list[str]:
         for edge in result.edges
     ]
     if result.edges_left_out:
-        lines.append(f"  {result.edges_left_out} leading edges of lower prominence are not listed")
+        count, are = result.edges_left_out, "is" if result.edges_left_out == 1 else "are"
+        edges = f"{count} leading edge{'' if count == 1 else 's'}"
+        lines.append(f"  {edges} of lower prominence {are} not listed")
     lines += [
         f"  moving target {digits.range_text(peak.range_m)}   level {peak.level_db:z8.2f} {unit}   "
         f"{digits.motion_text(peak)}   {peak.peak_to_background_db:.1f} dB above its surroundings"

@@ -53,13 +53,14 @@ from ..pictures import (
     save_figure,
 )
 from ..products import MOST_SUMMARY_BYTES, SUMMARY_ENDING, frame_file, write_coverage_files
-from ..radar import Coverage, coverage_curve, half_power_width_rad, make_system, read_system
+from ..radar import Coverage, Radar, coverage_curve, half_power_width_rad, make_system, read_system
 from ..runs import FRAME_FIELDS, RadarFrame, Run, frame_findings, open_run, shared_plan
 
 #: Where a parser of arguments collects its commands.
 Subcommands: TypeAlias = "argparse._SubParsersAction[CommandParser]"
 #: Rounding of the range encoding in float32, relative to its length or the path's, the larger one.
 _CODE_NOISE = 7e-8
+_ENDS = ("transmitter", "receiver")
 #: Above this a unit was mistaken: an array of wavelengths would not fit into memory.
 _HIGHEST_CARRIER_GHZ = 1e4
 
@@ -76,6 +77,7 @@ def print_run(folder: str) -> int:
         ("scene", record.scene),
         ("frames", f"{len(record.frames)} ({record.frames[0]} to {record.frames[-1]})"),
         *_acquisition_rows(run, len(gaps)),
+        *_array_rows(radar),
         ("scale", f"1 Blender unit = {record.metres_per_unit:g} m"),
         ("encoding length", f"{record.range_encoding_length_m:g} m"),
         ("extinction length", f"{record.extinction_length_m:g} m"),
@@ -126,6 +128,14 @@ def print_run(folder: str) -> int:
     for line in finding_lines(found, record.frames, whole=True):
         print(line)
     return 0
+
+
+def _array_rows(radar: Radar) -> list[tuple[str, str]]:
+    if len(radar.channels) < 2:
+        return []
+    ends = [len({getattr(one, end) for one in radar.channels}) for end in ("tx", "rx")]
+    names = [f"{n} {name}{'' if n == 1 else 's'}" for n, name in zip(ends, _ENDS, strict=True)]
+    return [("array", f"{names[0]}, {names[1]}{', in turn' if ends[0] > 1 else ''}")]
 
 
 def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:

@@ -196,10 +196,11 @@ def frame_steps(
         finder = PathFinder(frame_input, budget.link)
         moving = finder.named(moving)
         if detections is not None:
+            watts = options.amplitude_model == "radar-equation"
             targets: list[Any] = (
                 finder.named(detections.targets)
                 if array is None
-                else [*named_in_directions(finder, detections.targets, *array)]
+                else [*named_in_directions(finder, detections.targets, *array, watts)]
             )
             detections = dataclasses.replace(detections, targets=targets)
     speckle, edges = echo_sum.speckle, find_edges(profile_sum.result(within=True))
@@ -370,8 +371,8 @@ def _array_of(
     if nearest_m is not None and nearest_m <= geometry.reach_m:
         raise ConfigError(
             f"The array reaches {geometry.reach_m:g} m from the antenna's origin, and the nearest "
-            f"echo is at {nearest_m:g} m. Put the elements closer together, or the radar farther "
-            "away."
+            f"echo is at {nearest_m:g} m. Positions are in metres: put the elements closer "
+            "together, or the radar farther away."
         )
     pose, at = np.eye(4), np.array([middle_s])
     pose[:3, :3] = axes_of(antennas.receiver, at)[0]

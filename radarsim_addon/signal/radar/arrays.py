@@ -10,6 +10,7 @@ Forsythe, 37th Asilomar Conference, 54, 2003). Channels are numbered by transmit
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -72,22 +73,40 @@ class AntennaArray:
         if self.slot_s is not None and not self.slot_s > 0:
             raise ConfigError(f"slot_s of the array is {self.slot_s!r} s; expected above 0.")
 
-    def channels(self, burst: Burst) -> tuple[Channel, ...]:
+    def channels(self, burst: Burst, pulse_s: float = 0.0) -> tuple[Channel, ...]:
         """Return a channel for each pair of transmitter and receiver.
 
         Parameters
         ----------
         burst
             Its PRF is that of the whole cycle, in which each transmitter sends once.
+        pulse_s
+            Time that one transmitter needs, the waveform's `duration_s` [s].
 
         Returns
         -------
         tuple of Channel
             By transmitter, then receiver.
+
+        Raises
+        ------
+        ConfigError
+            The transmitters do not fit into the pulse interval one after another.
         """
-        slot_s = self.slot_s
-        if slot_s is None:
-            slot_s = 1 / (burst.prf_hz * len(self.transmitters))
+        count, interval_s = len(self.transmitters), 1 / burst.prf_hz
+        slot_s = interval_s / count if self.slot_s is None else self.slot_s
+        needed_s = (count - 1) * max(self.slot_s or 0.0, pulse_s) + pulse_s
+        if count > 1 and needed_s > interval_s * (1 + 1e-6):
+            raise ConfigError(
+                f"{count} transmitters in turn need {needed_s * 1e6:.4g} us, and the pulse "
+                f"interval is {interval_s * 1e6:.4g} us. Lower the PRF to at most "
+                f"{math.floor(1 / needed_s):g} Hz, or shorten the chirp."
+            )
+        if slot_s < pulse_s * (1 - 1e-6):
+            raise ConfigError(
+                f"slot_s of the array is {slot_s:g} s, and a pulse takes {pulse_s:g} s. Give each "
+                "transmitter a slot of at least this time, or leave slot_s out."
+            )
         return tuple(
             Channel(tx, rx, number * slot_s)
             for number, tx in enumerate(self.transmitters)
@@ -212,7 +231,7 @@ def array_from_dict(data: object, wavelength_m: float) -> AntennaArray:
         Unknown or missing fields, or numbers that do not fit.
     """
     if not isinstance(data, dict):
-        raise ConfigError(f"Array is {data!r:.60}; expected an object with its fields.")
+        raise ConfigError(f'Array is {data!r:.60}; expected an object such as {{"preset": "3x4"}}.')
     slot_s = data.get("slot_s")
     if slot_s is not None and not (isinstance(slot_s, int | float) and slot_s > 0):
         raise ConfigError(f"Array: slot_s is {slot_s!r:.40}; expected seconds above 0.")
@@ -222,10 +241,12 @@ def array_from_dict(data: object, wavelength_m: float) -> AntennaArray:
             data["preset"] if isinstance(data["preset"], str) else "", wavelength_m
         )
         return AntennaArray(chosen.transmitters, chosen.receivers, slot_s)
-    if rest != {"transmitters", "receivers"}:
+    both = {"transmitters", "receivers"}
+    if rest != both:
+        lacking, strange = sorted(both - rest), sorted(map(str, rest - both))
+        wrong = f"has the unknown field {strange[0]!r:.60}" if strange else f"lacks {lacking[0]}"
         raise ConfigError(
-            f"Array has the fields {', '.join(sorted(map(str, rest))):.80}; expected preset, or "
-            "transmitters and receivers, and maybe slot_s."
+            f"Array {wrong}; expected preset, or transmitters and receivers, and maybe slot_s."
         )
     elements = [_elements(data[name], f"Array: {name}") for name in ("transmitters", "receivers")]
     return AntennaArray(elements[0], elements[1], slot_s)
@@ -255,11 +276,11 @@ def channels_from_dict(data: Sequence[dict[str, Any]]) -> tuple[Channel, ...]:
 def _elements(data: object, where: str) -> tuple[Element, ...]:
     if not isinstance(data, list) or len(data) > MAX_CHANNELS:
         raise ConfigError(f"{where} is {data!r:.60}; expected a list of at most {MAX_CHANNELS}.")
-    return tuple(
-        from_json(
-            Element,
-            {"position_m": one} if isinstance(one, list) else one,
-            f"{where}[{number}]",
-        )
-        for number, one in enumerate(data)
-    )
+    found = []
+    for number, one in enumerate(data):
+        given = {"position_m": one} if isinstance(one, list) else one
+        try:
+            found.append(from_json(Element, given, "Element"))
+        except ConfigError as error:
+            raise ConfigError(f"{where}[{number}]: {error}") from error
+    return tuple(found)

@@ -241,7 +241,7 @@ def load_radar(path: str | Path, burst: Burst | None = None) -> Radar:
         if "array" not in data:
             return Radar(waveform, burst)
         array = array_from_dict(data["array"], waveform.wavelength_m)
-        return Radar(waveform, burst, array.channels(burst))
+        return Radar(waveform, burst, array.channels(burst, waveform.duration_s))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
 

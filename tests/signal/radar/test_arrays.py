@@ -91,7 +91,7 @@ def test_channels_return_from_plain_json() -> None:
         ({"preset": "4x3"}, "no array preset '4x3'; expected one of 1x4, 1x8"),
         ({"preset": 5}, "no array preset ''"),
         ([], r"Array is \[\]; expected an object"),
-        ({"receivers": []}, "Array has the fields receivers; expected preset"),
+        ({"receivers": []}, "Array lacks transmitters; expected preset"),
         ({"transmitters": [], "receivers": [[0, 0, 0]]}, "no transmitters"),
         ({"transmitters": 5, "receivers": []}, "Array: transmitters is 5; expected a list"),
         ({"transmitters": [[0, 0]], "receivers": [[0, 0, 0]]}, "three finite"),
@@ -99,8 +99,15 @@ def test_channels_return_from_plain_json() -> None:
         ({"transmitters": [{"place": 1}], "receivers": [[0, 0, 0]]}, "unknown field 'place'"),
         ({"transmitters": [[0, 0, 0]] * 2, "receivers": [[0, 0, 0]]}, "Elements 0 and 1 of the"),
         ({"preset": "3x4", "slot_s": 0}, "slot_s is 0"),
-        ({"preset": "3x4", "slot_s": 6e-5}, "pulse of channel 8 ends"),
-        ({"preset": "12x16"}, "ends .* after the start of the pulse interval"),
+        (
+            {"preset": "3x4", "slot_s": 6e-5},
+            "3 transmitters in turn need 132.8 us",
+        ),
+        (
+            {"preset": "12x16"},
+            "12 transmitters in turn need 153.6 us, and the pulse interval is 100 us. Lower the "
+            "PRF to at most 6510 Hz",
+        ),
     ],
 )
 def test_arrays_that_cannot_be(tmp_path: Path, array: Any, message: str) -> None:
