@@ -105,8 +105,7 @@ def test_channels_return_from_plain_json() -> None:
         ),
         (
             {"preset": "12x16"},
-            "12 transmitters in turn need 153.6 us, and the pulse interval is 100 us. Lower the "
-            "PRF to at most 6510 Hz",
+            r"12 transmitters in turn need 153.6 us, .* interval is 100 us. .* at most 6510 Hz",
         ),
     ],
 )
