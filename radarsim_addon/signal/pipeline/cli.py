@@ -347,8 +347,8 @@ def frame_lines(result: FrameResult) -> list[str]:
         for edge in result.edges
     ]
     if result.edges_left_out:
-        count, are = result.edges_left_out, "is" if result.edges_left_out == 1 else "are"
-        edges = f"{count} leading edge{'' if count == 1 else 's'}"
+        left, are = result.edges_left_out, "is" if result.edges_left_out == 1 else "are"
+        edges = f"{left} leading edge{'' if left == 1 else 's'}"
         lines.append(f"  {edges} of lower prominence {are} not listed")
     lines += [
         f"  moving target {digits.range_text(peak.range_m)}   level {peak.level_db:z8.2f} {unit}   "
