@@ -78,7 +78,10 @@ class ArrayGeometry:
 
     @classmethod
     def of(cls, radar: Radar, antennas: AntennaMotion, time_s: float = 0.0) -> ArrayGeometry:
-        """Return the places of a radar's channels at a time of the burst [s]."""
+        """Return the places of a radar's channels at a time of the burst [s].
+
+        Directions of a burst are those in its middle, half way between the slots.
+        """
         at = np.array([time_s])
         (receiver, transmitter), origins = (
             [function(body, at)[0] for body in (antennas.receiver, antennas.transmitter)]

@@ -366,7 +366,8 @@ def _array_of(
     radar, antennas = echoes.radar, budget.antennas
     if len(radar.channels) < 2 or _why_no_angles(radar, antennas):
         return None
-    middle_s = (radar.burst.pulses - 1) / (2 * radar.burst.prf_hz)
+    offset_s = float(np.mean([channel.start_offset_s for channel in radar.channels]))
+    middle_s = (radar.burst.pulses - 1) / (2 * radar.burst.prf_hz) + offset_s
     geometry = ArrayGeometry.of(radar, antennas, middle_s)
     if nearest_m is not None and nearest_m <= geometry.reach_m:
         raise ConfigError(

@@ -27,8 +27,8 @@ from radarsim_addon.signal.detection import (
     detect_in_directions,
     detect_targets,
 )
-from radarsim_addon.signal.motion import BodyMotion
-from radarsim_addon.signal.motion.body_motion import rotation
+from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, axes_of
+from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.radar import (
     AntennaArray,
     Burst,
@@ -41,6 +41,7 @@ from radarsim_addon.signal.radar import (
 from scripts.validation.array_scenes import (
     BURST,
     CARRIER_HZ,
+    SPAN_S,
     WAVELENGTH_M,
     antennas_at,
     direction_of,
@@ -161,6 +162,27 @@ def test_antennas_apart_and_turned(turn_deg: float) -> None:
     assert target.elevation_deg == pytest.approx(5.0, abs=0.02)
     place = [target.world_x_m, target.world_y_m, target.world_z_m]
     assert place == pytest.approx(point.tolist(), abs=0.005)
+
+
+@pytest.mark.parametrize("rpm", [40.0, -40.0])
+def test_a_radar_that_spins(rpm: float) -> None:
+    """Directions are those half way through the burst and the slots, when it has turned 0.8 deg."""
+    spin = np.array([[0.0, rpm * 2 * math.pi / 60 * SPAN_S / 2, 0.0]])
+    segment = Segment(0.0, SPAN_S, np.zeros((2, 3)), np.zeros(3), spin, np.eye(3))
+    body = BodyMotion(np.eye(4), (segment,))
+    antennas, radar = AntennaMotion(body, body), radar_of("3x4")
+    time_s = MIDDLE_S + float(np.mean([one.start_offset_s for one in radar.channels]))
+    pose = np.eye(4)
+    pose[:3, :3] = axes_of(body, np.array([time_s]))[0]
+    point = 20.0 * pose[:3, :3] @ direction_of(12.0, 3.0)
+    rd_map = map_of(echoes_of(radar, [point], antennas=antennas))
+    geometry = geometry_at(radar, antennas, time_s)
+    target = detect_in_directions(rd_map, geometry, pose, dynamics_db=40.0).targets[0]
+    assert isinstance(target, DirectedDetection)
+    assert target.azimuth_deg == pytest.approx(12.0, abs=0.003)
+    assert target.elevation_deg == pytest.approx(3.0, abs=0.03)  # it turns from slot to slot
+    place = [target.world_x_m, target.world_y_m, target.world_z_m]
+    assert place == pytest.approx(point.tolist(), abs=0.02)
 
 
 def test_an_array_detects_what_one_channel_does_not() -> None:
