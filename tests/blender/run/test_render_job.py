@@ -495,9 +495,9 @@ def test_the_engine_is_set_only_where_it_is_another(
     names = []
     put = SettingsRestorer.set
 
-    def noted(self: Any, owner: Any, name: str, value: Any) -> None:
+    def noted(self: Any, owner: Any, name: str, value: Any) -> bool:
         names.append(name)
-        put(self, owner, name, value)
+        return put(self, owner, name, value)
 
     monkeypatch.setattr(SettingsRestorer, "set", noted)
     job = rs.job_for(tmp_path)

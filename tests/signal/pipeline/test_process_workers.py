@@ -21,6 +21,7 @@ from tests.signal.synthetic import Setup, points, write_run
 from tests.worker_processes import (
     children,
     differences,
+    finished,
     products,
     runs,
     start,
@@ -45,21 +46,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def alone(folder: Path) -> dict[str, bytes]:
-    assert main(["process", str(folder), "--hdf5"]) == 0
+    # a process of its own: other tests may have changed the settings of this one's pictures
+    finished("process", folder, "--hdf5")
     return products(folder)
 
 
 def test_workers_write_the_same_files(
-    folder: Path, alone: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
     """Pictures, the animation with its common colours and HDF5, too; both keep what is done."""
 
     def printed(*words: str) -> str:
-        capsys.readouterr()
-        out = ["--out", str(tmp_path / "products")]
-        assert main(["process", str(folder), "--hdf5", *words, *out]) == 0
+        out = finished("process", folder, "--hdf5", *words, "--out", tmp_path / "products")
         assert not differences(products(tmp_path), alone)
-        return capsys.readouterr().out
+        return out
 
     out = printed("--workers", "2")
     assert "range_doppler.gif" in alone and "frame_0004.h5" in alone
