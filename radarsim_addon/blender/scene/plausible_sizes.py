@@ -21,6 +21,7 @@ import numpy as np
 from ...arrays import Real
 from ...findings import Finding, finding
 from .ground_truth import Boxes
+from .visibility import joined_parts
 
 
 @dataclass(frozen=True)
@@ -107,13 +108,7 @@ def _words(name: str) -> list[str]:
 
 def check_sizes(surfaces: Boxes, metres_per_unit: float) -> list[Finding]:
     """Find objects whose size or up axis does not fit their name, and implausible scenes."""
-    parts = sizes_in_parts(surfaces, metres_per_unit)
-    while True:
-        try:
-            next(parts)
-        except StopIteration as end:
-            found: list[Finding] = end.value
-            return found
+    return joined_parts(sizes_in_parts(surfaces, metres_per_unit))
 
 
 def sizes_in_parts(surfaces: Boxes, metres_per_unit: float) -> Generator[None, None, list[Finding]]:

@@ -525,7 +525,11 @@ def limited_visibility(snapshot: Snapshot) -> list[Finding]:
     """Return findings on rendered objects without a direct echo, and on objects that waves pass
     through.
     """
-    parts = visibility_in_parts(snapshot, rendered_rows(snapshot))
+    return joined_parts(visibility_in_parts(snapshot, rendered_rows(snapshot)))
+
+
+def joined_parts(parts: Generator[None, None, list[Finding]]) -> list[Finding]:
+    """Return what is found in parts, without a pause between them."""
     while True:
         try:
             next(parts)

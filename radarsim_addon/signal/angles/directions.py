@@ -5,8 +5,8 @@ A point at P, in the axes of the receiver, has in channel c a phase -2 pi (l_c -
 l_c = |P - rx_c| + |P - tx_c|, and l the length between the antennas' origins. Its range is known
 from the map, so these are the phases of spherical wavefronts: near field included, and transmitters
 away from the receivers. In TDM a channel's pulses start later by its offset, so that a Doppler
-frequency f adds 2 pi f offset. Sampled once a cycle, f is known up to a multiple of the PRF: the
-multiple whose phases fit best is taken.
+frequency f adds 2 pi f offset. f is sampled once per pulse interval, so it is ambiguous by
+multiples of the PRF: each is tried, and the one whose phases fit the channels best is taken.
 
 `bartlett`, `capon` and `music` are spectra over directions, `esprit` gives directions of a row of
 equal spacing without a search, `count_sources` the number of sources by the minimum description
@@ -38,11 +38,13 @@ _PER_BEAM = 3.0
 _LEAST_EXTENT = 0.25
 #: Sources of one cell at most.
 MAX_SOURCES = 2
-#: Part of what the others leave that one more source explains: less is the roughness of a target
-#: that is no point.
+#: Least fraction of the residual power, after the sources found so far, that one more source must
+#: explain. A smaller one is taken as the error of a target that is no point.
 _EXPLAINED = 0.7
 #: Beam widths below which two directions fit the roughness of one target, not two targets.
 _RESOLVED = 0.25
+#: Folds of the Doppler that are tried at most, where slots are very short.
+_MOST_FOLDS = 256
 #: Directions are fitted to 1e-10 beam widths.
 _FIT: dict[str, Any] = {"method": "lm", "xtol": 1e-10, "ftol": 1e-15, "max_nfev": 200}
 #: A grating lobe is a direction whose phases agree with another's to this part of the power.
@@ -64,8 +66,8 @@ class ArrayGeometry:
     wavelength_m, prf_hz
         Wavelength of the carrier [m], pulses a second of each channel [Hz].
     chirp_hz_per_m
-        What a de-chirped echo's frequency is below the carrier, per metre of its range: it was sent
-        earlier in the ramp [Hz/m].
+        How far the frequency of an FMCW echo is below the carrier, per metre of its range: a more
+        distant echo was sent earlier in the ramp [Hz/m]. 0 for other waveforms.
     """
 
     receiver_m: Real
@@ -119,7 +121,9 @@ class ArrayGeometry:
 
     @property
     def reach_m(self) -> float:
-        """Range that no echo can have: half the distance of the antennas, or to an element [m]."""
+        """Lower limit of the range of an echo: half the distance between both antennas, or the
+        distance of the outermost element from its antenna's origin, the larger one [m].
+        """
         places = np.vstack([self.receiver_m, self.transmitter_m - self.origin_m, self.origin_m / 2])
         return float(np.linalg.norm(places, axis=1).max())
 
@@ -426,9 +430,11 @@ class DirectionFinder:
         self._directions = geometry.search_directions()
         self._plane = geometry.steering(self._directions)
         self._free = np.flatnonzero(geometry.measures)
-        slots = np.unique(np.round(geometry.offset_s * geometry.prf_hz, 9)).size
+        slots = np.unique(np.round(geometry.offset_s * geometry.prf_hz, 9))
+        # Phases repeat where the multiple times the shortest slot, in pulse intervals, is whole.
+        count = min(round(1 / float(np.diff(slots).min(initial=1.0))), _MOST_FOLDS)
         #: Multiples of the PRF that the offsets tell apart, the smallest speeds first.
-        self.folds: Integers = np.array(sorted(range(-(slots // 2), (slots + 1) // 2), key=abs))
+        self.folds: Integers = np.array(sorted(range(-(count // 2), (count + 1) // 2), key=abs))
 
     def find(
         self, samples: Complex, range_m: float, doppler_hz: float, least_w: float, most: int

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Targets of an array: range, Doppler and direction.
 
-A cell is a candidate where the mean power of all channels rises above its surroundings by what a
-target at the detector's threshold would add. Its sources (`angles.DirectionFinder`) are detections
-where the power of their beam is above the CFAR threshold of that beam's own surroundings, so that
-clutter from one direction does not raise the threshold of the others, and the false-alarm rate is
-that of each beam. Range and Doppler are then interpolated in the beam, and the direction is found
-again from the channels' values at just that range and Doppler: in the middle of a cell they would
-have phases of the cell's, not of the target's.
+A cell is a candidate if its power, averaged over the channels, exceeds that of the surrounding
+cells by at least what a target at the detection threshold would add. Its sources
+(`angles.DirectionFinder`) are detections where the power of their beam is above the CFAR threshold
+of that beam's own surroundings, so that clutter from one direction does not raise the threshold of
+the others, and the false-alarm rate is that of each beam. Range and Doppler are then interpolated
+in the beam, and the direction is found again from the channels' values at just that range and
+Doppler: in the middle of a cell they would have phases of the cell's, not of the target's.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ def named_in_directions(
         assert isinstance(one, DirectedDetection)
         beam = BeamSines(axes, one.direction[measured], reach)
         paths = finder.of_target(one.range_m, one.velocity_mps, 1, beam)
-        # Stronger by far than the paths there: it is a sidelobe of something else.
+        # Much stronger than the paths in its cell can make: a sidelobe of a target elsewhere.
         if watts and _MOST_OVER_PATHS * paths.nearby_w < 10 ** (one.level_db / 10):
             named.append(one)
             continue

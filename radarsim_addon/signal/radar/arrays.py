@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Antenna arrays: their elements, and the times at which the transmitters send.
 
-With several transmitters each has a slot of its own in the pulse interval (time division, TDM), so
-that every receiver hears one of them at a time. A pair of transmitter and receiver is a channel. To
+With several transmitters, the pulse interval is divided into slots, one for each (time division,
+TDM), so that a receiver gets one transmitter at a time. A pair of both is a channel. To
 a distant target it acts as one element at the sum of both positions, the virtual element (Bliss and
 Forsythe, 37th Asilomar Conference, 54, 2003). Channels are numbered by transmitter, then receiver.
 """

@@ -129,6 +129,19 @@ def test_without_the_phases_of_the_slots_the_angle_is_that_of_theory() -> None:
     assert angles_deg(found.direction)[0] == pytest.approx(wrong_deg, abs=0.1)
 
 
+@pytest.mark.parametrize("speed_mps", [30.0, -40.0, 60.0])
+def test_slots_that_do_not_fill_the_pulse_interval(speed_mps: float) -> None:
+    """Short slots tell more folds of the Doppler apart than there are transmitters."""
+    preset = array_preset("3x4", WAVELENGTH_M)
+    array = AntennaArray(preset.transmitters, preset.receivers, 1.4e-5)
+    waveform = radar_of("1x4").waveform
+    radar = Radar(waveform, BURST, array.channels(BURST, waveform.duration_s))
+    point = 25.0 * direction_of(12.0, 3.0)
+    target = detected(radar, echoes_of(radar, [point], radial_mps=speed_mps))[0]
+    assert target.azimuth_deg == pytest.approx(12.0, abs=0.005)
+    assert target.elevation_deg == pytest.approx(3.0, abs=0.01)
+
+
 @pytest.mark.parametrize("apart_deg", [14.0, 6.0])
 def test_two_targets_in_one_cell(apart_deg: float) -> None:
     """Down to 0.4 beam widths, each with its own level."""
@@ -144,7 +157,7 @@ def test_two_targets_in_one_cell(apart_deg: float) -> None:
 
 @pytest.mark.parametrize("turn_deg", [0.0, 25.0])
 def test_antennas_apart_and_turned(turn_deg: float) -> None:
-    """Transmitters 1.5 m beside the receivers, turned to the left: angles are the receiver's."""
+    """Transmitters 1.5 m from the receivers, turned to the left: angles are the receiver's."""
     radar = radar_of("3x4")
     apart = antennas_at((1.0, 2.0, 3.0), (1.5, 0.0, 0.2))
     turned = apart.transmitter.pose.copy()
