@@ -143,8 +143,9 @@ def plot_points(
     forward, left, up = np.array([[one.x_m, one.y_m, one.z_m] for one in points]).reshape(-1, 3).T
     drawn = above.scatter(-left, forward, **style)
     above.plot(0, 0, "k^", markersize=9)
+    strongest = {one.name: one for one in reversed(points) if one.name}  # of each name
     for one in points[:_NAMED]:
-        if one.name:
+        if strongest.get(one.name) is one:
             above.annotate(
                 one.name, (-one.y_m, one.x_m), (5, 5), textcoords="offset points", fontsize=7
             )
