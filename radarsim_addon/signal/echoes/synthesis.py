@@ -36,7 +36,7 @@ from ...arrays import Complex, Mask, Real
 from ...contract import AmplitudeModel
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import AntennaMotion, PathMotion
-from ..paths import Paths, channel_lengths
+from ..paths import MOST_SHARED, Paths, SharedValues, channel_lengths
 from ..radar import Channel, FmcwWaveform, PmcwWaveform, Radar, replica, replica_spectrum
 from ..scattering import Link, amplitude_history, reverse_amplitudes
 from ..spectrum import (
@@ -93,14 +93,21 @@ class ChannelPaths:
         """Select the times of the rows that are formed from those of all rows [s]."""
         return np.asarray(times_s[self.rows_of(channel, times_s.size)])
 
-    def accumulator(self, grid: FrequencyGrid, times_s: Real, **own: Any) -> SpectrumAccumulator:
-        """Return an empty sum at some times [s]; `own` are the arguments that depend on the
-        waveform.
+    def accumulator(
+        self, grid: FrequencyGrid, times_s: Real, channel: Channel, **own: Any
+    ) -> SpectrumAccumulator:
+        """Return an empty sum for a channel, from the times of all rows [s]; `own` are the
+        arguments that depend on the waveform.
         """
         options, burst = self.options, self.radar.burst
+        slots = {(one.start_offset_s, one.active): one for one in self.radar.channels}
+        ends_s = [
+            self.times_of(one, times_s)[[0, -1]] + one.start_offset_s for one in slots.values()
+        ]
         return SpectrumAccumulator(
             grid,
-            times_s,
+            self.times_of(channel, times_s) + channel.start_offset_s,
+            span_s=(float(np.min(ends_s)), float(np.max(ends_s))),
             tolerance=options.tolerance,
             method=options.slow_time_transform,
             backend=options.nufft_backend,
@@ -109,11 +116,15 @@ class ChannelPaths:
             **own,
         )
 
-    def lengths_of(self, paths: Paths, channel: Channel) -> PathMotion:
+    def lengths_of(
+        self, paths: Paths, channel: Channel, shared: SharedValues | None = None
+    ) -> PathMotion:
         antennas = self.antennas or (None if self.link is None else self.link.antennas)
-        return channel_lengths(paths, channel, antennas)
+        return channel_lengths(paths, channel, antennas, shared)
 
-    def amplitudes_of(self, paths: Paths, channel: Channel) -> AmplitudeHistory:
+    def amplitudes_of(
+        self, paths: Paths, channel: Channel, shared: SharedValues | None = None
+    ) -> AmplitudeHistory:
         waveform, options = self.radar.waveform, self.options
         found = amplitude_history(
             paths,
@@ -124,6 +135,7 @@ class ChannelPaths:
             receiver_gain=options.receiver_gain,
             link=self.link,
             speckle_seed=options.speckle_seed,
+            shared=shared,
         )
         antennas = self.antennas or (None if self.link is None else self.link.antennas)
         if antennas is None or options.speckle_seed is None:
@@ -134,20 +146,43 @@ class ChannelPaths:
         return found if factors is None else found.select(slice(None), factors)
 
 
+#: Values that a path has of an element at once: lengths and gains at the nodes of fits.
+_VALUES = 64
+#: Rows of all channels together that wait for their transforms.
+_MOST_WAITING = 1 << 20
+
+
 class ChannelSums:
-    """Adds up the spectra of paths in every channel, by a sum for each from `make`."""
+    """Adds up the spectra of paths in every channel, by a sum for each from `make`.
+
+    Lengths and gains are computed by element, not by channel: of an array of 12 x 16 those are 28,
+    not 192. Paths are taken in parts, so that these values fit into the memory.
+    """
 
     def __init__(
         self, source: ChannelPaths, make: Callable[[Channel], SpectrumAccumulator]
     ) -> None:
         self._source = source
-        self._sums = [(channel, make(channel)) for channel in source.radar.channels]
+        channels = source.radar.channels
+        self._sums = [(channel, make(channel)) for channel in channels]
+        elements = len({c.tx.position_m for c in channels}) + len(
+            {c.rx.position_m for c in channels}
+        )
+        self._rows = MOST_SHARED // (8 * _VALUES * (elements + 1))
 
     def add(self, paths: Paths) -> None:
-        for channel, total in self._sums:
-            total.add(
-                self._source.lengths_of(paths, channel), self._source.amplitudes_of(paths, channel)
-            )
+        several = len(self._sums) > 1
+        step = self._rows if several else max(len(paths), 1)
+        for start in range(0, len(paths), step):
+            part = paths if step >= len(paths) else paths.select(slice(start, start + step))
+            shared = SharedValues(len(self._sums))
+            for channel, total in self._sums:
+                total.add(
+                    self._source.lengths_of(part, channel, shared),
+                    self._source.amplitudes_of(part, channel, shared),
+                )
+                if several and len(part) * len(self._sums) > _MOST_WAITING:
+                    total.flush()
 
     def results(self, times_s: Real) -> list[Spectrum]:
         """Return the spectra of all channels at these times. Rows that are not formed are 0."""
@@ -250,9 +285,12 @@ class EchoSynthesizer:
         self._sums = ChannelSums(self._source, self._accumulator)
 
     def _accumulator(self, channel: Channel) -> SpectrumAccumulator:
-        times_s = self._source.times_of(channel, pulse_times_s(self.radar)) + channel.start_offset_s
         return self._source.accumulator(
-            self._grid, times_s, listening=self._window, pulse=self._pulse
+            self._grid,
+            pulse_times_s(self.radar),
+            channel,
+            listening=self._window,
+            pulse=self._pulse,
         )
 
     def add(self, paths: Paths) -> None:
@@ -359,10 +397,10 @@ class StretchSynthesizer:
         if waveform.grid_interval_s != 0:
             video = waveform.slope_hz_per_s if isinstance(waveform, FmcwWaveform) else 0.0
             ramp = Ramp(waveform.grid_interval_s, video)
-        times_s = self._source.times_of(channel, line_times_s(self.radar)) + middle_s
         return self._source.accumulator(
             self._grid,
-            times_s + channel.start_offset_s,
+            line_times_s(self.radar) + middle_s,
+            channel,
             listening=ReceiveWindow(*ends_s, reference_hz=waveform.carrier_hz),
             ramp=ramp,
             pulse=self._code,

@@ -24,6 +24,7 @@ from .footprints import (
     views_by_replicate,
 )
 from .paths import (
+    MOST_SHARED,
     NEGLIGIBLE_FRACTION,
     PATH_FLAGS,
     Flags,
@@ -31,6 +32,7 @@ from .paths import (
     PathFlag,
     PathGeometry,
     Paths,
+    SharedValues,
     channel_lengths,
     make_paths,
     path_power_w,
@@ -71,6 +73,7 @@ __all__ = [
     "COLUMN_GROUPS",
     "CURVED_IMAGE_DTYPE",
     "IMAGE_DTYPE",
+    "MOST_SHARED",
     "MOST_UNCERTAIN",
     "NEGLIGIBLE_FRACTION",
     "PATH_DTYPE",
@@ -84,6 +87,7 @@ __all__ = [
     "Paths",
     "Places",
     "Points",
+    "SharedValues",
     "Spaces",
     "Steps",
     "TableFile",

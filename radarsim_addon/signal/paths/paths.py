@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence, Sized
+from collections.abc import Callable, Iterable, Sequence, Sized
 from dataclasses import astuple, dataclass, field, replace
+from functools import partial
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -371,6 +372,34 @@ def path_power_w(paths: Paths, wavelength_m: float, receiver_gain: float = 1.0) 
     return power_w if paths.gain is None else power_w * paths.gain
 
 
+#: Bytes of values that the channels of an array share, at most.
+MOST_SHARED = 1 << 29
+
+
+class SharedValues:
+    """Values of single elements, which several channels of the same paths use: each is computed
+    once. `channels` of one or none keep nothing.
+    """
+
+    def __init__(self, channels: int = 1) -> None:
+        self._kept: dict[tuple[object, ...], Real] = {}
+        self._left = MOST_SHARED if channels > 1 else 0
+
+    def of(self, name: object, times_s: Real, rows: Rows, make: Callable[[], Real]) -> Real:
+        """Return the values (rows, times) of a name; `make` computes them at first. They must not
+        be changed.
+        """
+        chosen = (rows.start, rows.stop) if isinstance(rows, slice) else rows.tobytes()
+        key = (name, times_s.tobytes(), chosen)
+        if key in self._kept:
+            return self._kept[key]
+        found = make()
+        if found.nbytes <= self._left:
+            self._kept[key] = found
+            self._left -= found.nbytes
+        return found
+
+
 @dataclass(frozen=True)
 class ChannelMotion:
     """`PathMotion` of paths between two elements (`channel`) of the antennas.
@@ -385,6 +414,7 @@ class ChannelMotion:
     first_scatterer_m: Real
     last_scatterer_m: Real
     images: PathImages | None = None
+    shared: SharedValues = field(default_factory=SharedValues)
 
     @property
     def moving(self) -> NDArray[np.bool_]:
@@ -402,12 +432,23 @@ class ChannelMotion:
         return self.reference.scatterers_move
 
     def lengths_m(self, times_s: Real, rows: Rows) -> Real:
-        lengths = np.array(self.reference.lengths_m(times_s, rows))
-        index = np.arange(self.first_scatterer_m.shape[0])[rows]
+        times_s, part = np.atleast_1d(times_s), id(self.reference)
+        lengths = np.array(
+            self.shared.of(part, times_s, rows, lambda: self.reference.lengths_m(times_s, rows))
+        )
         for end, element in enumerate((self.channel.rx, self.channel.tx)):
-            for part in row_blocks(index.size if element.displaced else 0, np.size(times_s)):
-                lengths[part] += self._leg_change(times_s, index[part], end, element)
+            if element.displaced:
+                name = part, end, element.position_m
+                leg = partial(self._leg_changes, times_s, rows, end, element)
+                lengths += self.shared.of(name, times_s, rows, leg)
         return lengths
+
+    def _leg_changes(self, times_s: Real, rows: Rows, end: int, element: Element) -> Real:
+        index = np.arange(self.first_scatterer_m.shape[0])[rows]
+        change = np.empty((index.size, times_s.size))
+        for part in row_blocks(index.size, times_s.size):
+            change[part] = self._leg_change(times_s, index[part], end, element)
+        return change
 
     def _leg_change(
         self, times_s: Real, rows: NDArray[np.intp], end: int, element: Element
@@ -445,7 +486,10 @@ class ChannelMotion:
 
 
 def channel_lengths(
-    paths: Paths, channel: Channel, antennas: AntennaMotion | None = None
+    paths: Paths,
+    channel: Channel,
+    antennas: AntennaMotion | None = None,
+    shared: SharedValues | None = None,
 ) -> PathMotion:
     """Return the lengths over a burst of paths between the elements of a channel.
 
@@ -487,6 +531,8 @@ def channel_lengths(
             # of a surface's speckle the length is over its scatterers
             first, last = part.first_scatterer_m, part.last_scatterer_m
         images = None if geometry.images is None else geometry.images.select(rows)
-        found.append(ChannelMotion(part, channel, antennas, first, last, images))
+        found.append(
+            ChannelMotion(part, channel, antennas, first, last, images, shared or SharedValues())
+        )
         start = rows.stop
     return join_motion(found)

@@ -25,7 +25,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import get_args
 
 import numpy as np
@@ -48,7 +48,16 @@ from ..motion import (
     places_m,
     row_blocks,
 )
-from ..paths import PathFlag, PathRows, Paths, has_images, images_of, motion_of_rows, path_power_w
+from ..paths import (
+    PathFlag,
+    PathRows,
+    Paths,
+    SharedValues,
+    has_images,
+    images_of,
+    motion_of_rows,
+    path_power_w,
+)
 from ..radar import (
     SINGLE_CHANNEL,
     Channel,
@@ -303,18 +312,35 @@ class Link:
             varies |= antennas.transmitter.moving | moves[:, 1]
         return varies
 
-    def factors(self, ends: PathEnds, times_s: Real, channel: Channel = SINGLE_CHANNEL) -> Real:
-        """Return P_t G_t G_r / (L EIRP) of n paths at any times [s] for a channel's elements, (n,
-        times). Unknown vertices are assumed as in `factor`, and stationary.
+    def factors(
+        self,
+        ends: PathEnds,
+        times_s: Real,
+        channel: Channel = SINGLE_CHANNEL,
+        shared: SharedValues | None = None,
+        rows: NDArray[np.intp] | None = None,
+    ) -> Real:
+        """Return P_t G_t G_r / (L EIRP) of n paths, or of some rows of them, at any times [s] for a
+        channel's elements, (n, times). Unknown vertices are assumed as in `factor`, and stationary.
         """
-        count = ends.length_m.size
-        result = np.empty((count, times_s.size))
-        for rows in row_blocks(count, times_s.size):
-            own = ends.select(np.arange(rows.start, rows.stop))
-            gain = self._end_gain(own, times_s, 1, channel.tx, self.system.transmitter)
-            gain = gain * self._end_gain(own, times_s, 0, channel.rx, self.system.receiver)
-            result[rows] = self._scale * gain * self._air_gain(own.length_m)[:, None]
-        return result
+        rows = np.arange(ends.length_m.size) if rows is None else rows
+        shared = SharedValues() if shared is None else shared
+
+        def gains(end: int, element: Element, antenna: PeakedAntenna) -> Real:
+            found = np.empty((rows.size, times_s.size))
+            for part in row_blocks(rows.size, times_s.size):
+                found[part] = self._end_gain(
+                    ends.select(rows[part]), times_s, end, element, antenna
+                )
+            return found
+
+        antennas, ends_gains = (self.system.receiver, self.system.transmitter), []
+        for end, element in ((1, channel.tx), (0, channel.rx)):
+            name = "gain", end, element.position_m, element.orientation, id(element.antenna)
+            make = partial(gains, end, element, antennas[end])
+            ends_gains.append(shared.of(name, times_s, rows, make))
+        gain = ends_gains[0] * ends_gains[1]
+        return np.asarray(self._scale * gain * self._air_gain(ends.length_m[rows])[:, None])
 
     def _end_gain(
         self, ends: PathEnds, times_s: Real, end: int, element: Element, antenna: PeakedAntenna
@@ -490,6 +516,7 @@ def amplitude_history(
     receiver_gain: float = 1.0,
     link: Link | None = None,
     speckle_seed: int | None = None,
+    shared: SharedValues | None = None,
 ) -> AmplitudeHistory:
     """Return the amplitudes of n paths in a channel at any time of a burst, in sqrt(W). Arguments
     and errors are those of `amplitude`. The gains of a single pulse are those at the frame's time.
@@ -515,7 +542,7 @@ def amplitude_history(
     ends = PathEnds.of_paths(paths)
     if not channel.reference_gain:
         start_s = np.array([link.antennas.receiver.epoch_offset_s])
-        paths = dataclasses.replace(paths, gain=link.factors(ends, start_s, channel)[:, 0])
+        paths = dataclasses.replace(paths, gain=link.factors(ends, start_s, channel, shared)[:, 0])
     elif paths.gain is None:
         paths = dataclasses.replace(paths, gain=link.ends_factor(ends))
     constant = without_link(paths)
@@ -526,7 +553,7 @@ def amplitude_history(
 
     def at(times_s: Real, rows: NDArray[np.intp]) -> Complex:
         return np.asarray(
-            base[rows, None] * np.sqrt(link.factors(ends.select(rows), times_s, channel))
+            base[rows, None] * np.sqrt(link.factors(ends, times_s, channel, shared, rows))
         )
 
     return AmplitudeHistory(constant, varies, at)

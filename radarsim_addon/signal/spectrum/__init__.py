@@ -5,7 +5,7 @@ In: path lengths over a burst [m], complex amplitudes, a frequency grid [Hz]. Ou
 one per pulse, with an estimate of their numerical error.
 
 `accumulator` sorts paths: stationary ones are transformed once, moving ones in the way that costs
-least: all pulses in one transform (`linear_motion`) or pulse by pulse (`pulse_sums`). One pulse is
+least: all pulses in one transform (`all_pulses`) or pulse by pulse (`pulse_sums`). One pulse is
 phases, a non-uniform FFT (`nufft`) and its error (`transform`). `grid` has the frequencies, delays
 and shapes of pulses, and polynomials of slow time for lengths and amplitudes.
 """

@@ -27,7 +27,7 @@ video phase is included.
 The choice: stationary paths are transformed once for all pulses (1-D type 1). Lengths of the
 others are sampled at Chebyshev nodes of the burst (`BurstBasis`). If they keep to a constant rate
 within the fraction of the tolerance set aside for motion, all pulses are one 2-D type-3 transform
-(`linear_motion`) where that is cheaper. Else each pulse has its transform: with lengths from the
+(`all_pulses`) where that is cheaper. Else each pulse has its transform: with lengths from the
 fitted polynomial where it is within the bound, sampled at each pulse where it is not. Fitted motion
 that many paths share is interpolated between a few times (`CommonMotion`) where that is cheaper.
 """
@@ -38,7 +38,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,7 @@ from ...arrays import Complex, Real
 from ...errors import ConfigError, PathDataError
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ..motion import JoinedMotion, LinearMotion, PathMotion
+from .all_pulses import AllPulses, PulsesPlan, SmoothRows
 from .grid import (
     AmplitudeHistory,
     ExtraCycles,
@@ -61,7 +62,6 @@ from .grid import (
     repeat_orders,
     used_terms,
 )
-from .linear_motion import LinearPlan, LinearRows, linear_block, plan_linear
 from .nufft import Backend, check_backend
 from .pulse_sums import (
     AmplitudesAt,
@@ -72,6 +72,8 @@ from .pulse_sums import (
     TransformPool,
     available_threads,
     common_motions,
+    interpolation_error,
+    received_whole,
 )
 from .transform import ErrorSum, PulseBlock, PulseTransform, SynthesisReport, Transform
 
@@ -91,9 +93,9 @@ from .transform import ErrorSum, PulseBlock, PulseTransform, SynthesisReport, Tr
 _OFFSETS_SHARE = 4.0
 #: Rows of constant rate that wait for one transform: 25 MB.
 _MAX_LINEAR = 1 << 19
-#: Rows times terms of amplitudes that vary, the same: 67 MB.
-_MAX_TERMS = 1 << 22
-#: Seconds for a value between nodes, on the scale of `linear_motion`.
+#: Rows times terms of amplitudes that vary, the same: 67 MB. Rows that bend.
+_MAX_TERMS, _MAX_SMOOTH = 1 << 22, 1 << 17
+#: Seconds for a value between nodes, on the scale of `all_pulses`.
 _INTERPOLATED = 1e-7
 
 
@@ -143,7 +145,7 @@ class MovingPathAccumulator(PulseSums):
         curved = fit.smooth & ~linear
         if curved.any():
             self._smooth_rows.append((fit.coefficients_m[curved], amplitude[curved]))
-            if sum(len(a) for _, a in self._smooth_rows) >= self._rows:
+            if sum(len(a) for _, a in self._smooth_rows) >= _MAX_SMOOTH:
                 self._flush_smooth()
         if linear.any():
             found = fit.coefficients_m[linear]
@@ -165,7 +167,10 @@ class MovingPathAccumulator(PulseSums):
         pulse by pulse.
         """
         time = np.full(length_m.size, time_s)
-        everything = LinearRows(length_m, rate_mps, time, np.zeros(time.size), amplitude)
+        nothing = np.zeros(time.size)
+        everything = SmoothRows(
+            length_m, rate_mps, time, nothing, amplitude, np.empty((time.size, 0))
+        )
         if not (fitted and self._type3_possible()):
             self._linear_by_pulse(everything, None)
             return
@@ -193,56 +198,113 @@ class MovingPathAccumulator(PulseSums):
             self._flush_linear()
 
     def _flush_linear(self) -> None:
-        """Sum up the waiting rows of constant rate at all pulses, in the cheaper way."""
+        """Sum up the waiting rows of constant rate at all pulses."""
         if not self._linear_rows:
             return
-        rows = LinearRows.join(self._linear_rows)
+        rows = SmoothRows.join(self._linear_rows)
         self._linear_rows = []
+        coefficients_m = np.empty((len(rows), 0))
+        if self._basis is not None:
+            middle_m = rows.length_m + rows.rate_mps * (self._basis.middle_s - rows.time_s)
+            coefficients_m = np.stack([middle_m, rows.rate_mps * self._basis.half_s], axis=1)
+        self._sum_up("linear", rows, coefficients_m)
+
+    def _flush_smooth(self) -> None:
+        """Sum up the waiting rows with fitted polynomials at all pulses."""
+        if not self._smooth_rows or self._basis is None:
+            return
+        coefficients_m = np.concatenate([found for found, _ in self._smooth_rows])
+        amplitude = np.concatenate([a for _, a in self._smooth_rows])
+        self._smooth_rows = []
+        whole = received_whole(
+            coefficients_m, self._basis.half_s, self._late_s(), self._sums.listening
+        )
+        whole &= self._type3_possible()
+        if not whole.all():
+            self._smooth(coefficients_m[~whole], amplitude[~whole])
+            coefficients_m, amplitude = coefficients_m[whole], amplitude[whole]
+        if not len(amplitude):
+            return
+        self.heard += len(amplitude) * self._times_s.size
+        # the last terms are rounding
+        turns = 2 * np.pi / SPEED_OF_LIGHT_MPS * self._sums.grid.highest_hz
+        tails_rad = turns * np.cumsum(np.abs(coefficients_m).max(axis=0)[::-1])[::-1]
+        degrees = int(np.count_nonzero(tails_rad > interpolation_error(self._tolerance) / 2))
+        rows = SmoothRows(
+            coefficients_m[:, 0].copy(),
+            coefficients_m[:, 1] / self._basis.half_s,
+            np.full(len(amplitude), self._basis.middle_s),
+            np.zeros(len(amplitude)),
+            amplitude,
+            coefficients_m[:, 2 : max(degrees, 2)],
+        )
+        self._sum_up("smooth", rows, coefficients_m)
+
+    def _late_s(self) -> float:
+        """Return the time before or after a pulse at which its paths count, at most [s]."""
+        return 2 * abs(self._shown_s) + float(np.abs(self._offsets_s).max())
+
+    def _sum_up(
+        self, motion: Literal["linear", "smooth"], rows: SmoothRows, coefficients_m: Real
+    ) -> None:
+        """Sum up rows, which have lengths c_k T_k over the burst, the way that costs least: all
+        pulses in one, groups of a common motion, or pulse by pulse.
+        """
         if rows.amplitude.ndim > 1:
             rows = replace(rows, amplitude=used_terms(rows.amplitude))
-        plan = plan_linear(rows, self._sums, self._times_s, self._tolerance)
-        groups = self._linear_groups(rows, plan)
-        if groups:
-            alone = np.ones(len(rows), dtype=bool)
-            for group in groups:
-                own, alone[group.rows] = rows.select(group.rows), False
-                with self._nodes_of(group, own.amplitude) as nodes:
-                    nodes._linear_by_pulse(own, own.order)
-            rows = rows.select(alone)
-            if not len(rows):
-                return
-            plan = plan_linear(rows, self._sums, self._times_s, self._tolerance)
-        if self._method != "type3" and plan.pulses_s < plan.type3_s:
-            self._linear_by_pulse(rows, rows.order)
-            return
-        terms: Real | None = None
-        if rows.amplitude.ndim > 1:
-            terms = self._terms(slice(None), rows.amplitude.shape[1])
-        jobs = (
-            partial(linear_block, rows, self._sums, self._times_s, pulses, self._tolerance, terms)
-            for pulses in plan.blocks
+
+        def by_pulse(sums: MovingPathAccumulator, own: NDArray[np.intp] | slice) -> None:
+            if motion == "smooth":
+                order = np.zeros(len(rows))[own]
+                sums._smooth(coefficients_m[own], rows.amplitude[own], order)
+            else:
+                sums._linear_by_pulse(rows.select(own), rows.order[own])
+
+        everything: NDArray[np.intp] | slice = slice(None)
+        transforms = AllPulses(
+            self._sums, self._times_s, self._tolerance, self._basis, self._amplitude_basis
         )
-        moving, error, cpu_s = self._matrix(), ErrorSum(), 0.0
-        for block in self._lanes.run(jobs, len(plan.blocks)):
+        plan = transforms.plan(rows)
+        for group in self._groups(rows, coefficients_m, plan):
+            if isinstance(everything, slice):
+                everything = np.arange(len(rows))
+            everything = np.setdiff1d(everything, group.rows, assume_unique=True)
+            with self._nodes_of(group, rows.amplitude[group.rows]) as nodes:
+                by_pulse(nodes, group.rows)
+        if isinstance(everything, np.ndarray):
+            if not everything.size:
+                return
+            plan = transforms.plan(rows.select(everything))
+        forced = self._method == "type3" and motion == "linear"
+        if not forced and plan.pulses_s < plan.type3_s:
+            by_pulse(self, everything)
+            return
+        own = rows.select(everything)
+        jobs = (partial(transforms.block, own, pulses) for pulses in plan.blocks)
+        moving, error, cpu_s, count = self._matrix(), ErrorSum(), 0.0, 0
+        for block, done in self._lanes.run(jobs, len(plan.blocks)):
             moving[block.pulses] += block.values
             error.merge(block.error)
-            cpu_s += block.cpu_s
+            cpu_s, count = cpu_s + block.cpu_s, count + done
         self.error.add(error)
-        transforms = len(plan.blocks) * (1 if terms is None else terms.shape[1])
-        self._report.count("linear", "type 3", len(rows), transforms, cpu_s)
+        self._report.count(motion, "type 3", len(own), count, cpu_s)
 
-    def _linear_groups(self, rows: LinearRows, plan: LinearPlan) -> list[CommonMotion]:
+    def _groups(
+        self, rows: SmoothRows, coefficients_m: Real, plan: PulsesPlan
+    ) -> list[CommonMotion]:
         """Return groups of rows with a common motion, if these are cheapest."""
-        if self._basis is None:
+        if self._basis is None or self._method != "auto":
             return []
-        middle_m = rows.length_m + rows.rate_mps * (self._basis.middle_s - rows.time_s)
-        lengths_m = np.stack([middle_m, rows.rate_mps * self._basis.half_s], axis=1)
-        groups = self._groups(lengths_m, rows.amplitude)
+        terms = rows.amplitude.shape[1] if rows.amplitude.ndim > 1 else 1
+        groups = common_motions(
+            coefficients_m, self._basis.half_s, self._late_s(), self._times_s, terms, self._sums,
+            self._tolerance,
+        )  # fmt: skip
         nodes, pulses = sum(group.nodes_s.size for group in groups), self._times_s.size
         cost_s = plan.pulses_s * nodes / pulses + _INTERPOLATED * pulses * self._sums.grid.count
         return groups if cost_s < min(plan.pulses_s, plan.type3_s) else []
 
-    def _linear_by_pulse(self, rows: LinearRows, order: Real | None) -> None:
+    def _linear_by_pulse(self, rows: SmoothRows, order: Real | None) -> None:
         """Add rows of constant rate pulse by pulse. With `order`, the rows are already counted."""
 
         def lengths_m(part: slice, pulses: slice) -> Real:
@@ -256,36 +318,6 @@ class MovingPathAccumulator(PulseSums):
             return self._by_pulses(length_m + rate_mps * since_s)
 
         self._by_pulse("linear", lengths_m, rows.amplitude, order=order)
-
-    def _flush_smooth(self) -> None:
-        """Add the waiting rows with fitted polynomials pulse by pulse."""
-        if not self._smooth_rows or self._basis is None:
-            return
-        coefficients_m = np.concatenate([found for found, _ in self._smooth_rows])
-        amplitude = np.concatenate([a for _, a in self._smooth_rows])
-        self._smooth_rows = []
-        alone = np.ones(len(amplitude), dtype=bool)
-        for group in self._groups(coefficients_m, amplitude):
-            alone[group.rows] = False
-            self.heard += group.rows.size * self._times_s.size
-            own_m, weights = coefficients_m[group.rows], amplitude[group.rows]
-            with self._nodes_of(group, weights) as nodes:
-                nodes._smooth(own_m, weights, np.zeros(len(weights)))
-        if alone.any():
-            self._smooth(coefficients_m[alone], amplitude[alone])
-
-    def _groups(self, coefficients_m: Real, amplitude: Weights) -> list[CommonMotion]:
-        """Return groups of rows with a common motion, for lengths and amplitudes c_k T_k over the
-        burst.
-        """
-        if self._basis is None or self._method != "auto":
-            return []
-        terms = used_terms(amplitude).shape[1] if amplitude.ndim > 1 else 1
-        late_s = 2 * abs(self._shown_s) + float(np.abs(self._offsets_s).max())
-        return common_motions(
-            coefficients_m, self._basis.half_s, late_s, self._times_s, terms, self._sums,
-            self._tolerance,
-        )  # fmt: skip
 
     def _smooth(self, coefficients_m: Real, amplitude: Weights, order: Real | None = None) -> None:
         basis = self._basis
@@ -426,6 +458,9 @@ class SpectrumAccumulator:
         received pulses. None: nothing moves meanwhile. Not with `ramp` or `extra_cycles`.
     interval_s
         From pulse to pulse, for folding in Doppler; None: the shortest of `times_s` [s].
+    span_s
+        Times between which motion and amplitudes are fitted: those of all channels of an array, so
+        that these ask for lengths at the same times; None: those of the pulses [s].
     chunk
         Paths in one transform.
     threads
@@ -450,6 +485,7 @@ class SpectrumAccumulator:
         ramp: Ramp | None = None,
         pulse: PulseShape | None = None,
         interval_s: float | None = None,
+        span_s: tuple[float, float] | None = None,
         chunk: int = 1 << 17,
         threads: int | None = None,
     ) -> None:
@@ -487,8 +523,9 @@ class SpectrumAccumulator:
             interval_s = float(np.diff(times_s).min()) if times_s.size > 1 else 0.0
         rows = min(self._block, max(1 << 15, 4 * grid.count))
         shared = self._sums, times_s, tolerance, method, self._backend, rows, self._lanes
-        self._moving = MovingPathAccumulator(*shared, self._report, interval_s)
-        self._varying = MovingPathAccumulator(*shared, self._report, interval_s)
+        span_s = span_s or (float(times_s[0]), float(times_s[-1]))
+        self._moving = MovingPathAccumulator(*shared, self._report, interval_s, span_s)
+        self._varying = MovingPathAccumulator(*shared, self._report, interval_s, span_s)
 
     def add(self, motion: PathMotion, amplitude: Weights | AmplitudeHistory) -> None:
         """Add paths by their lengths over the burst and their amplitudes a_i, (n,) or their
@@ -533,14 +570,18 @@ class SpectrumAccumulator:
         self._added += moving.size
         self._wall_s += time.perf_counter() - started
 
-    def result(self) -> Spectrum:
-        """Return the spectrum of all paths added so far."""
+    def flush(self) -> None:
+        """Sum up the paths that wait for others of their kind."""
         started = time.perf_counter()
         self._flush_still()
         for part in (self._moving, self._varying):
             part.flush()
         self._lanes.close()
         self._wall_s += time.perf_counter() - started
+
+    def result(self) -> Spectrum:
+        """Return the spectrum of all paths added so far."""
+        self.flush()
         found = [p.values for p in (self._moving, self._varying) if p.values is not None]
         values, still = sum(found[1:], found[0]) if found else None, self._still
         if self._sums.pulse is not None:
@@ -600,11 +641,14 @@ class SpectrumAccumulator:
         expected = pulses * still.energy + moving.energy
         heard = norm > 0 and expected > 0
         notes = []
-        if values is not None and self._sums.ramp is not None:
+        by_pulse = any(
+            step.transform in ("pulse by pulse", "interpolated") for step in self._report.steps
+        )
+        if by_pulse and self._sums.ramp is not None:
             notes.append(
                 "Moving paths move while the frequencies go by, to the second order in time."
             )
-        if values is not None and self._sums.pulse is not None:
+        if by_pulse and self._sums.pulse is not None:
             notes.append("Paths move while a pulse is under way, at a constant rate.")
         if self._varying.values is not None:
             notes.append(

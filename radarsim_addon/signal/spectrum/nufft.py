@@ -21,6 +21,7 @@ from __future__ import annotations
 import functools
 import importlib
 import math
+from collections.abc import Iterator
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -225,9 +226,11 @@ LEAST_ERROR = 2e-13
 _MIXED_SHIFTS, _SLOT, _DEGREE = 32, 32, 32
 
 
-def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance: float) -> Complex:
-    """Compute the sum F[l, k], (sets, lines, size). Points x within [-pi, pi] and y are (n,),
-    `values` (sets, n), u (lines, size) in radians per unit of y.
+def nufft_lines(
+    x: Real, y: Real, values: Complex, size: int, u: Real, tolerance: float
+) -> Iterator[Complex]:
+    """Yield the sum F[l, k], (lines, size), of each set of values, (sets, n). Points x within
+    [-pi, pi] and y are (n,), u (lines, size) in radians per unit of y.
     """
     widest, farthest = max(float(np.abs(y).max()), 1e-300), float(np.abs(u).max())
     over, cells = (NARROW, _MANY_CELLS) if tolerance > _NINE_DIGITS else (_WIDE, _CELLS)
@@ -239,8 +242,6 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
     )
     plan.setpts(x, y * unit)
     spectrum = np.polynomial.chebyshev.chebval(y / widest, _mixed_kernel_spectrum(tolerance, over))
-    strengths = np.ascontiguousarray(values / spectrum)
-    result = np.empty((len(values), *u.T.shape), dtype=np.complex128)
     near, rows = [], max(1, cells // count)
     for start in range(0, size, rows):  # of one frequency, one after the other on a line
         part = slice(start, min(start + rows, size))
@@ -251,11 +252,12 @@ def nufft_lines(x: Real, y: Real, values: Complex, size: int, u: Real, tolerance
         near.append((part, _kernel_plan(2, cells, tolerance, over, spread_sort=0)))
         near[-1][1].setpts(places.ravel())
     grid = np.empty((size, count), dtype=np.complex128)
-    for own, into in zip(strengths, result, strict=True):
-        plan.execute(own, out=grid)
+    for own in values:
+        found = np.empty(u.T.shape, dtype=np.complex128)
+        plan.execute(own / spectrum, out=grid)
         for part, interpolation in near:
-            interpolation.execute(grid[part].reshape(-1), out=into[part].reshape(-1))
-    return result.transpose(0, 2, 1)
+            interpolation.execute(grid[part].reshape(-1), out=found[part].reshape(-1))
+        yield found.T
 
 
 def _kernel_plan(kind: int, cells: int, tolerance: float, over: float, **options: int) -> Any:

@@ -33,18 +33,19 @@ from typing import Literal, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Complex, Real
+from ...arrays import Complex, Mask, Real
 from ...physics.constants import SPEED_OF_LIGHT_MPS
+from .all_pulses import SmoothRows
 from .grid import (
     AMPLITUDE_NODES,
     BurstBasis,
+    ReceiveWindow,
     SynthesisContext,
     Weights,
     lagrange,
     phasor_lines,
     used_terms,
 )
-from .linear_motion import LinearRows
 from .nufft import TIGHTEST, Backend
 from .transform import (
     EachPulse,
@@ -213,16 +214,8 @@ def common_motions(
     if sums.extra_cycles is not None and sums.ramp is None:
         return []
     motion_rad = _cycle(sums.grid.highest_hz) * coefficients_m[:, 1:]
-    # what motion within a pulse and until reception adds to the window
-    rate_mps = np.abs(coefficients_m[:, 1:]) @ _slopes(coefficients_m.shape[1]) / half_s
-    reach_m = np.abs(coefficients_m[:, 1:]).sum(axis=1)
-    reach_m += rate_mps * (late_s + np.abs(coefficients_m[:, 0]) / SPEED_OF_LIGHT_MPS)
-    early_s, latest_s = (
-        (coefficients_m[:, 0] + sign * reach_m) / SPEED_OF_LIGHT_MPS for sign in (-1, 1)
-    )
-    low, high = sums.listening.orders(early_s, latest_s)
-    fits = (low == 0) & (high == 0) & (np.abs(motion_rad[:, 1:]).sum(axis=1) < _LARGEST_BEND_RAD)
-    fits &= (early_s > sums.listening.first_s) & (latest_s < sums.listening.last_s)
+    fits = received_whole(coefficients_m, half_s, late_s, sums.listening)
+    fits &= np.abs(motion_rad[:, 1:]).sum(axis=1) < _LARGEST_BEND_RAD
     rows = np.flatnonzero(fits)
     number = np.floor((motion_rad[rows, 0] - motion_rad[rows, 0].min(initial=np.inf)) / _WIDEST_RAD)
     found, nodes = [], 0
@@ -240,6 +233,24 @@ def common_motions(
         nodes_s[[0, -1]] = times_s[[0, -1]]
         found.append(CommonMotion(mine, float(middle_m / half_s), nodes_s))
     return found
+
+
+def received_whole(
+    coefficients_m: Real, half_s: float, late_s: float, listening: ReceiveWindow
+) -> Mask:
+    """Return a mask of the rows with lengths c_k T_k, (rows, degrees), over a burst of `half_s` to
+    either side, that are received at every pulse in their own window, `late_s` before or after it.
+    """
+    # what motion within a pulse and until reception adds to the window
+    rate_mps = np.abs(coefficients_m[:, 1:]) @ _slopes(coefficients_m.shape[1]) / half_s
+    reach_m = np.abs(coefficients_m[:, 1:]).sum(axis=1)
+    reach_m += rate_mps * (late_s + np.abs(coefficients_m[:, 0]) / SPEED_OF_LIGHT_MPS)
+    early_s, latest_s = (
+        (coefficients_m[:, 0] + sign * reach_m) / SPEED_OF_LIGHT_MPS for sign in (-1, 1)
+    )
+    low, high = listening.orders(early_s, latest_s)
+    whole = (low == 0) & (high == 0)
+    return np.asarray(whole & (early_s > listening.first_s) & (latest_s < listening.last_s))
 
 
 def _degree(
@@ -305,7 +316,8 @@ _TOGETHER = 32
 
 class PulseSums:
     """Adds up the spectra of moving paths. Parameters as of `SpectrumAccumulator`; `rows` paths are
-    in one transform; `interval_s` is the time from pulse to pulse, for folding in Doppler.
+    in one transform; `interval_s` is the time from pulse to pulse, for folding in Doppler; `span_s`
+    are the times between which motion is fitted.
     """
 
     def __init__(
@@ -319,6 +331,7 @@ class PulseSums:
         lanes: OrderedExecutor,
         report: SynthesisReport,
         interval_s: float,
+        span_s: tuple[float, float],
     ) -> None:
         #: (pulses, frequencies); None where nothing moved.
         self.values: Complex | None = None
@@ -327,7 +340,7 @@ class PulseSums:
         self.heard, self.folded_pulses = 0, 0
         #: Paths folded at every pulse; those that turn by more than half a cycle between pulses.
         self.folded, self.fast = 0, 0
-        self._linear_rows: list[LinearRows] = []
+        self._linear_rows: list[SmoothRows] = []
         self._smooth_rows: list[tuple[Real, Weights]] = []
         self._left_rad = [0.0]  # appended to by threads
         self._sums, self._times_s, self._tolerance = sums, times_s, tolerance
@@ -344,11 +357,11 @@ class PulseSums:
         if sums.pulse is not None:
             transform, self._offsets_s = PulseMotionTransform, np.array([0.0, sums.pulse.half_s])
         self._pool = TransformPool(lambda: transform(sums, tolerance, backend), sums.grid.count)
-        span_s = np.array([times_s[0] + first_s, times_s[-1] + self._offsets_s[-1]])
-        self._basis = BurstBasis(span_s) if span_s[1] > span_s[0] else None
+        whole_s = np.array([span_s[0] + first_s, span_s[1] + self._offsets_s[-1]])
+        self._basis = BurstBasis(whole_s) if whole_s[1] > whole_s[0] else None
         self._amplitude_basis: BurstBasis | None = None
         if times_s.size > 1:
-            self._amplitude_basis = BurstBasis(times_s, AMPLITUDE_NODES)
+            self._amplitude_basis = BurstBasis(np.array(span_s), AMPLITUDE_NODES)
         # a ramp shows a path where it will be
         self._shown_s = 0.0
         if sums.ramp is not None:

@@ -199,9 +199,11 @@ def test_uneven_motion_is_followed_to_the_first_order(waveform: AnyWaveform) -> 
     assert {step.motion for step in found.report.steps} == {"smooth"}
     truth = retarded(radar, found, range_m)
     left_rad = found.report.ramp_residual_phase_rad
-    assert 1e-5 < left_rad < 2e-3
+    (step,) = found.report.steps
+    # all pulses in one transform leave nothing out
+    assert left_rad == 0 if step.transform == "type 3" else 1e-5 < left_rad < 2e-3
     away = relative(range_process(found).plane, range_process(truth).plane)
-    assert away < left_rad + (0 if isinstance(waveform, ArbitraryPulse) else 2e-3)
+    assert away < left_rad + (0 if isinstance(waveform, ArbitraryPulse) else 2e-4)
 
 
 def retarded(radar: Radar, echoes: Echoes, range_m: Callable[[np.ndarray], np.ndarray]) -> Echoes:

@@ -15,7 +15,7 @@ from radarsim_addon.signal.spectrum import (
     Spectrum,
     SpectrumAccumulator,
 )
-from radarsim_addon.signal.spectrum import linear_motion as synthesis_linear
+from radarsim_addon.signal.spectrum import all_pulses as synthesis_linear
 from tests.signal.spectrum_oracle import Function, direct_sum, relative
 
 TOLERANCES = [1e-4, 1e-6, 1e-8, 1e-10, 1e-12]

@@ -12,6 +12,7 @@ from radarsim_addon.signal.spectrum import (
     Ramp,
     ReceiveWindow,
     SpectrumAccumulator,
+    all_pulses,
 )
 from tests.signal.spectrum_oracle import Function, direct_sum, relative
 
@@ -83,8 +84,12 @@ def test_motion_within_codes() -> None:
     assert [step.transform for step in found["auto"].report.steps] == ["interpolated"]
 
 
-def test_paths_that_leave_the_window_in_a_sweep() -> None:
-    """The others are interpolated; what is received of those that leave is as pulse by pulse."""
+@pytest.mark.parametrize(("more_s", "way"), [(1.0, "interpolated"), (0.0, "type 3")])
+def test_paths_that_leave_the_window_in_a_sweep(
+    more_s: float, way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The others go one of the ways; what is received of those that leave is as pulse by pulse."""
+    monkeypatch.setattr(all_pulses, "_BLOCK_3", more_s)
     motion, amplitude = two_bodies(5.0)
     found = {}
     for method in ("auto", "direct"):
@@ -96,7 +101,7 @@ def test_paths_that_leave_the_window_in_a_sweep() -> None:
         found[method] = accumulator.result()
     assert relative(found["auto"].values, found["direct"].values) < 1e-6
     ways = {step.transform for step in found["auto"].report.steps}
-    assert ways == {"interpolated", "pulse by pulse"}
+    assert ways == {way, "pulse by pulse"}
     assert found["auto"].report.outside == pytest.approx(found["direct"].report.outside)
     assert 0 < found["auto"].report.outside < 2 * ROWS
 

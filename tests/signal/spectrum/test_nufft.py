@@ -60,7 +60,7 @@ def test_lines_of_targets_meet_their_tolerance(
     k = np.arange(size) - size // 2
     turns = np.exp(-1j * (k[:, None] * x + u[..., None] * y))
     expected = np.einsum("sn,lkn->slk", values, turns)
-    found = nufft_lines(x, y, values, size, u, tolerance)
+    found = np.stack(list(nufft_lines(x, y, values, size, u, tolerance)))
     # as the synthesis counts on: twice the tolerance, and what the places' digits leave
     bound = 2 * max(tolerance, LEAST_ERROR)
     assert np.linalg.norm(found - expected) < bound * np.linalg.norm(expected)
