@@ -6,6 +6,7 @@ The panel's float32 numbers and the headless script's options both end up in a `
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +19,7 @@ from ...signal.radar import (
     Burst,
     Channel,
     Radar,
+    Schedule,
     Weather,
     array_preset,
 )
@@ -177,7 +179,7 @@ class Measurement:
 
     array: str = setting(
         "Array",
-        "Choose the elements that measure angles: transmitters, which send in turn, x receivers",
+        "Choose the elements that measure angles: transmitters x receivers",
         "single",
         choices=(
             ("single", "One Element", "No angles. A radar file may hold elements of its own"),
@@ -188,12 +190,24 @@ class Measurement:
             ("12x16", "12 x 16", "Four 77 GHz chips: 86 virtual elements in a row, some above"),
         ),
     )
+    array_schedule: Schedule = setting(
+        "Transmitters",
+        "Choose how several transmitters share the pulse interval",
+        "tdm",
+        choices=(
+            ("tdm", "In Turn (TDM)", "Each in a slot of its own"),
+            ("ddm", "Doppler Shifts (DDM)", "At once, each shifted in Doppler by its phases"),
+            ("bpm", "Codes (BPM)", "At once, with phases of 0 and 180 degrees"),
+        ),
+    )
     #: Those of a radar file; a chosen array replaces them.
     channels: tuple[Channel, ...] = (SINGLE_CHANNEL,)
 
     def __post_init__(self) -> None:
         if self.array != "single":
-            array = array_preset(self.array, self.waveform.wavelength_m)
+            array = dataclasses.replace(
+                array_preset(self.array, self.waveform.wavelength_m), schedule=self.array_schedule
+            )
             object.__setattr__(
                 self, "channels", array.channels(self.burst, self.waveform.duration_s)
             )

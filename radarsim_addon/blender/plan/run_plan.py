@@ -264,8 +264,8 @@ def automatic_rings(ring_step_m: float, extent: Extent) -> int:
 
 #: What changes no render.
 _AFTER_RENDERING = (
-    "waveform", "burst", "array", "channels", "link_budget", "frames", "rings", "weather",
-    "range_start_m", "range_stop_m",
+    "waveform", "burst", "array", "array_schedule", "channels", "link_budget", "frames", "rings",
+    "weather", "range_start_m", "range_stop_m",
 )  # fmt: skip
 
 

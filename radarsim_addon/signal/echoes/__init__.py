@@ -6,9 +6,10 @@ In: `Paths` and a `Radar`. Out: `Echoes`, samples in sqrt(W), with receiver impa
 `synthesis` sums the paths' spectra in every channel, for pulses (`EchoSynthesizer`) or waveforms
 that sample frequencies (`StretchSynthesizer`), and forms the samples. `echoes` has their record,
 options and time axes, and joins the renders of a burst. `receiver` adds phase noise, thermal noise
-and the rounding of an ADC.
+and the rounding of an ADC. `codes` adds up transmitters that send at once, and tells them apart.
 """
 
+from .codes import crosstalk, recorded_together, separate, shifts_doppler
 from .echoes import (
     Echoes,
     EchoOptions,
@@ -35,6 +36,7 @@ __all__ = [
     "StretchSynthesizer",
     "apply_receiver",
     "check_window",
+    "crosstalk",
     "interpolate_renders",
     "line_times_s",
     "load_phase_noise",
@@ -42,7 +44,10 @@ __all__ = [
     "only_channel",
     "pulse_times_s",
     "pulses_of_render",
+    "recorded_together",
     "render_times_s",
+    "separate",
+    "shifts_doppler",
     "synthesize",
     "synthesizer_for",
     "window_samples",

@@ -318,6 +318,9 @@ class ReceivedSignal:
         Values of I and Q that were clipped.
     step_phase_rad
         RMS phase noise of a far echo within a step of stepped frequency, which is averaged [rad].
+    recorded
+        Samples of each receiver before transmitters that send at once were told apart; None: they
+        send in turn.
     """
 
     echoes: Echoes
@@ -326,6 +329,7 @@ class ReceivedSignal:
     step: float | None = None
     clipped: int = 0
     step_phase_rad: float = 0.0
+    recorded: Echoes | None = None
 
     @property
     def findings(self) -> list[Finding]:

@@ -549,6 +549,7 @@ def synthesizer_for(
     """Return the synthesizer for the waveform's family. Parameters are those of `EchoSynthesizer`.
     Phase noise is for FMCW and stepped frequency, which take it path by path; see `apply_receiver`.
     """
+    radar = radar.sent
     if radar.waveform.family == "pulse":
         return EchoSynthesizer(
             radar, range_limits_m, options, link=link, antennas=antennas, wanted=wanted
@@ -609,7 +610,8 @@ def synthesize(
     Returns
     -------
     Echoes
-        Samples (channels, rows, samples).
+        Samples (channels, rows, samples). Of transmitters that send at once, each pair by itself at
+        all pulses of `radar.sent`; see :func:`.echoes.recorded_together`.
 
     Notes
     -----

@@ -135,7 +135,8 @@ def _array_rows(radar: Radar) -> list[tuple[str, str]]:
         return []
     ends = [len({getattr(one, end) for one in radar.channels}) for end in ("tx", "rx")]
     names = [f"{n} {name}{'' if n == 1 else 's'}" for n, name in zip(ends, _ENDS, strict=True)]
-    return [("array", f"{names[0]}, {names[1]}{', in turn' if ends[0] > 1 else ''}")]
+    how = ", in turn" if radar.slots == 1 else f", at once, codes of {radar.slots} pulses"
+    return [("array", f"{names[0]}, {names[1]}{how if ends[0] > 1 else ''}")]
 
 
 def _acquisition_rows(run: Run, gaps: int) -> list[tuple[str, str]]:

@@ -49,9 +49,12 @@ from ..echoes import (
     Echoes,
     ReceivedSignal,
     apply_receiver,
+    crosstalk,
     interpolate_renders,
     pulses_of_render,
+    recorded_together,
     render_times_s,
+    separate,
     synthesizer_for,
 )
 from ..maps import (
@@ -85,6 +88,8 @@ _SLOWEST_BLENDED_CELLS = 3.0
 
 #: Sine of the angle up to which an array without grating lobes measures.
 _WHOLE_SECTOR = 0.95
+#: Share of one transmitter in another, in amplitude, from which on it is worth a word: -40 dB.
+_LEAST_LEAK = 0.01
 
 
 def process_frame(frame_input: FrameInput, options: ResolvedOptions) -> FrameResult:
@@ -164,7 +169,12 @@ def frame_steps(
     if len(frame_input.tables) > 1:
         later = (_echoes_of(frame_input, n, options) for n in range(1, len(frame_input.tables)))
         echoes = interpolate_renders(itertools.chain([echoes], later), render_times_s(frame_input))
-    received = apply_receiver(echoes, options.receiver)
+    if radar.slots > 1:
+        received = separate(
+            apply_receiver(recorded_together(echoes, radar), options.receiver), radar
+        )
+    else:
+        received = apply_receiver(echoes, options.receiver)
     compressed = range_process(received.echoes, options.range_taper)
     filtered = mti_cancel(compressed, options.mti) if options.mti else compressed
     rd_map = range_doppler(filtered, options.doppler_taper)
@@ -203,6 +213,10 @@ def frame_steps(
                 else [*named_in_directions(finder, detections.targets, *array, watts)]
             )
             detections = dataclasses.replace(detections, targets=targets)
+    listed: list[Any] = [*moving, *(detections.targets if detections is not None else [])]
+    fastest_mps = max(
+        (abs(one.unfolded_velocity_mps or one.velocity_mps) for one in listed), default=0.0
+    )
     speckle, edges = echo_sum.speckle, find_edges(profile_sum.result(within=True))
     result = FrameResult(
         source=frame_input,
@@ -219,7 +233,7 @@ def frame_steps(
         findings=findings_of_frame(
             frame_input, statistics, report, speckle, expected, received, shown_weather
         )
-        + _array_findings(radar, echo_sum.budget.antennas, array, number),
+        + _array_findings(radar, echo_sum.budget.antennas, array, fastest_mps, number),
         expected=expected,
         speckle=speckle.report(),
         detections=detections,
@@ -277,7 +291,7 @@ def _pulses_of_update(frame_input: FrameInput, number: int) -> Mask | None:
     """Return the pulses that a visibility update takes part in; None: all."""
     if len(frame_input.tables) < 2:
         return None
-    return pulses_of_render(frame_input.radar, render_times_s(frame_input), number)
+    return pulses_of_render(frame_input.radar.sent, render_times_s(frame_input), number)
 
 
 def _echoes_of(
@@ -393,9 +407,12 @@ def _why_no_angles(radar: Radar, antennas: AntennaMotion) -> str:
 
 
 def _array_findings(
-    radar: Radar, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None, frame: int
-) -> list[Finding]:
-    """Name angles that are not measured, or with more than one answer."""
+    radar: Radar, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None,
+    fastest_mps: float, frame: int,
+) -> list[Finding]:  # fmt: skip
+    """Name angles that are not measured, with more than one answer, or disturbed by transmitters
+    that send at once. `fastest_mps` is the largest range rate of a target.
+    """
     if len(radar.channels) < 2:
         return []
     if array is None:
@@ -408,6 +425,10 @@ def _array_findings(
         if sine < _WHOLE_SECTOR:
             sector_deg = math.degrees(math.asin(sine))
             found.append(finding("angles-ambiguous", axis=axis, sector_deg=sector_deg))
+    leak = crosstalk(radar, fastest_mps) if radar.slots > 1 else 0.0
+    if leak > _LEAST_LEAK:
+        leak_db = 20 * math.log10(leak)
+        found.append(finding("transmitters-leak", rate_mps=fastest_mps, leak_db=leak_db))
     return [item.in_frame(frame) for item in found]
 
 

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Antenna arrays: their elements, and the times at which the transmitters send.
 
-With several transmitters, the pulse interval is divided into slots, one for each (time division,
-TDM), so that a receiver gets one transmitter at a time. A pair of both is a channel. To
+With several transmitters, the pulse interval is divided into slots. Either each transmitter has a
+slot of its own (time division, TDM). Or all send in all slots, each with phases of its own, by
+which a receiver tells them apart: phases that rise evenly shift each transmitter's Doppler (DDM),
+phases of 0 and 180 degrees are rows of a Hadamard matrix (BPM). A pair of transmitter and receiver
+is a channel. To
 a distant target it acts as one element at the sum of both positions, the virtual element (Bliss and
 Forsythe, 37th Asilomar Conference, 54, 2003). Channels are numbered by transmitter, then receiver.
 """
@@ -13,7 +16,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -28,6 +31,10 @@ MAX_CHANNELS = 4096
 _APART_M = 1e-6
 
 
+#: How transmitters share the pulse interval, see the module.
+Schedule = Literal["tdm", "ddm", "bpm"]
+
+
 @dataclass(frozen=True)
 class AntennaArray:
     """Elements of a radar with several antennas.
@@ -40,16 +47,20 @@ class AntennaArray:
     slot_s
         Time from the start of one transmitter's pulse to that of the next one's [s]; None: the
         slots share the pulse interval evenly.
+    schedule
+        How transmitters share the pulse interval: "tdm", "ddm" or "bpm".
 
     Raises
     ------
     ConfigError
-        No element, two elements in one place, too many channels, or a slot that is not above 0.
+        No element, two elements in one place, too many channels, a slot that is not above 0, or one
+        that is given where transmitters send at once.
     """
 
     transmitters: tuple[Element, ...]
     receivers: tuple[Element, ...]
     slot_s: float | None = None
+    schedule: Schedule = "tdm"
 
     def __post_init__(self) -> None:
         for name, elements in (("transmitters", self.transmitters), ("receivers", self.receivers)):
@@ -72,6 +83,16 @@ class AntennaArray:
             )
         if self.slot_s is not None and not self.slot_s > 0:
             raise ConfigError(f"slot_s of the array is {self.slot_s!r} s; expected above 0.")
+        if self.schedule not in get_args(Schedule):
+            raise ConfigError(
+                f"Schedule of the array is {self.schedule!r:.40}; expected one of "
+                f"{', '.join(get_args(Schedule))}."
+            )
+        if self.slot_s is not None and self.schedule != "tdm":
+            raise ConfigError(
+                f"slot_s of the array goes with the schedule tdm alone; with {self.schedule} the "
+                "slots share the pulse interval evenly. Leave slot_s out."
+            )
 
     def channels(self, burst: Burst, pulse_s: float = 0.0) -> tuple[Channel, ...]:
         """Return a channel for each pair of transmitter and receiver.
@@ -94,6 +115,8 @@ class AntennaArray:
             The transmitters do not fit into the pulse interval one after another.
         """
         count, interval_s = len(self.transmitters), 1 / burst.prf_hz
+        if self.schedule != "tdm" and count > 1:
+            return self._coded(interval_s)
         slot_s = interval_s / count if self.slot_s is None else self.slot_s
         needed_s = (count - 1) * max(self.slot_s or 0.0, pulse_s) + pulse_s
         if count > 1 and needed_s > interval_s * (1 + 1e-6):
@@ -110,6 +133,25 @@ class AntennaArray:
         return tuple(
             Channel(tx, rx, number * slot_s)
             for number, tx in enumerate(self.transmitters)
+            for rx in self.receivers
+        )
+
+    def _coded(self, interval_s: float) -> tuple[Channel, ...]:
+        """Return channels of transmitters that send at once. Those of blocks of pulses have the
+        time of a block's middle.
+        """
+        count = len(self.transmitters)
+        if self.schedule == "ddm":
+            turns, later_s = np.outer(np.arange(count), np.arange(count)) / count % 1.0, 0.0
+        else:
+            slots = 1 << (count - 1).bit_length()
+            # rows of a Hadamard matrix
+            odd = [[(row & slot).bit_count() % 2 for slot in range(slots)] for row in range(count)]
+            turns = np.array(odd) / 2
+            later_s = (slots - 1) / (2 * slots) * interval_s
+        return tuple(
+            Channel(tx, rx, later_s, code_turns=tuple(own.tolist()))
+            for tx, own in zip(self.transmitters, turns, strict=True)
             for rx in self.receivers
         )
 
@@ -221,7 +263,7 @@ def array_from_dict(data: object, wavelength_m: float) -> AntennaArray:
     ----------
     data
         {"preset": NAME}, or {"transmitters": [...], "receivers": [...]}, of places [x, y, z] in
-        metres or of objects with the fields of `Element`; both may have "slot_s".
+        metres or of objects with the fields of `Element`; both may have "slot_s" and "schedule".
     wavelength_m
         Wavelength of the carrier [m].
 
@@ -235,21 +277,23 @@ def array_from_dict(data: object, wavelength_m: float) -> AntennaArray:
     slot_s = data.get("slot_s")
     if slot_s is not None and not (isinstance(slot_s, int | float) and slot_s > 0):
         raise ConfigError(f"Array: slot_s is {slot_s!r:.40}; expected seconds above 0.")
-    rest = set(data) - {"slot_s"}
+    schedule = data.get("schedule", "tdm")
+    rest = set(data) - {"slot_s", "schedule"}
     if rest == {"preset"}:
         chosen = array_preset(
             data["preset"] if isinstance(data["preset"], str) else "", wavelength_m
         )
-        return AntennaArray(chosen.transmitters, chosen.receivers, slot_s)
+        return AntennaArray(chosen.transmitters, chosen.receivers, slot_s, schedule)
     both = {"transmitters", "receivers"}
     if rest != both:
         lacking, strange = sorted(both - rest), sorted(map(str, rest - both))
         wrong = f"has the unknown field {strange[0]!r:.60}" if strange else f"lacks {lacking[0]}"
         raise ConfigError(
-            f"Array {wrong}; expected preset, or transmitters and receivers, and maybe slot_s."
+            f"Array {wrong}; expected preset, or transmitters and receivers, and maybe slot_s "
+            "and schedule."
         )
     elements = [_elements(data[name], f"Array: {name}") for name in ("transmitters", "receivers")]
-    return AntennaArray(elements[0], elements[1], slot_s)
+    return AntennaArray(elements[0], elements[1], slot_s, schedule)
 
 
 def channels_to_dict(channels: Sequence[Channel]) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
-from ...arrays import Mask, Real
+from ...arrays import Complex, Mask, Real
 from ...contract import AntennaRecord
 from ...errors import ConfigError
 from ...options import check_settings, documented, setting
@@ -223,22 +223,30 @@ class Channel:
         Start of each of the channel's pulses after that of the burst's pulse, 0 or more [s].
     active
         Whether the channel is used, one value per pulse; None: at every pulse.
+    code_turns
+        Phases of the transmitter in the slots of a cycle, in cycles, where all transmitters send at
+        once; the burst counts cycles then. Empty: it sends alone, once in each pulse interval.
 
     Raises
     ------
     ConfigError
-        The offset is negative or not finite.
+        The offset is negative or not finite, or a phase is not finite.
     """
 
     tx: Element = Element()
     rx: Element = Element()
     start_offset_s: float = 0.0
     active: tuple[bool, ...] | None = None
+    code_turns: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.start_offset_s) and self.start_offset_s >= 0):
             raise ConfigError(
                 f"Start offset of a channel is {self.start_offset_s!r} s; expected 0 or more."
+            )
+        if not all(math.isfinite(turns) for turns in self.code_turns):
+            raise ConfigError(
+                f"Code of a channel is {self.code_turns!r:.60}; expected finite numbers of cycles."
             )
 
     @property
@@ -252,6 +260,11 @@ class Channel:
         return self.tx == Element(polarisation=self.tx.polarisation) and self.rx == Element(
             polarisation=self.rx.polarisation
         )
+
+    @property
+    def code(self) -> Complex:
+        """Factors of the transmitter in the slots of a cycle, (slots,)."""
+        return np.exp(2j * np.pi * np.array(self.code_turns or (0.0,)))
 
     def active_mask(self, pulses: int) -> Mask:
         """Return a mask of the pulses that use the channel, (pulses,)."""
@@ -353,7 +366,54 @@ class Radar:
                     f"Channel {number} says of {len(channel.active)} pulses whether it is active; "
                     f"expected one value for each of the {self.burst.pulses} pulses."
                 )
+        self._check_codes()
         self.check_size(self.waveform.sample_count)
+
+    def _check_codes(self) -> None:
+        lengths = sorted({len(channel.code_turns) for channel in self.channels})
+        if lengths == [0]:
+            return
+        codes = {channel.tx: channel.code for channel in self.channels}
+        orthogonal = len(lengths) == 1
+        if orthogonal:
+            matrix = np.array(list(codes.values()))
+            across = np.abs(matrix @ matrix.conj().T - lengths[0] * np.eye(len(matrix)))
+            orthogonal = across.max() <= 1e-6 * lengths[0]
+        if not orthogonal:
+            raise ConfigError(
+                f"The codes of {len(codes)} transmitters have {lengths} slots and are not "
+                "orthogonal. Give all transmitters codes of one length whose products add up to 0."
+            )
+        if getattr(self.waveform, "real_adc", False):
+            raise ConfigError(
+                "Transmitters that send at once need a complex ADC: a real one mixes each code "
+                "with its conjugate. Set the ADC to complex, or let the transmitters send in turn."
+            )
+        needed_s, interval_s = lengths[0] * self.waveform.duration_s, 1 / self.burst.prf_hz
+        if needed_s > interval_s * (1 + _SLACK):
+            raise ConfigError(
+                f"A cycle of {lengths[0]} slots takes {needed_s * 1e6:.4g} us, and the pulse "
+                f"interval is {interval_s * 1e6:.4g} us. Lower the PRF to at most "
+                f"{math.floor(1 / needed_s):g} Hz, or shorten the chirp."
+            )
+
+    @property
+    def slots(self) -> int:
+        """Pulses of a cycle in which all transmitters send at once, each with its code; 1: they
+        send in turn.
+        """
+        return max(len(self.channels[0].code_turns), 1)
+
+    @property
+    def sent(self) -> Radar:
+        """The radar as it sends: one pulse in each slot, for each transmitter by itself."""
+        if self.slots == 1:
+            return self
+        burst = dataclasses.replace(
+            self.burst, pulses=self.burst.pulses * self.slots, prf_hz=self.burst.prf_hz * self.slots
+        )
+        channels = tuple(Channel(channel.tx, channel.rx) for channel in self.channels)
+        return Radar(self.waveform, burst, channels)
 
     def check_size(self, samples: int) -> None:
         """Raise a ConfigError where a burst of so many samples per pulse is too large."""
