@@ -9,8 +9,10 @@ import math
 import numpy as np
 
 from radarsim_addon.arrays import Complex
+from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal.angles import DirectionFinder, angles_deg, covariance_of, esprit, music
 from radarsim_addon.signal.detection import detect_in_directions
+from radarsim_addon.signal.echoes import Echoes, ReceivedSignal, recorded_together, separate
 from radarsim_addon.signal.motion import FrameMotion
 from radarsim_addon.signal.paths import (
     PathRows,
@@ -19,7 +21,7 @@ from radarsim_addon.signal.paths import (
     make_paths,
     motion_of_rows,
 )
-from radarsim_addon.signal.radar import AntennaArray, Radar, linear_array
+from radarsim_addon.signal.radar import AntennaArray, Radar, Schedule, array_preset, linear_array
 
 from . import array_scenes as scenes
 from .case import Bench, Case, Check, Group, absolute_check, relative_check, worst_of
@@ -192,6 +194,52 @@ def turns(_: Bench) -> list[Check]:
     return checks
 
 
+def at_once(_: Bench) -> list[Check]:
+    """Three transmitters at once against the same ones sent one by one, and their crosstalk."""
+    checks = []
+    schedules: tuple[Schedule, ...] = ("ddm", "bpm")
+    for schedule in schedules:
+        array = dataclasses.replace(array_preset("3x4", scenes.WAVELENGTH_M), schedule=schedule)
+        channels = array.channels(scenes.BURST, scenes.WAVEFORM.duration_s)
+        radar = Radar(scenes.WAVEFORM, scenes.BURST, channels)
+        name = schedule.upper()
+        points_m = [12 * scenes.direction_of(15, 5), 23.7 * scenes.direction_of(-38)]
+        alone = scenes.echoes_of(radar, points_m).samples[:, : scenes.BURST.pulses]
+        away = _told_apart(radar, scenes.echoes_of(radar, points_m)) - alone
+        error = float(np.linalg.norm(away) / np.linalg.norm(alone))
+        checks.append(absolute_check(f"{name} at rest", 0.0, error, 1e-6, "sent one by one"))
+        for speed_mps in (0.5, 3.0, -7.0):
+            echoes = scenes.echoes_of(radar, points_m[:1], radial_mps=speed_mps)
+            only = np.zeros_like(echoes.samples)
+            only[4:8] = echoes.samples[4:8]  # the second transmitter alone
+            found = _told_apart(radar, dataclasses.replace(echoes, samples=only))[:4]
+            step = len(only[0]) // scenes.BURST.pulses
+            leak = float(np.linalg.norm(found) / np.linalg.norm(only[4:8, ::step]))
+            # a target turns by w from pulse to pulse, at each frequency of the ramp by another
+            ramp_hz = scenes.CARRIER_HZ + scenes.WAVEFORM.bandwidth_hz * np.linspace(-0.5, 0.5, 65)
+            turn = -4 * math.pi * speed_mps * ramp_hz / SPEED_OF_LIGHT_MPS
+            pulse = np.arange(radar.sent.burst.pulses)
+            heard = np.exp(1j * np.outer(turn / radar.sent.burst.prf_hz, pulse))
+            heard *= np.tile(channels[4].code, scenes.BURST.pulses)
+            if schedule == "ddm":
+                power = np.abs(np.fft.fft(heard)) ** 2
+                half = scenes.BURST.pulses // 2
+                theory = (power[:, :half].sum() + power[:, -half:].sum()) / power.sum()
+            else:
+                blocks = heard.reshape(len(ramp_hz), -1, radar.slots).mean(axis=2)
+                theory = np.mean(np.abs(blocks) ** 2)
+            theory = math.sqrt(theory)
+            label = f"{name}, crosstalk at {speed_mps:g} m/s"
+            checks.append(absolute_check(label, theory, leak, 2e-3, "phases of the pulses"))
+    return checks
+
+
+def _told_apart(radar: Radar, echoes: Echoes) -> Complex:
+    """Samples of each pair after all have sent at once."""
+    together = ReceivedSignal(recorded_together(echoes, radar))
+    return np.asarray(separate(together, radar).echoes.samples)
+
+
 def pairs(_: Bench) -> list[Check]:
     """Two points of 0 and -3 dB in one cell, 12 and 6 degrees apart (0.8 and 0.4 beam widths)."""
     radar, checks = scenes.radar_of("3x4"), []
@@ -228,6 +276,7 @@ GROUP = Group(
         Case("a point alone", points, 60.0),
         Case("noise of 20 dB", noise, 20.0, quick=True),
         Case("transmitters in turn", turns, 20.0),
+        Case("transmitters at once", at_once, 10.0),
         Case("two points in one cell", pairs, 10.0),
     ),
 )

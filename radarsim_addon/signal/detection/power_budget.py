@@ -273,7 +273,8 @@ class FrameBudget:
                     if not isinstance(range_m := shown[echo.name], str)
                 },
                 radar.waveform.wavelength_m,
-                noise_w and noise_w * map_noise_gain(radar, range_taper, doppler_taper),
+                noise_w
+                and noise_w * map_noise_gain(radar, range_taper, doppler_taper) / radar.slots,
             )
         found = self._findings(objects)
         return BudgetReport(received_w, noise_w, objects, snr, found, absent, clutter)
@@ -346,7 +347,7 @@ def predicted_snr(
         power_w,
         pulse_s,
         radar.waveform.sampling_rate_hz,
-        radar.burst.pulses,
+        radar.burst.pulses * radar.slots,
         system.record.noise_figure_db,
         system.record.antenna_temperature_k,
         compression_loss_db(radar, range_taper, doppler_taper),

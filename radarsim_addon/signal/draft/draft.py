@@ -97,7 +97,7 @@ def make_draft(scene: DraftScene, meshes: Mapping[int, Mesh], level: DraftLevel)
     found = expected_power(frame, cells_per_sample=_CELLS_PER_SAMPLE, link=budget.link)
     sample_w = 0.0
     if budget.system is not None:
-        sample_w = budget.system.noise_power_w(radar.waveform.sampling_rate_hz)
+        sample_w = budget.system.noise_power_w(radar.waveform.sampling_rate_hz) / radar.slots
     velocity_mps = -found.doppler_hz * radar.waveform.wavelength_m / 2
     return Draft(
         found.range_m,
