@@ -19,9 +19,10 @@ from radarsim_addon.signal.paths import (
     make_paths,
     motion_of_rows,
 )
-from radarsim_addon.signal.radar import AntennaArray, Radar, linear_array
+from radarsim_addon.signal.radar import AntennaArray, Radar, array_preset, linear_array
 
 from . import array_scenes as scenes
+from . import scenes as rendered
 from .case import Bench, Case, Check, Group, absolute_check, relative_check, worst_of
 
 #: Directions off all axes (azimuth, elevation) [degrees].
@@ -218,6 +219,44 @@ def pairs(_: Bench) -> list[Check]:
     return checks
 
 
+def hidden(bench: Bench) -> list[Check]:
+    """A wall half behind a screen: an element at d to the side loses d (10 / 2 - 1) m of it."""
+    edge_m, near_m, far_m, left_m, half_m = 0.4, 2.0, 10.0, -1.0, 1.0
+    wave_m, checks = rendered.wavelength(), []
+    for preset in ("1x8", "3x4", "8x8"):
+        rendered.new_scene(40.0)
+        screen = [(edge_m, near_m, -3.0), (3.0, near_m, -3.0), (3.0, near_m, 3.0),
+                  (edge_m, near_m, 3.0)]  # fmt: skip
+        wall = [(left_m, far_m, -half_m), (5.0, far_m, -half_m), (5.0, far_m, half_m),
+                (left_m, far_m, half_m)]  # fmt: skip
+        for name, corners, albedo in (("Screen", screen, 0.01), ("Wall", wall, 0.5)):
+            rendered.add_mesh(name, corners, [(0, 1, 2, 3)], rendered.lambert(albedo))
+        run = rendered.acquire(bench, 512, array=preset)
+        elements = array_preset(preset, wave_m)
+        side_m = max(abs(e.position_m[0]) for e in elements.transmitters + elements.receivers)
+        last_m = edge_m * far_m / near_m
+
+        def power(from_m: float, to_m: float, last_m: float = last_m) -> float:
+            # of a Lambert surface: cosine^2 / r^4, by r = far_m / cosine
+            x, z = np.meshgrid(np.linspace(from_m, to_m, 401), np.linspace(0, half_m, 401))
+            return float((1 / (x**2 + z**2 + far_m**2) ** 3).mean() * (to_m - from_m))
+
+        lost = side_m * (far_m / near_m - 1)
+        share = power(last_m - lost, last_m) / power(left_m, last_m)
+        whole = share * run.power_w("Wall")[0] / run.power_w()[0]
+        for code, expected in (("array-hides-object", share), ("array-hides-power", whole)):
+            (found,) = (item for item in run.record.findings if item.code == code)
+            assert found.subjects == ("Wall",)
+            measured = float(str(found.numbers["fraction"]))
+            checks.append(
+                absolute_check(
+                    f"{preset}: {code}", expected, measured, 0.01, "similar triangles",
+                    standard_error=math.sqrt(share * (1 - share) / 8192) * expected / share,
+                )
+            )  # fmt: skip
+    return checks
+
+
 GROUP = Group(
     "angles",
     "Angles",
@@ -229,5 +268,6 @@ GROUP = Group(
         Case("noise of 20 dB", noise, 20.0, quick=True),
         Case("transmitters in turn", turns, 20.0),
         Case("two points in one cell", pairs, 10.0),
+        Case("a wall that an edge hides", hidden, 60.0),
     ),
 )

@@ -219,7 +219,7 @@ def frame_steps(
         findings=findings_of_frame(
             frame_input, statistics, report, speckle, expected, received, shown_weather
         )
-        + _array_findings(radar, echo_sum.budget.antennas, array, number),
+        + _array_findings(frame_input, echo_sum.budget.antennas, array),
         expected=expected,
         speckle=speckle.report(),
         detections=detections,
@@ -393,9 +393,12 @@ def _why_no_angles(radar: Radar, antennas: AntennaMotion) -> str:
 
 
 def _array_findings(
-    radar: Radar, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None, frame: int
+    frame_input: FrameInput, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None
 ) -> list[Finding]:
-    """Name angles that are not measured, or with more than one answer."""
+    """Name angles that are not measured, or with more than one answer, and elements that may see
+    other surfaces than those of the paths.
+    """
+    radar, frame = frame_input.radar, frame_input.frame.number
     if len(radar.channels) < 2:
         return []
     if array is None:
@@ -403,6 +406,10 @@ def _array_findings(
         missing = finding("angles-not-measured", channels=len(radar.channels), reason=reason)
         return [missing.in_frame(frame)]
     found, geometry = [], array[0]
+    checked_m = min((one.record.array_reach_m for one in frame_input.tables), default=math.inf)
+    reach_m = radar.array_reach_m
+    if reach_m > checked_m * (1 + 1e-9):
+        found.append(finding("array-not-checked", reach_m=reach_m, checked_m=checked_m))
     sectors = zip(("azimuth", "elevation"), geometry.unambiguous_sines(), strict=True)
     for axis, sine in sectors:
         if sine < _WHOLE_SECTOR:

@@ -29,7 +29,7 @@ from radarsim_addon.signal.radar import (
     channels_to_dict,
     linear_array,
 )
-from radarsim_addon.typed_json import write_record
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal import path_runs as pr
 
 WAVELENGTH_M = pr.C0_MPS / pr.WAVEFORM.carrier_hz
@@ -140,6 +140,23 @@ def test_grating_lobes_are_a_finding(run: Path, result: FrameResult, tmp_path: P
     (found,) = (item for item in wide.findings if item.code == "angles-ambiguous")
     assert found.numbers["sector_deg"] == pytest.approx(24.6, abs=0.2)
     assert not any(item.code == "angles-ambiguous" for item in result.findings)
+
+
+def test_elements_beyond_those_of_the_render_are_named(run: Path, tmp_path: Path) -> None:
+    """The render checks what its elements see; the run's own elements are at the origin."""
+    folder, reach_m = tmp_path / "run", radar_of().array_reach_m
+    assert reach_m == pytest.approx(5.5 * WAVELENGTH_M / 2)
+    shutil.copytree(run, folder)
+    paths = folder / contract.frame_dir(1) / contract.PATHS_FILE
+    codes = []
+    for checked_m in (0.0, reach_m / 2, reach_m):
+        record = read_record(paths, contract.PathsRecord)
+        write_record(paths, dataclasses.replace(record, array_reach_m=checked_m))
+        found = processed(folder, tmp_path / "products", radar=radar_of(), cfar=Cfar()).findings
+        codes.append([f.numbers["checked_m"] for f in found if f.code == "array-not-checked"])
+    assert codes == [[0.0], [reach_m / 2], []]
+    alone = processed(folder, tmp_path / "products").findings
+    assert not any(item.code == "array-not-checked" for item in alone)
 
 
 def test_the_commands_list_angles_and_write_clouds(
