@@ -296,7 +296,8 @@ def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[L
             found.append(Lines(kind, ends, transmitter if kind == "transmitters" else receiver))
         across_mm, count = 2e3 * measurement.radar.array_reach_m, len(measurement.channels)
         text = tr("{count} channels within {size:.3g} mm", count=count, size=across_mm)
-        labels.append((Label((0.0, 0.0, 0.0), text), receiver))
+        above_m = measurement.radar.array_reach_m + measurement.waveform.wavelength_m / 2
+        labels.append((Label((0.0, above_m, 0.0), text), receiver))
     system = shown.system
     for kind, matrix in (("transmitter", transmitter), ("receiver", receiver)):
         if system is not None and getattr(system.record, kind).kind not in ("isotropic", "table"):
