@@ -400,7 +400,7 @@ GROUP = Group(
     "angles",
     "Angles",
     "Arrays of 1 x 8, 2 x 4 and 3 x 4 elements at 77 GHz, 500 MHz, bursts of 64 chirps. Points "
-    "through synthesis, map, detection and direction.",
+    "through synthesis, map, detection and direction; balls and the wall are rendered.",
     (
         Case("phases of eight elements", phases, 10.0),
         Case("a point alone", points, 60.0),
