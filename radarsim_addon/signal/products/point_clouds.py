@@ -186,7 +186,7 @@ def write_bag(folder: Path, frames: Sequence[tuple[int, float]]) -> Path:
         with rosbag2.Writer(Path(other) / _BAG, version=8, storage_plugin=plugin) as writer:
             kind = "sensor_msgs/msg/PointCloud2"
             topic = writer.add_connection("/radar/points", kind, typestore=store)
-            for number, time_s in sorted(frames, key=lambda frame: frame[1]):
+            for number, time_s in frames:
                 time_ns = round(time_s * 1e9)
                 if time_ns < 0:
                     raise ConfigError(
