@@ -359,6 +359,8 @@ class PathsRecord:
     flags: dict[str, int] = field(default_factory=dict)  # values that its column flags sums up
     #: By the numbers in its columns transmitter_image and receiver_image, from 1.
     images: list[ImageRecord] = field(default_factory=list)
+    #: For elements up to so far from their antenna's origin, findings name what they do not see.
+    array_reach_m: float = 0.0
     findings: list[Finding] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
     schema: str = "radarsim/paths"

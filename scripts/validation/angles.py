@@ -8,11 +8,17 @@ import math
 
 import numpy as np
 
-from radarsim_addon.arrays import Complex
+from radarsim_addon.arrays import Complex, Real
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal.angles import DirectionFinder, angles_deg, covariance_of, esprit, music
-from radarsim_addon.signal.detection import detect_in_directions
-from radarsim_addon.signal.echoes import Echoes, ReceivedSignal, recorded_together, separate
+from radarsim_addon.signal.detection import DirectedDetection, detect_in_directions
+from radarsim_addon.signal.echoes import (
+    Echoes,
+    ReceivedSignal,
+    Receiver,
+    recorded_together,
+    separate,
+)
 from radarsim_addon.signal.motion import FrameMotion
 from radarsim_addon.signal.paths import (
     PathRows,
@@ -21,15 +27,18 @@ from radarsim_addon.signal.paths import (
     make_paths,
     motion_of_rows,
 )
+from radarsim_addon.signal.pipeline import FrameResult, ProcessOptions, process_run
 from radarsim_addon.signal.radar import AntennaArray, Radar, Schedule, array_preset, linear_array
 
 from . import array_scenes as scenes
+from . import scenes as rendered
 from .case import Bench, Case, Check, Group, absolute_check, relative_check, worst_of
 
 #: Directions off all axes (azimuth, elevation) [degrees].
 _DIRECTIONS = ((0.0, 0.0), (10.3, 4.0), (-34.7, 7.0), (57.0, -3.0))
 _MIDDLE_S = (scenes.BURST.pulses - 1) / (2 * scenes.BURST.prf_hz)
 _TRIALS = 1000
+_WAVE_M = scenes.WAVELENGTH_M
 
 
 def phases(_: Bench) -> list[Check]:
@@ -266,11 +275,185 @@ def pairs(_: Bench) -> list[Check]:
     return checks
 
 
+def ghosts(_: Bench) -> list[Check]:
+    """A point at 20 m before a wall at 6 m to the right: paths over it on one way, or on both."""
+    one_way, both = [(0, 1), (1, 0)], [(1, 1)]
+    checks: dict[str, list[Check]] = {}
+
+    def check(name: str, point: Real, expected_deg: float, found_deg: float) -> None:
+        at = f"{angles_deg(point / np.linalg.norm(point))[0]:.3g} degrees"
+        one = absolute_check(at, expected_deg, found_deg, 0.05, "images", unit="degrees")
+        checks.setdefault(name, []).append(one)
+
+    def found(radar: Radar, point: Real, over: list[tuple[int, int]]) -> list[float]:
+        rd_map = scenes.map_of(scenes.echoes_of(radar, [point] * len(over), over=over))
+        geometry = scenes.geometry_at(radar, time_s=_MIDDLE_S)
+        found = detect_in_directions(rd_map, geometry, np.eye(4), dynamics_db=40.0).targets
+        return sorted(scenes.angles_of(target)[0] for target in found)
+
+    receivers = scenes.radar_of("1x8")
+    virtual = AntennaArray(linear_array(2, 2 * _WAVE_M), linear_array(4, _WAVE_M / 2))
+    turns = Radar(scenes.WAVEFORM, scenes.BURST, virtual.channels(scenes.BURST))
+    for azimuth_deg in (0.0, -12.0, 8.0):
+        point = 20.0 * scenes.direction_of(azimuth_deg)
+        image = scenes.mirrored(point)
+        image_deg = angles_deg(image / np.linalg.norm(image))[0]
+        (alone,) = found(receivers, point, one_way[:1])
+        check("1x8, over the wall on transmit", point, azimuth_deg, alone)
+        first, second = found(receivers, point, one_way)
+        check("1x8, both one-way paths: the direct leg", point, azimuth_deg, first)
+        check("1x8, both one-way paths: the leg over the wall", point, image_deg, second)
+        for name, radar in (("1x8", receivers), ("2x4", turns)):
+            check(
+                f"{name}, over the wall on both ways", point, image_deg, *found(radar, point, both)
+            )
+        beam_deg = _beam_of(turns, point, one_way)
+        tops_deg = _tops_of_ghost(turns, point)
+        nearest = min(tops_deg, key=lambda top, beam_deg=beam_deg: abs(top - beam_deg))
+        check("2x4, both one-way paths in one beam", point, nearest, beam_deg)
+    return [worst_of(name, each) for name, each in checks.items()]
+
+
+def _beam_of(radar: Radar, point: Real, over: list[tuple[int, int]]) -> float:
+    """Azimuth of the one direction that fits the channels best [degrees]."""
+    rd_map = scenes.map_of(scenes.echoes_of(radar, [point] * len(over), over=over))
+    row, col = np.unravel_index(rd_map.power[0].argmax(), rd_map.power[0].shape)
+    finder = DirectionFinder(scenes.geometry_at(radar, time_s=_MIDDLE_S))
+    range_m, values = float(rd_map.range_m[col]), rd_map.values[:, row, col]
+    (source,) = finder.find(values, range_m, float(rd_map.doppler_hz[row]), math.inf, 1)
+    return angles_deg(source.direction)[0]
+
+
+def _tops_of_ghost(radar: Radar, point: Real) -> list[float]:
+    """Azimuths of the beams with the largest sum of both one-way paths over the wall [degrees].
+
+    Paths there and back give two, equally high. The Doppler may be folded: the second transmitter
+    sends half an interval later, and so its phases have either sign.
+    """
+    image, sines, tops = scenes.mirrored(point), np.linspace(-1, 1, 100_001), []
+    for sign in (1.0, -1.0):
+        beams = np.zeros(sines.size, dtype=complex)
+        for channel in radar.channels:
+            tx, rx = (np.array(one.position_m) for one in (channel.tx, channel.rx))
+            for there, back in ((image, point), (point, image)):
+                length_m = np.linalg.norm(there - tx) + np.linalg.norm(back - rx)
+                towards_m = length_m + sines * (tx + rx)[0]
+                phases = np.exp(-2j * np.pi * towards_m / _WAVE_M)
+                beams += phases * (sign if channel.start_offset_s else 1.0)
+        power = np.abs(beams) ** 2
+        peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+        tops += [(float(power[n]), math.degrees(math.asin(sines[n]))) for n in peaks.tolist()]
+    return [angle for power, angle in tops if power > 0.99 * max(tops)[0]]
+
+
+_BALLS, _BALL_M = 12, 0.01
+
+
+def balls(bench: Bench) -> list[Check]:
+    """Balls of 1 cm at random places, from the render to the list of targets."""
+    rng, cell_m = np.random.default_rng(5), scenes.WAVEFORM.range_resolution_m
+    worst: dict[str, list[Check]] = {}
+    named = judged = 0
+    for preset in ("1x8", "3x4", "1x8", "3x4"):
+        radar = scenes.radar_of(preset)
+        # the least that the array tells apart, in the sines of azimuth and elevation
+        with np.errstate(divide="ignore"):
+            beams = 1 / scenes.geometry_at(radar).extent_wavelengths
+        rendered.new_scene(80.0)
+        steps = (np.arange(_BALLS) + rng.uniform(0.2, 0.8, _BALLS)) / _BALLS
+        places_m = {}
+        for number, range_m in enumerate(rng.permutation(6 + 26 * steps).tolist()):
+            up_deg = rng.uniform(-10, 10) if preset == "3x4" else 0.0
+            right, up, back = range_m * scenes.direction_of(rng.uniform(-35, 35), up_deg)
+            places_m[f"Ball {number}"] = np.array([right, -back, up])
+            rendered.add_sphere(
+                f"Ball {number}", (right, -back, up), _BALL_M, rendered.lambert(0.8), 4
+            )
+        run = rendered.acquire(
+            bench, 128, 2, carrier_hz=scenes.CARRIER_HZ, array=preset, max_standard_error=0.2,
+            refine_for="objects",
+        )  # fmt: skip
+        # signal-to-noise ratios of 40 dB and more, and of 5 to 40 dB
+        for seed, figure_db in enumerate((30.0, 55.0, 55.0)):
+            options = ProcessOptions(
+                plots=False, products=False, radar=radar, speckle_seed=seed,
+                range_taper="taylor:4:-60", doppler_taper="taylor:4:-60",
+                receiver=Receiver(figure_db, noise_seed=seed),
+            )  # fmt: skip
+            results = [*process_run(run.folder, options)]
+            (result,) = (event for event in results if isinstance(event, FrameResult))
+            assert result.detections is not None
+            for target in result.detections.targets:
+                assert isinstance(target, DirectedDetection)
+                if target.snr_db < 10:
+                    continue
+                found_m = np.array([target.world_x_m, target.world_y_m, target.world_z_m])
+                name = min(
+                    places_m, key=lambda n: abs(np.linalg.norm(places_m[n]) - target.range_m)
+                )
+                away_m = float(np.linalg.norm(places_m[name]))
+                is_there = abs(away_m - target.range_m) < cell_m
+                judged, named = judged + 1, named + (target.name == (name if is_there else ""))
+                if seed or target.name != name:
+                    continue
+                sines = np.abs(found_m / target.range_m - places_m[name] / away_m)[[0, 2]]
+                cells = sines / beams
+                axes = ["azimuth", "elevation"][: 1 if preset == "1x8" else 2]
+                errors = {"range": abs(target.range_m - away_m) / cell_m, **dict(zip(axes, cells))}
+                for axis, error in errors.items():
+                    worst.setdefault(axis, []).append(
+                        absolute_check(preset, 0.0, float(error), 0.1, "ground truth", unit="cells")
+                    )
+    found = len(worst["range"])
+    checks = [worst_of(f"place: {axis}", each) for axis, each in worst.items()]
+    checks.append(absolute_check("balls that are found", 4 * _BALLS, found, 0, "ground truth"))
+    labels = absolute_check("right labels above 10 dB", 1, named / judged, 0.01, "ground truth")
+    return [*checks, dataclasses.replace(labels, points=judged)]
+
+
+def hidden(bench: Bench) -> list[Check]:
+    """A wall half behind a screen: an element at d to the side loses d (10 / 2 - 1) m of it."""
+    edge_m, near_m, far_m, left_m, half_m = 0.4, 2.0, 10.0, -1.0, 1.0
+    wave_m, checks = rendered.wavelength(), []
+    for preset in ("1x8", "3x4", "8x8"):
+        rendered.new_scene(40.0)
+        screen = [(edge_m, near_m, -3.0), (3.0, near_m, -3.0), (3.0, near_m, 3.0),
+                  (edge_m, near_m, 3.0)]  # fmt: skip
+        wall = [(left_m, far_m, -half_m), (5.0, far_m, -half_m), (5.0, far_m, half_m),
+                (left_m, far_m, half_m)]  # fmt: skip
+        for name, corners, albedo in (("Screen", screen, 0.01), ("Wall", wall, 0.5)):
+            rendered.add_mesh(name, corners, [(0, 1, 2, 3)], rendered.lambert(albedo))
+        run = rendered.acquire(bench, 512, array=preset)
+        elements = array_preset(preset, wave_m)
+        side_m = max(abs(e.position_m[0]) for e in elements.transmitters + elements.receivers)
+        last_m = edge_m * far_m / near_m
+
+        def power(from_m: float, to_m: float, last_m: float = last_m) -> float:
+            # of a Lambert surface: cosine^2 / r^4, by r = far_m / cosine
+            x, z = np.meshgrid(np.linspace(from_m, to_m, 401), np.linspace(0, half_m, 401))
+            return float((1 / (x**2 + z**2 + far_m**2) ** 3).mean() * (to_m - from_m))
+
+        lost = side_m * (far_m / near_m - 1)
+        share = power(last_m - lost, last_m) / power(left_m, last_m)
+        whole = share * run.power_w("Wall")[0] / run.power_w()[0]
+        for code, expected in (("array-hides-object", share), ("array-hides-power", whole)):
+            (found,) = (item for item in run.record.findings if item.code == code)
+            assert found.subjects == ("Wall",)
+            measured = float(str(found.numbers["fraction"]))
+            checks.append(
+                absolute_check(
+                    f"{preset}: {code}", expected, measured, 0.01, "similar triangles",
+                    standard_error=math.sqrt(share * (1 - share) / 8192) * expected / share,
+                )
+            )  # fmt: skip
+    return checks
+
+
 GROUP = Group(
     "angles",
     "Angles",
     "Arrays of 1 x 8, 2 x 4 and 3 x 4 elements at 77 GHz, 500 MHz, bursts of 64 chirps. Points "
-    "through synthesis, map, detection and direction.",
+    "through synthesis, map, detection and direction; balls and the wall are rendered.",
     (
         Case("phases of eight elements", phases, 10.0),
         Case("a point alone", points, 60.0),
@@ -278,5 +461,8 @@ GROUP = Group(
         Case("transmitters in turn", turns, 20.0),
         Case("transmitters at once", at_once, 10.0),
         Case("two points in one cell", pairs, 10.0),
+        Case("balls at random places", balls, 200.0),
+        Case("ghosts over a wall", ghosts, 20.0),
+        Case("a wall that an edge hides", hidden, 60.0),
     ),
 )

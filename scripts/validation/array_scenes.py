@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from radarsim_addon.contract import ImageRecord
 from radarsim_addon.physics.constants import SPEED_OF_LIGHT_MPS
 from radarsim_addon.signal.angles import ArrayGeometry
 from radarsim_addon.signal.detection import Detection, DirectedDetection
@@ -15,7 +16,14 @@ from radarsim_addon.signal.echoes import Echoes, EchoOptions, synthesizer_for
 from radarsim_addon.signal.maps import RangeDopplerMap, range_doppler, range_process
 from radarsim_addon.signal.motion import AntennaMotion, BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
-from radarsim_addon.signal.paths import PathRows, geometry_of, make_paths, motion_of_rows
+from radarsim_addon.signal.paths import (
+    IMAGE_DTYPE,
+    PATH_DTYPE,
+    PathRows,
+    geometry_of,
+    make_paths,
+    motion_of_rows,
+)
 from radarsim_addon.signal.radar import Burst, FmcwWaveform, Radar, array_preset
 
 CARRIER_HZ = 77e9
@@ -65,6 +73,16 @@ def direction_of(azimuth_deg: float, elevation_deg: float = 0.0) -> np.ndarray:
     )
 
 
+#: A wall to the right of the radar, along its boresight.
+MIRROR = ImageRecord([[-1.0, 0.0, 0.0]], [-6.0], ["Mirror"])
+
+
+def mirrored(place_m: np.ndarray) -> np.ndarray:
+    """A place behind `MIRROR`."""
+    normal, offset_m = np.array(MIRROR.normals[0]), MIRROR.offsets_m[0]
+    return np.asarray(place_m - 2 * (place_m @ normal - offset_m) * normal)
+
+
 def echoes_of(
     radar: Radar,
     points_m: list[np.ndarray],
@@ -73,26 +91,36 @@ def echoes_of(
     powers_w: list[float] | None = None,
     antennas: AntennaMotion | None = None,
     range_limits_m: tuple[float, float] | None = None,
+    over: list[tuple[int, int]] | None = None,
 ) -> Echoes:
-    """Echoes of points that recede from the receiver, each of a power in every channel."""
+    """Echoes of points that recede from the receiver, each of a power in every channel; `over`:
+    whether `MIRROR` is on the way from each point to the receiver, and to the transmitter.
+    """
     antennas = antennas or antennas_at()
     ends = [np.asarray(one.pose[:3, 3]) for one in (antennas.receiver, antennas.transmitter)]
-    rows = PathRows.zeros(len(points_m))
+    rows = PathRows.zeros(len(points_m), IMAGE_DTYPE if over else PATH_DTYPE)
     bodies = []
     for number, point in enumerate(points_m):
         row = rows[number : number + 1]
         way = [np.asarray(point) - end for end in ends]
+        if over:
+            row["receiver_image"], row["transmitter_image"] = over[number]
+            both = zip(ends, over[number], strict=True)
+            way = [point - (mirrored(end) if image else end) for end, image in both]
         row["length_m"] = sum(np.linalg.norm(leg) for leg in way)
         row["order"] = 1
         row["first_scatterer_m"] = row["last_scatterer_m"] = point
         row["first_body"] = row["last_body"] = number + 1
         row["direction"] = way[0] / np.linalg.norm(way[0])
         bodies.append(moving(np.asarray(point), radial_mps * way[0] / np.linalg.norm(way[0])))
-    scene = FrameMotion(SPAN_S, antennas.receiver, antennas.transmitter, False, bodies)
+    images = [MIRROR] if over else []
+    scene = FrameMotion(
+        SPAN_S, antennas.receiver, antennas.transmitter, False, bodies, images=images
+    )
     aperture_m2 = WAVELENGTH_M**2 / (4 * math.pi)
     paths = dataclasses.replace(
         make_paths(np.array(powers_w or [1.0] * len(points_m)) / aperture_m2, rows["length_m"]),
-        geometry=geometry_of(rows),
+        geometry=geometry_of(rows, images),
         motion=motion_of_rows(rows, scene),
     )
     limits_m = range_limits_m or (0.0, radar.waveform.unambiguous_range_m)

@@ -90,7 +90,7 @@ def test_the_first_cell_of_notebooks_installs_radarsim_on_colab_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     sources = {docs_code.cells(page.read_text("utf-8"))[0].code for page in NOTEBOOKS}
-    assert len(sources) == 1 and len(NOTEBOOKS) == 5
+    assert len(sources) == 1 and len(NOTEBOOKS) == 6
     (source,) = sources
     commands: list[list[str]] = []
     monkeypatch.setattr(subprocess, "run", lambda words, check: commands.append(words))

@@ -40,7 +40,7 @@ from ...signal.paths import (
     write_table,
 )
 from ...signal.scene import SMOOTH_BELOW
-from ...signal.tracing import MirrorPaths
+from ...signal.tracing import MirrorPaths, hidden_power
 from ...typed_json import file_sha256, write_record
 from ..materials import read_surface
 from ..motion import BurstMotion
@@ -371,6 +371,7 @@ class FrameWork:
             motion_sha256=file_sha256(motion_file),
             column_groups=column_groups(self._dtype.names or ()),
             images=list(self._motion.images),
+            array_reach_m=self._run.measurement.radar.array_reach_m,
             findings=self._findings(quality),
         )
         write_record(self._folder / contract.PATHS_FILE, record)
@@ -430,6 +431,14 @@ class FrameWork:
         if self._clutter:
             receiver_m = np.array(self._receiver.matrix_world)[:3, 3]
             findings += self._clutter.findings(self._tiles.chunks(), receiver_m)
+        if len(self._run.measurement.channels) > 1:
+            findings += hidden_power(
+                self._mirrors.obstacles,
+                self._tiles.chunks,
+                self._run.measurement.channels,
+                self._receiver,
+                self._tracer.transmitter,
+            ).findings
         # Where the target was not met, `stop_reason` says so.
         if (
             target

@@ -75,6 +75,12 @@ class RadarProgress(bpy.types.PropertyGroup):
         options={"SKIP_SAVE"},
         description="Draw where the gain of each antenna is half of its peak, one way",
     )
+    overlay_elements: bpy.props.BoolProperty(
+        name="Array Elements",
+        default=True,
+        options={"SKIP_SAVE"},
+        description="Draw the elements of an array as squares, the virtual ones as crosses",
+    )
     overlay_rings: bpy.props.BoolProperty(
         name="Range Rings",
         options={"SKIP_SAVE"},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Overlays of the 3D view: field of view, beams, range rings, paths. No part of the scene."""
+"""Overlays of the 3D view: field of view, beams, array, rings, paths. No part of the scene."""
 
 from __future__ import annotations
 
@@ -147,6 +147,13 @@ def range_cell(place: Real, thick_m: float, half_angle: float) -> Real:
     return np.concatenate([segments(near), segments(far), joins])
 
 
+def marks(places: Real, half_m: float, crossed: bool) -> Real:
+    """Return squares about places (n, 3) as line ends, (8 n, 3), or their diagonals, (4 n, 3)."""
+    corners = half_m * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    ends = corners[[0, 2, 1, 3]] if crossed else segments(corners, closed=True)
+    return np.asarray((places[:, None] + ends).reshape(-1, 3))
+
+
 def _tilted(axis: Real, around: Real, angle: Real | float) -> Real:
     """Directions at angles from the axis, (n, 3)."""
     angle = np.broadcast_to(angle, len(around))[:, None]
@@ -162,6 +169,9 @@ _COLOURS = {
     "view": (0.34, 0.71, 0.91, 0.9),
     "transmitter": (0.90, 0.62, 0.0, 0.9),
     "receiver": (0.0, 0.62, 0.45, 0.9),
+    "transmitters": (0.90, 0.62, 0.0, 0.9),
+    "receivers": (0.0, 0.62, 0.45, 0.9),
+    "virtual": (0.34, 0.71, 0.91, 0.9),
     "rings": (0.65, 0.65, 0.65, 0.8),
     "unambiguous": (0.84, 0.37, 0.0, 0.9),
     "paths": (0.94, 0.89, 0.26, 0.9),
@@ -174,7 +184,7 @@ _MOST_BEAMS = 16
 #: Labels in view that are looked at.
 _MOST_LABELS = 256
 #: Overlays in the order of the panel: the ends of their properties' names.
-_NAMES = ("view", "beams", "rings", "unambiguous", "velocities", "cell", "paths")
+_NAMES = ("view", "beams", "elements", "rings", "unambiguous", "velocities", "cell", "paths")
 _handles: list[Any] = []
 
 
@@ -281,6 +291,13 @@ def overlay_lines(context: bpy.types.Context) -> tuple[list[Lines], list[tuple[L
     if shown.paths:
         ends = np.concatenate([segments(np.array(line)) for line in shown.paths])
         found.append(Lines("paths", ends, world))
+    if "elements" in shown.names and len(measurement.channels) > 1:
+        for kind, ends in _array_marks(measurement).items():
+            found.append(Lines(kind, ends, transmitter if kind == "transmitters" else receiver))
+        across_mm, count = 2e3 * measurement.radar.array_reach_m, len(measurement.channels)
+        text = tr("{count} channels within {size:.3g} mm", count=count, size=across_mm)
+        above_m = measurement.radar.array_reach_m + measurement.waveform.wavelength_m / 2
+        labels.append((Label((0.0, above_m, 0.0), text), receiver))
     system = shown.system
     for kind, matrix in (("transmitter", transmitter), ("receiver", receiver)):
         if system is not None and getattr(system.record, kind).kind not in ("isotropic", "table"):
@@ -300,6 +317,19 @@ def _cell_at(place: Real, radar: Any, half_angle: float) -> tuple[Real, Label]:
         rate=radar.velocity_resolution_mps,
     )
     return range_cell(place, thick_m, half_angle), Label(tuple(place), text)
+
+
+def _array_marks(measurement: Measurement) -> dict[str, Real]:
+    """Return squares at the elements and crosses at the virtual ones, in the antennas' axes [m]."""
+    both = [(one.tx.position_m, one.rx.position_m) for one in measurement.channels]
+    transmitters, receivers = (np.array(list(dict.fromkeys(ends))) for ends in zip(*both))
+    virtual = np.unique(np.sum(both, axis=1).round(9), axis=0)
+    wave_m = measurement.waveform.wavelength_m
+    return {
+        "transmitters": marks(transmitters, wave_m / 6, False),
+        "receivers": marks(receivers, wave_m / 8, False),
+        "virtual": marks(virtual, wave_m / 16, True),
+    }
 
 
 def _longest_m(measurement: Any, record: Any) -> float:

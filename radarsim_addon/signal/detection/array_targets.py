@@ -145,10 +145,13 @@ def named_in_directions(
     measured = np.flatnonzero(geometry.measures)
     axes = pose[:3, :3].T[measured]
     reach = _REACH_BEAMS / geometry.extent_wavelengths[measured]
+    # by least squares of the phases: the transmitters' part in the array's extent
+    virtual, places = (x[:, measured] for x in (geometry.virtual_m, geometry.transmitter_m))
+    sent = np.sum(virtual * (places - places.mean(axis=0)), axis=0) / np.sum(virtual**2, axis=0)
     named = []
     for one in targets:
         assert isinstance(one, DirectedDetection)
-        beam = BeamSines(axes, one.direction[measured], reach)
+        beam = BeamSines(axes, one.direction[measured], reach, sent)
         paths = finder.of_target(one.range_m, one.velocity_mps, 1, beam)
         # Much stronger than the paths in its cell can make: a sidelobe of a target elsewhere.
         if watts and _MOST_OVER_PATHS * paths.nearby_w < 10 ** (one.level_db / 10):

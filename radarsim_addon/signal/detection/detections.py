@@ -17,14 +17,14 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ...arrays import Integers, Mask, Real
+from ...arrays import Integers, Real
 from ...contract import ImageRecord
 from ...physics.mirrors import mirror_matrix
 from ..decoding import FrameInput
 from ..echoes import Echoes
 from ..maps import RangeDopplerMap, Recording, fit_point, point_response, power_to_db
 from ..motion import mean_over_burst, which_move
-from ..paths import iter_rows, motion_of_rows, usable
+from ..paths import images_of, iter_rows, motion_of_rows, usable
 from ..scattering import Link
 from .cfar import Cfar, CfarResult, cfar_threshold, widened_guard
 from .objects import path_power_w, path_rcs_m2
@@ -257,12 +257,14 @@ class TargetPaths:
 
 class BeamSines(NamedTuple):
     """Where an array sees a target: along axes, unit vectors in world space (k, 3), the sines of
-    its direction, (k,), give or take `reach`, (k,).
+    its direction, (k,), give or take `reach`, (k,). `sent` is the part that the direction in which
+    a path leaves has in these sines, (k,); where it arrives has the rest.
     """
 
     axes: Real
     sines: Real
     reach: Real
+    sent: Real
 
 
 class PathFinder:
@@ -327,26 +329,26 @@ class PathFinder:
         apart_mps = np.minimum(apart_mps, interval_mps - apart_mps)
         reach_mps = _REACH_CELLS * radar.velocity_resolution_mps
         inside = apart_mps <= reach_mps
-        if beam is not None:
-            inside &= self._in_beam(near, beam)
         near, apart_mps = near[inside], apart_mps[inside]
         # what is next to the peak counts less
-        weight = np.exp(
-            -2 * ((self._range_m[near] - range_m) / reach_m) ** 2 - 2 * (apart_mps / reach_mps) ** 2
-        )
-        return self._answer(near, self._power_w[near] * weight, most)
+        away = ((self._range_m[near] - range_m) / reach_m) ** 2 + (apart_mps / reach_mps) ** 2
+        if beam is not None:
+            off = self._beams_off(near, beam)
+            within = (off <= 1).all(axis=1)
+            near, away = near[within], (away + np.sum(off**2, axis=1))[within]
+        return self._answer(near, self._power_w[near] * np.exp(-2 * away), most)
 
-    def _in_beam(self, rows: Integers, beam: BeamSines) -> Mask:
-        """Return which paths an array sees in a beam: the mean of where they leave and arrive."""
-        arrives = self._rows["direction"][rows].astype(np.float64)
-        leaves = self._rows["last_scatterer_m"][rows] - self._transmitter_m
+    def _beams_off(self, rows: Integers, beam: BeamSines) -> Real:
+        """Return how far off a beam an array sees paths, over the beam's reach, (n, k)."""
+        few = self._rows[rows]
+        arrives, last_m = few["direction"].astype(np.float64), few["last_scatterer_m"]
+        if (over := images_of(few, self._record.images)) is not None:
+            last_m = over.unfolded(1, last_m)  # towards the mirror
+        leaves = last_m - self._transmitter_m
         leaves /= np.linalg.norm(leaves, axis=1, keepdims=True)
-        if "mirrors" in self._rows.names:  # towards the mirror, not the scatterer behind it
-            over = self._rows["transmitter_image"][rows] > 0
-            leaves[over] = np.nan
         leaves = np.where(np.isfinite(leaves).all(axis=1)[:, None], leaves, arrives)
-        sines = (arrives + leaves) / 2 @ beam.axes.T
-        return np.asarray((np.abs(sines - beam.sines) <= beam.reach).all(axis=1))
+        sines = beam.sent * (leaves @ beam.axes.T) + (1 - beam.sent) * (arrives @ beam.axes.T)
+        return np.abs(sines - beam.sines) / beam.reach
 
     def of_object(self, name: str, most: int = 12) -> TargetPaths:
         """Return the strongest paths whose first or last scatterer is on an object or its parts."""

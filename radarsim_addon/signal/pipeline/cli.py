@@ -76,7 +76,8 @@ def add_process_parser(commands: Subcommands) -> None:
     add_share_arguments(process)
     process.add_argument("--frames", type=frame_numbers, metavar="A:B", help="Set the frames [all]")
     options, receiver, cfar = declared(ProcessOptions), declared(Receiver), declared(Cfar)
-    files = ("products", "plots", "animate", "animation_format", "hdf5", "sigmf")
+    pictures = ("plots", "animate", "animation_format")
+    files = ("products", *pictures, "hdf5", "sigmf", "parquet", "ros_bag")
     of_radar = ("link_budget", "thermal_noise")
     detection = ("mti", "parts")
     others = [name for name in options if name not in (*files, *of_radar, *detection)]
@@ -127,11 +128,14 @@ def process_options(chosen: argparse.Namespace) -> ProcessOptions:
             "pulses of a window."
         )
     options, air = given(chosen, declared(ProcessOptions)), given(chosen, declared(Weather))
-    if chosen.shard is not None and options.setdefault("animate", False):
-        raise ConfigError(
-            "--animate with --shard: the animation shows all frames, and a shard has a part of "
-            "them. Leave one of them out."
-        )
+    if chosen.shard is not None:
+        options.setdefault("animate", False)
+        for flag, name in (("--animate", "animation"), ("--ros-bag", "bag")):
+            if options.get(flag[2:].replace("-", "_")):
+                raise ConfigError(
+                    f"{flag} with --shard: the {name} has all frames, and a shard has a part of "
+                    "them. Leave one of them out."
+                )
     return ProcessOptions(
         radar=radar,
         receiver=Receiver(**given(chosen, declared(Receiver))),

@@ -233,7 +233,7 @@ def frame_steps(
         findings=findings_of_frame(
             frame_input, statistics, report, speckle, expected, received, shown_weather
         )
-        + _array_findings(radar, echo_sum.budget.antennas, array, fastest_mps, number),
+        + _array_findings(frame_input, echo_sum.budget.antennas, array, fastest_mps),
         expected=expected,
         speckle=speckle.report(),
         detections=detections,
@@ -407,12 +407,14 @@ def _why_no_angles(radar: Radar, antennas: AntennaMotion) -> str:
 
 
 def _array_findings(
-    radar: Radar, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None,
-    fastest_mps: float, frame: int,
+    frame_input: FrameInput, antennas: AntennaMotion, array: tuple[ArrayGeometry, Real] | None,
+    fastest_mps: float,
 ) -> list[Finding]:  # fmt: skip
     """Name angles that are not measured, with more than one answer, or disturbed by transmitters
-    that send at once. `fastest_mps` is the largest range rate of a target.
+    that send at once, and elements that may see other surfaces than those of the paths.
+    `fastest_mps` is the largest range rate of a target.
     """
+    radar, frame = frame_input.radar, frame_input.frame.number
     if len(radar.channels) < 2:
         return []
     if array is None:
@@ -420,6 +422,10 @@ def _array_findings(
         missing = finding("angles-not-measured", channels=len(radar.channels), reason=reason)
         return [missing.in_frame(frame)]
     found, geometry = [], array[0]
+    checked_m = min((one.record.array_reach_m for one in frame_input.tables), default=math.inf)
+    reach_m = radar.array_reach_m
+    if reach_m > checked_m * (1 + 1e-9):
+        found.append(finding("array-not-checked", reach_m=reach_m, checked_m=checked_m))
     sectors = zip(("azimuth", "elevation"), geometry.unambiguous_sines(), strict=True)
     for axis, sine in sectors:
         if sine < _WHOLE_SECTOR:

@@ -124,6 +124,8 @@ class ProcessOptions:
     )
     hdf5: bool = setting("HDF5", "Write all results as HDF5", False)
     sigmf: bool = setting("SigMF", "Write the raw I/Q as SigMF", False)
+    parquet: bool = setting("Parquet", "Write the targets of an array as Parquet", False)
+    ros_bag: bool = setting("ROS 2 bag", "Write the targets of an array as a ROS 2 bag", False)
 
     def __new__(cls, *_: object, **given: object) -> Self:
         """Refuse unknown names with the nearest known one; dataclasses name none."""
@@ -157,7 +159,8 @@ class ProcessOptions:
         ------
         ConfigError
             A receiver gain and a link budget, which has one already; thermal noise without a link
-            budget; an unknown canceller; a tolerance or range limits that cannot be.
+            budget; an unknown canceller; a tolerance or range limits that cannot be; files of an
+            array without one.
         """
         check_settings(self)
         for name, kind in (("cfar", Cfar), ("spectrogram", SpectrogramOptions)):
@@ -174,6 +177,12 @@ class ProcessOptions:
                 "gain out."
             )
         radar = self.radar or run.radar
+        if (self.parquet or self.ros_bag) and len(radar.channels) < 2:
+            wanted = "Parquet" if self.parquet else "A ROS 2 bag"
+            raise ConfigError(
+                f"{wanted} is asked for, which holds the targets of an array, and the radar has "
+                "one element. Give it an array (docs/arrays.md), or leave the file out."
+            )
         limits_m = check_window(self.range_limits_m or run.range_limits_m)
         radar.check_size(window_samples(radar, limits_m))
         settled = {
@@ -253,7 +262,8 @@ class ResolvedOptions(ProcessOptions):
         """Names of the writers of result files, pictures and summary apart."""
         array = len(self.radar.channels) > 1
         wanted = {
-            "points": array, "hdf5": self.hdf5, "sigmf": self.sigmf, "exr": self.products,
+            "points": array, "parquet": self.parquet, "hdf5": self.hdf5, "sigmf": self.sigmf,
+            "exr": self.products,
         }  # fmt: skip
         return ("npz", "csv", *(name for name, wish in wanted.items() if wish))
 

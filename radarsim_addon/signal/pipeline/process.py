@@ -51,8 +51,11 @@ from ..products import (
     MOST_SUMMARY_BYTES,
     SUMMARY_ENDING,
     FrameResult,
+    check_cloud_packages,
     frame_file,
+    remove_bag,
     remove_stale,
+    write_bag,
     write_result,
 )
 from ..radar import make_system
@@ -61,7 +64,7 @@ from .frame import frame_steps
 from .options import AnimationFormat, ProcessOptions, ResolvedOptions
 
 #: Options that change no file of a frame.
-_OF_NO_FRAME = ("animate", "animation_format")
+_OF_NO_FRAME = ("animate", "animation_format", "ros_bag")
 #: In a frame's record: no product depends on it, and the record's digest does.
 _RENDER_TIME = re.compile(rb'"(render_time_s|record_sha256)": *[^,}\s]*')
 #: The animation of all frames' maps, in the folder of the products; it ends in its format.
@@ -193,6 +196,7 @@ def open_products(
     """Make the folder for a run's products. If the run is refused, no new folder remains."""
     if options.animation_format == "mp4" and options.animate is not False:
         movie_encoder()  # an error now, not after the frames
+    check_cloud_packages(options.parquet, options.ros_bag)
     folder = products_folder(run, out)
     fresh = not os.path.exists(folder)  # Path.exists raises for names it cannot look at
     make_folder(folder, within=run.path if out is None else None)
@@ -279,8 +283,8 @@ class Products:
         return skipped if gaps else None
 
     def draw_common(self, maps: Sequence[MapFile]) -> Path | None:
-        """Draw the pictures of all frames together: the antennas and, if asked for, the maps with
-        common colours. Return the file of the maps.
+        """Write what is of all frames together: the antennas' picture and, if asked for, the maps
+        with common colours, and the bag of their points. Return the file of the maps.
         """
         if not maps:
             raise FrameFileError(
@@ -291,6 +295,10 @@ class Products:
         if options.plots and options.link_budget is not None:
             system = make_system(options.link_budget, options.radar.waveform.wavelength_m)
             save_figure(plot_antennas(system), self.folder / ANTENNA_PICTURE)
+        if options.ros_bag:
+            write_bag(self.folder, [(shown.frame, shown.time_s) for shown in maps])
+        else:
+            remove_bag(self.folder)
         wanted = options.animate or (options.animate is None and options.plots and len(maps) > 1)
         for kind in get_args(AnimationFormat):
             if not wanted or kind != options.animation_format:

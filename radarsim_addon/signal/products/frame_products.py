@@ -21,8 +21,7 @@ import hashlib
 import importlib
 import importlib.util
 import json
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -36,7 +35,7 @@ from ...errors import MissingDependencyError
 from ...findings import merge, to_json
 from ...typed_json import file_sha256, with_digest
 from ..decoding import PixelGrid, decode, pixel_grid
-from ..detection import Detection, Detections, DirectedDetection
+from ..detection import Detection, Detections
 from ..echoes import Echoes, line_times_s
 from ..maps import ExpectedPower, level_unit
 from ..radar import Channel, Coverage, CoverageCurve, FmcwWaveform, waveform_to_dict
@@ -196,58 +195,6 @@ def _columns_of(found: Detections) -> list[str]:
     """Return the names of what the targets have: those of an array have directions."""
     kind = type(found.targets[0]) if found.targets else Detection
     return [field.name for field in dataclasses.fields(kind)]
-
-
-#: Columns of a point cloud by their names in files, and the values of a target.
-_POINT_COLUMNS: dict[str, Callable[[DirectedDetection], float | None]] = {
-    "x": lambda one: one.x_m,
-    "y": lambda one: one.y_m,
-    "z": lambda one: one.z_m,
-    "velocity": lambda one: one.velocity_mps,
-    "unfolded_velocity": lambda one: one.unfolded_velocity_mps,
-    "snr_db": lambda one: one.snr_db,
-    "rcs": lambda one: one.rcs_dbsm,
-    "range": lambda one: one.range_m,
-    "azimuth_deg": lambda one: one.azimuth_deg,
-    "elevation_deg": lambda one: one.elevation_deg,
-    "reflections": lambda one: one.reflections,
-}
-
-
-@result_writer("points", "_points.ply", "_points.pcd")
-def write_points(result: FrameResult, folder: Path) -> list[Path]:
-    """Write the targets of an array as point clouds, PLY and PCD. Without an array, write nothing.
-
-    Places are in the radar's axes, forward, left, up [m], velocities receding positive [m/s], `rcs`
-    in dBsm, as nuScenes names them. float32, NaN where unknown. PLY: binary, little endian, Turk's
-    format 1.0; PCD: version 0.7, binary, of the Point Cloud Library.
-    """
-    targets = [] if result.detections is None else result.detections.targets
-    points = [one for one in targets if isinstance(one, DirectedDetection)]
-    if not points:
-        return []
-    rows = np.array(
-        [[math.nan if (x := of(one)) is None else x for of in _POINT_COLUMNS.values()]
-         for one in points], dtype="<f4",
-    )  # fmt: skip
-    names, count = list(_POINT_COLUMNS), len(points)
-    ones = " ".join(["1"] * len(names))
-    headers = {
-        "ply": "ply\nformat binary_little_endian 1.0\ncomment radarsim: forward, left, up [m]\n"
-        f"element vertex {count}\n"
-        + "".join(f"property float {name}\n" for name in names)
-        + "end_header\n",
-        "pcd": "# .PCD v0.7 - Point Cloud Data file format\nVERSION 0.7\n"
-        f"FIELDS {' '.join(names)}\nSIZE {ones.replace('1', '4')}\nTYPE {ones.replace('1', 'F')}\n"
-        f"COUNT {ones}\nWIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\n"
-        "DATA binary\n",
-    }
-    files = []
-    for ending, header in headers.items():
-        files.append(frame_file(folder, result.frame, f"_points.{ending}"))
-        with replaced(files[-1]) as temporary:
-            temporary.write_bytes(header.encode("ascii") + rows.tobytes())
-    return files
 
 
 @result_writer("exr", *(f"_{quantity}_t{n}.exr" for quantity in _QUANTITIES for n in (0, 1)))

@@ -442,6 +442,11 @@ class Radar:
         return min(self.burst.unambiguous_range_m, self.waveform.unambiguous_range_m)
 
     @property
+    def array_reach_m(self) -> float:
+        """Distance of the outermost element from its antenna's origin [m]."""
+        return max(math.hypot(*end.position_m) for one in self.channels for end in (one.tx, one.rx))
+
+    @property
     def range_period_m(self) -> float:
         """Range with which echoes repeat: c / 2 PRF of pulses, that of the waveform of stepped
         frequency and PMCW, infinite of FMCW, whose filter takes away what is beyond [m].

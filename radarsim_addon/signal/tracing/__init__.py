@@ -3,7 +3,8 @@
 
 In: a `SceneModel`, both antennas, and rows of the path table as they are rendered. Out: the rows
 with those over mirrors on the way from the transmitter, back to the receiver, or both, and findings
-on what is left out. `mirrors` finds the surfaces that mirror, `obstacles` what lies on ways.
+on what is left out. `mirrors` finds the surfaces that mirror, `obstacles` what lies on ways,
+`array_sight` what the outermost elements of an array do not see.
 
 A renderer finds the transmitter by a straight shadow ray, so it never sees a path whose last leg
 goes over a mirror. A way over mirrors is one whose length is stationary (Fermat). `connections`
@@ -32,6 +33,7 @@ Limits: two planes in a row, or one curved mirror; no path over a focus; lobes o
 wider than the angle between the ways (`alike_in_both`); edges do not diffract.
 """
 
+from .array_sight import HiddenPower, hidden_power
 from .connections import CurvedMirrors, ImageChain, Ways
 from .mirror_paths import ONE_PLACE, MirrorPaths
 from .mirrors import MirrorFaces, mirror_faces
@@ -43,11 +45,13 @@ __all__ = [
     "ONE_PLACE",
     "BodyMesh",
     "CurvedMirrors",
+    "HiddenPower",
     "ImageChain",
     "MirrorFaces",
     "MirrorPaths",
     "Obstacles",
     "Ways",
     "bisectors",
+    "hidden_power",
     "mirror_faces",
 ]

@@ -67,16 +67,21 @@ class Obstacles:
 
         Both ends of a way do not count.
         """
+        opaque = self.opaque_between(start_m, end_m)
+        left, passed = np.flatnonzero(~opaque), np.zeros(len(opaque), dtype=bool)
+        passed[left] = self._between(start_m[left], end_m[left], self.model.is_open)
+        return opaque, passed
+
+    def opaque_between(self, start_m: Real, end_m: Real) -> Mask:
+        """Return whether something opaque is on each way, (n,). Both ends do not count."""
+        return self._between(start_m, end_m, ~self.model.is_open)
+
+    def _between(self, start_m: Real, end_m: Real, among: Mask) -> Mask:
         way_m = end_m - start_m
         clear = np.maximum(_CLEAR, _CLEAR_M / np.maximum(norms(way_m), _CLEAR_M))[:, None]
-        start_m, end_m = start_m + clear * way_m, end_m - clear * way_m
-        opaque = np.zeros(len(way_m), dtype=bool)
-        passed = opaque.copy()
-        if len(way_m):  # of many bodies, the tree of their boxes takes a tenth of a second
-            opaque = self._rays.blocked(start_m, end_m, ~self.model.is_open)
-            left = np.flatnonzero(~opaque)
-            passed[left] = self._rays.blocked(start_m[left], end_m[left], self.model.is_open)
-        return opaque, passed
+        if not len(way_m):  # of many bodies, the tree of their boxes takes a tenth of a second
+            return np.zeros(0, dtype=bool)
+        return self._rays.blocked(start_m + clear * way_m, end_m - clear * way_m, among)
 
     @cached_property
     def _rays(self) -> RayScene:

@@ -19,10 +19,11 @@ from radarsim_addon.blender.plan import PRESETS
 from radarsim_addon.blender.ui import overlays
 from radarsim_addon.blender.ui import overlays as ol
 from radarsim_addon.physics.antennas import Aperture, Gaussian, PlanarArray
+from radarsim_addon.signal.radar import array_preset
 from tests.blender import radar_scenes as rs
 from tests.blender import recording
 
-NAMES = ("view", "beams", "rings", "unambiguous", "velocities", "cell", "paths")
+NAMES = ("view", "beams", "elements", "rings", "unambiguous", "velocities", "cell", "paths")
 AHEAD = np.array([0.0, 0.0, -1.0])
 
 
@@ -31,7 +32,7 @@ def shown(addon: Any) -> Iterator[Any]:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     state = bpy.context.window_manager.radarsim
     before = [getattr(state, f"overlay_{name}") for name in NAMES]
-    assert before == [True, False, False, False, False, False, True]
+    assert before == [True, False, True, False, False, False, False, True]
     yield state
     for name, value in zip(NAMES, before, strict=True):
         setattr(state, f"overlay_{name}", value)
@@ -91,6 +92,40 @@ def test_the_view_is_the_cameras(shown: Any) -> None:
     frame = ends[8:] / -ends[8:, 2:]
     assert math.degrees(math.atan(frame[:, 0].max())) == pytest.approx(45.0, abs=1e-3)
     assert frame[:, 1].max() == pytest.approx(109 / 512, rel=1e-5)
+
+
+def test_elements_of_an_array_stand_at_their_antennas(shown: Any) -> None:
+    """Transmitters at the transmitter, the others at the receiver, in metres; virtual ones are
+    drawn once. A single element has no mark.
+    """
+    bpy.context.scene.unit_settings.scale_length = 0.1
+    rig = radarsim.add_radar((0.0, 0.0, 20.0), preset="automotive_77ghz")
+    assert set(found()[0]) == {"view"}
+    settings = radarsim.settings(rig)
+    settings.array, settings.prf_hz = "3x4", 2000.0
+    lines, labels = found()
+    measurement, _ = overlays.current_measurement(bpy.context.scene)
+    assert measurement is not None
+    array = array_preset("3x4", measurement.waveform.wavelength_m)
+    places: dict[str, Any] = {
+        "transmitters": [one.position_m for one in array.transmitters],
+        "receivers": [one.position_m for one in array.receivers],
+        "virtual": np.unique(array.virtual_m.round(9), axis=0),
+    }
+    assert set(lines) == {"view", *places}
+    for kind, expected in places.items():
+        item, ends = lines[kind], 4 if kind == "virtual" else 8
+        middles = item.ends.reshape(-1, ends, 3).mean(axis=1)
+        order = np.lexsort(np.round(middles.T, 7))
+        of = np.asarray(expected)
+        np.testing.assert_allclose(middles[order], of[np.lexsort(of.T.round(7))], atol=1e-9)
+    first = lines["receivers"].matrix @ Vector(lines["receivers"].ends[:8].mean(axis=0))
+    # ten units a metre
+    away = (first - Vector((0, 0, 20))).length
+    assert away == pytest.approx(10 * np.linalg.norm(places["receivers"][0]), rel=1e-3)
+    assert [label.text for label, _ in labels] == ["12 channels within 8.03 mm"]
+    shown.overlay_elements = False
+    assert set(found()[0]) == {"view"}
 
 
 def test_lines_stand_in_the_scene_in_metres(shown: Any) -> None:

@@ -26,7 +26,7 @@ from radarsim_addon.signal import (
     process_frame,
 )
 from radarsim_addon.signal.detection import Cfar, PathFinder, Peak
-from radarsim_addon.signal.detection.detections import mirror_corners
+from radarsim_addon.signal.detection.detections import BeamSines, mirror_corners
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion
 from radarsim_addon.signal.motion.body_motion import Segment
 from radarsim_addon.signal.paths import IMAGE_DTYPE, PATH_DTYPE, PathRows
@@ -208,6 +208,53 @@ def test_a_target_is_named_after_all_that_its_paths_touch(
     assert finder.of_target(28.27, 0.0).name == name
     (peak,) = finder.named([Peak(28.27, 0.0, 0.0, 1.0, 2.0)])
     assert (peak.name, peak.range_m, peak.peak_to_background_db) == (name, 28.27, 2.0)
+
+
+#: Part of the transmitters in an array's extent, the sine of a beam's direction, and the name.
+#: Over a wall 6 m to the right, the car at (0, 20) is received from (12, 20), and the transmitter
+#: sends to the fence at (-4, 20) as to (16, 20).
+BEAMS = [
+    (0.0, 12 / math.hypot(12, 20), "Car via Wall"),
+    (0.0, -4 / math.hypot(4, 20), "Fence via Wall"),
+    (1.0, 0.0, "Car via Wall"),
+    (1.0, 16 / math.hypot(16, 20), "Fence via Wall"),
+    (0.76, 0.24 * 12 / math.hypot(12, 20), "Car via Wall"),
+    (0.76, 0.76 * 16 / math.hypot(16, 20) - 0.24 * 4 / math.hypot(4, 20), "Fence via Wall"),
+    # next to the fence, which has more power than the post
+    (0.0, -0.4, "Post"),
+]
+
+
+@pytest.mark.parametrize(("sent", "sine", "name"), BEAMS)
+def test_a_beam_has_the_paths_that_its_array_sees_there(
+    sent: float, sine: float, name: str, tmp_path: Path
+) -> None:
+    objects = ["Car", "Fence", "Post"]
+    rows = PathRows.zeros(3, IMAGE_DTYPE)
+    rows["power_w"], rows["length_m"], rows["solid_angle_sr"] = (1e-9, 2e-9, 1e-9), 44.0, 1e-6
+    rows["first_object"] = rows["last_object"] = 1, 2, 3
+    places = np.array([[0, 20, 0], [-4, 20, 0], [-0.4 * 22, 0.9165 * 22, 0]])
+    rows["first_scatterer_m"] = rows["last_scatterer_m"] = places
+    seen = np.array([[12, 20, 0], places[1], places[2]])
+    rows["direction"] = seen / np.linalg.norm(seen, axis=1)[:, None]
+    rows["receiver_image"], rows["transmitter_image"] = (1, 0, 0), (0, 1, 0)
+    rows["mirrors"], rows["order"] = (1, 1, 0), (2, 2, 1)
+    plain = PathRows({column: rows[column] for column in PATH_DTYPE.names or ()})
+    here = pr.pose((0, 0, 0))
+    receiver, transmitter = pr.camera(here), contract.TransmitterRecord(here, 5.0)
+    folder = pr.write_run(
+        tmp_path / "run", plain, objects, receiver, transmitter, range_limits_m=100.0
+    )
+    frame = open_frame(open_run(folder).frame(1))
+    images = [ImageRecord([[-1, 0, 0]], [-6.0], ["Wall"])]
+    record = dataclasses.replace(frame.table.record, images=images)
+    table = dataclasses.replace(frame.table, rows=rows, record=record)
+    finder = PathFinder(dataclasses.replace(frame, tables=(table,)))
+    right = np.array([[1.0, 0.0, 0.0]])
+    beam = BeamSines(right, np.array([sine]), np.array([0.29]), np.array([sent]))
+    found = finder.of_target(22.0, 0.0, beam=beam)
+    assert found.name == name
+    assert found.purity is not None and found.purity > 0.5
 
 
 def test_an_accelerating_target_is_where_the_map_shows_it(tmp_path: Path) -> None:

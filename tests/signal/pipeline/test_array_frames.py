@@ -8,19 +8,21 @@ import dataclasses
 import json
 import math
 import shutil
+import sys
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
 from radarsim_addon import contract
-from radarsim_addon.errors import ConfigError
+from radarsim_addon.errors import ConfigError, MissingDependencyError
 from radarsim_addon.signal import ProcessOptions, Radar, open_run, process_run
 from radarsim_addon.signal.detection import Cfar, DirectedDetection
 from radarsim_addon.signal.echoes import Receiver
 from radarsim_addon.signal.pipeline.cli import main
-from radarsim_addon.signal.products import FrameResult
+from radarsim_addon.signal.products import FrameResult, write_bag
 from radarsim_addon.signal.radar import (
     SINGLE_CHANNEL,
     AntennaArray,
@@ -29,7 +31,7 @@ from radarsim_addon.signal.radar import (
     channels_to_dict,
     linear_array,
 )
-from radarsim_addon.typed_json import write_record
+from radarsim_addon.typed_json import read_record, write_record
 from tests.signal import path_runs as pr
 
 WAVELENGTH_M = pr.C0_MPS / pr.WAVEFORM.carrier_hz
@@ -65,7 +67,7 @@ def processed(run: Path, out: Path, **given: object) -> FrameResult:
     # noise hides the sidelobes of the pulse
     receiver = Receiver(noise_figure_db=20.0)
     options = ProcessOptions(plots=False, receiver=receiver, **given)  # type: ignore[arg-type]
-    return next(e for e in process_run(run, options, out=out) if isinstance(e, FrameResult))
+    return next(e for e in [*process_run(run, options, out=out)] if isinstance(e, FrameResult))
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +125,76 @@ def test_files_hold_the_points(result: FrameResult) -> None:
     json.loads(files["detections.json"].read_text())
 
 
+def test_parquet_has_typed_columns_and_more_of_them(
+    run: Path, result: FrameResult, tmp_path: Path
+) -> None:
+    """Read by pandas; what is unknown is null, also the elevation of a row of elements."""
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    found = processed(run, tmp_path, radar=radar_of(), parquet=True)
+    table = pandas.read_parquet(tmp_path / "frame_0001_points.parquet")
+    targets = found.detections.targets
+    assert (table["frame"] == 1).all() and (table["time_s"] == 0.0).all()
+    assert table["object"].tolist() == [one.name for one in targets]
+    assert table["range"].tolist() == [one.range_m for one in targets]
+    assert table["world_y"].tolist() == [one.world_y_m for one in targets]
+    assert table["elevation_deg"].isna().all() and table["reflections"].dtype == "int32"
+    assert table["ghost"][:2].tolist() == [False, False]
+    ply = next(path for path in found.files if path.name.endswith("_points.ply"))
+    data = ply.read_bytes().partition(b"end_header\n")[2]
+    floats = np.frombuffer(data, "<f4").reshape(len(targets), -1)
+    np.testing.assert_allclose(floats, table.iloc[:, 2:13].to_numpy(float), rtol=1e-6)
+
+
+def test_a_bag_has_the_clouds_of_all_frames_in_order_of_time(run: Path, tmp_path: Path) -> None:
+    """Also of a frame without targets; a later processing without it removes it."""
+    rosbags = pytest.importorskip("rosbags.highlevel")
+    found = processed(run, tmp_path, radar=radar_of(), ros_bag=True)
+    targets = found.detections.targets
+
+    def read() -> list[tuple[int, Any]]:
+        with rosbags.AnyReader([tmp_path / "points_bag"]) as reader:
+            (topic,) = reader.connections
+            assert (topic.topic, topic.msgtype) == ("/radar/points", "sensor_msgs/msg/PointCloud2")
+            every = reader.messages()
+            return [(at_ns, reader.deserialize(data, topic.msgtype)) for _, at_ns, data in every]
+
+    assert [(at_ns, cloud.width) for at_ns, cloud in read()] == [(0, len(targets))]
+    write_bag(tmp_path, [(2, 0.5 + 1e-9), (1, 0.25)])
+    clouds = read()
+    assert [time_ns for time_ns, _ in clouds] == [250_000_000, 500_000_001]
+    cloud, empty = (each for _, each in clouds)
+    assert (cloud.width, cloud.height, cloud.header.frame_id) == (len(targets), 1, "radar")
+    assert (empty.width, empty.data.size) == (0, 0)
+    assert (empty.header.stamp.sec, empty.header.stamp.nanosec) == (0, 500_000_001)
+    assert [field.offset for field in cloud.fields] == [4 * n for n in range(len(cloud.fields))]
+    layout = np.dtype([(field.name, "<f4") for field in cloud.fields])
+    values = np.frombuffer(cloud.data.tobytes(), layout)
+    np.testing.assert_array_equal(values["x"], np.float32([one.x_m for one in targets]))
+    with pytest.raises(ConfigError, match="Frame 7 is at -1 s"):
+        write_bag(tmp_path, [(7, -1.0)])
+    processed(run, tmp_path, radar=radar_of())
+    assert not (tmp_path / "points_bag").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "package"), [("parquet", "pyarrow.parquet"), ("ros_bag", "rosbags.rosbag2")]
+)
+def test_files_of_points_need_their_package(
+    run: Path, tmp_path: Path, option: str, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    name = package.partition(".")[0]
+    with pytest.raises(MissingDependencyError, match=f"pip install {name}"):
+        processed(run, tmp_path / "missing", radar=radar_of(), **{option: True})
+    assert not (tmp_path / "missing").exists()  # it is known before the first frame
+
+
+def test_a_bag_of_a_shard_is_refused(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["process", str(run), "--ros-bag", "--shard", "1/2"]) != 0
+    assert "--ros-bag with --shard: the bag has all frames" in capsys.readouterr().err
+
+
 def test_the_cross_section_is_that_of_the_paths(result: FrameResult) -> None:
     """Speckle changes the level of a target, and its cross section with it."""
     assert result.detections is not None
@@ -140,6 +212,23 @@ def test_grating_lobes_are_a_finding(run: Path, result: FrameResult, tmp_path: P
     (found,) = (item for item in wide.findings if item.code == "angles-ambiguous")
     assert found.numbers["sector_deg"] == pytest.approx(24.6, abs=0.2)
     assert not any(item.code == "angles-ambiguous" for item in result.findings)
+
+
+def test_elements_beyond_those_of_the_render_are_named(run: Path, tmp_path: Path) -> None:
+    """The render checks what its elements see; the run's own elements are at the origin."""
+    folder, reach_m = tmp_path / "run", radar_of().array_reach_m
+    assert reach_m == pytest.approx(5.5 * WAVELENGTH_M / 2)
+    shutil.copytree(run, folder)
+    paths = folder / contract.frame_dir(1) / contract.PATHS_FILE
+    codes = []
+    for checked_m in (0.0, reach_m / 2, reach_m):
+        record = read_record(paths, contract.PathsRecord)
+        write_record(paths, dataclasses.replace(record, array_reach_m=checked_m))
+        found = processed(folder, tmp_path / "products", radar=radar_of(), cfar=Cfar()).findings
+        codes.append([f.numbers["checked_m"] for f in found if f.code == "array-not-checked"])
+    assert codes == [[0.0], [reach_m / 2], []]
+    alone = processed(folder, tmp_path / "products").findings
+    assert not any(item.code == "array-not-checked" for item in alone)
 
 
 def test_the_commands_list_angles_and_write_clouds(

@@ -20,6 +20,7 @@ from radarsim_addon.contract import (
     ObjectRecord,
     frame_dir,
 )
+from radarsim_addon.errors import ConfigError
 from radarsim_addon.signal import (
     Burst,
     Cfar,
@@ -481,6 +482,12 @@ def test_files_are_those_that_were_asked_for(
     if changes.get("animate"):
         expected += ["antennas.png", "range_doppler.gif"]
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(expected)
+
+
+@pytest.mark.parametrize("changes", [{"parquet": True}, {"ros_bag": True}])
+def test_files_of_an_array_need_one(run: Path, tmp_path: Path, changes: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match="holds the targets of an array"):
+        list(process_run(run, dataclasses.replace(BASE, **changes), out=tmp_path))
 
 
 def test_no_option_is_without_a_test() -> None:

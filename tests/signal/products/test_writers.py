@@ -34,7 +34,9 @@ def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_every_format_has_a_writer() -> None:
-    assert writer_names() == ("csv", "exr", "hdf5", "json", "npz", "png", "points", "sigmf")
+    assert writer_names() == (
+        "csv", "exr", "hdf5", "json", "npz", "parquet", "png", "points", "sigmf"
+    )  # fmt: skip
 
 
 def test_a_new_writer_is_called_and_its_old_files_go(result: FrameResult, tmp_path: Path) -> None:
