@@ -34,7 +34,7 @@ from ...messages import Message
 from ...processes import temporary_folder
 from ..run.scene_state import Device, choose_device, chosen_device
 from ..scene import frame_handlers, simulation_frames, writes_disk_caches
-from ..state import SettingsRestorer, Snapshot, evaluated_snapshot, vertex_positions
+from ..state import SettingsRestorer, Snapshot, evaluated_snapshot, mesh_counts, vertex_positions
 
 #: Room on the disk that is left free [bytes].
 _SPARE_BYTES = 1 << 26
@@ -101,7 +101,7 @@ def expected_size() -> int:
     found = _FILE_BYTES
     for mesh in (one for one in bpy.data.meshes if one.users and not one.library):
         keys = len(mesh.shape_keys.key_blocks) if mesh.shape_keys else 0
-        counts = len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)
+        counts = mesh_counts(mesh)
         found += sum(a * b for a, b in zip(counts, _MESH_BYTES, strict=True))
         found += 8 * counts[2] * len(mesh.uv_layers) + 12 * counts[0] * keys
     for image in bpy.data.images:

@@ -26,8 +26,9 @@ from ...errors import ConfigError, SceneError
 from ...signal.pictures import placed_targets, plot_scene
 from ...signal.pipeline import FrameResult, ProcessOptions, process_frame
 from ...signal.runs import Run
+from ..nodes.shader_trees import is_fog
 from ..run import scene_text
-from ..scene import NEAR_CLIP_UNITS, aim, is_fog
+from ..scene import NEAR_CLIP_UNITS, aim
 from ..state import SettingsRestorer
 from .console import quiet_blender
 

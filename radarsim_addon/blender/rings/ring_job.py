@@ -31,6 +31,7 @@ from ...findings import Finding, finding, merge
 from ...signal.runs import CHUNK_LINES, ZIP, ExrHeader, read_header
 from ...typed_json import file_sha256, write_record
 from ..materials import found_inside
+from ..nodes.shader_trees import moves_faces
 from ..plan import Plan, Task, instant_at
 from ..run import MeasurementJob, shared_folder
 from ..scene import check_particles_are_baked, ground_truth, moved_by_scripts
@@ -67,8 +68,8 @@ class RingJob(MeasurementJob):
             return []
         moments = (first, *later, instant_at(first.frame + 1.0, self._fps()))
         then, soon, next_frame = (
-            {one.name: one.matrix_world.copy() for one in self._time.show(at).depsgraph.objects}
-            for at in moments
+            {one.name: shown.matrix_of(one).tolist() for one in shown.layout.objects}
+            for shown in map(self._time.show, moments)
         )
         return [n for n, at in then.items() if at == soon.get(n) and at != next_frame.get(n, at)]
 
@@ -241,16 +242,7 @@ def _as_evaluated(shape: Any) -> bool:
     return (
         not len(item.particle_systems)
         and not any(modifier.type == "SUBSURF" for modifier in item.modifiers)
-        and not any(map(_moves_faces, shape.materials))
-    )
-
-
-def _moves_faces(material: bpy.types.Material) -> bool:
-    """Whether a material displaces faces, or sends rays elsewhere."""
-    tree = material and material.node_tree
-    return bool(tree) and (
-        any(link.to_socket.name == "Displacement" for link in tree.links)
-        or any(node.bl_idname == "ShaderNodeBsdfRayPortal" for node in tree.nodes)
+        and not any(map(moves_faces, shape.materials))
     )
 
 

@@ -21,7 +21,7 @@ from ...errors import SceneError
 from ...physics.antennas import Antenna
 from ...signal.radar import RadarSystem, peak_direction
 from ..nodes import setup_emitter
-from ..nodes.groups import KIND_PROPERTY
+from ..nodes.groups import ring_emitters
 from .finite_checks import check_pose
 
 #: Scene property: the radar that measures.
@@ -164,12 +164,7 @@ def is_transmitter(item: bpy.types.Object) -> bool:
         return False
     if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # Blender 5 always uses the nodes
         return False
-    return any(
-        node.bl_idname == "ShaderNodeGroup"
-        and node.node_tree is not None
-        and node.node_tree.get(KIND_PROPERTY) == "ring_emitter"
-        for node in light.node_tree.nodes
-    )
+    return bool(ring_emitters(light))
 
 
 def _transmitters(scene: bpy.types.Scene) -> list[Any]:

@@ -25,9 +25,8 @@ from mathutils import Matrix
 
 from ..nodes import attributes
 from ..nodes.build import TreeBuilder
-from ..nodes.groups import KIND_PROPERTY
-from ..nodes.radar_material import RING_EMITTER_KIND
-from ..state import SettingsRestorer, take_snapshot
+from ..nodes.groups import ring_emitters
+from ..state import SettingsRestorer, latest_snapshot
 from .requests import PathClass, RenderRequest, View, ViewWindow
 from .view_setup import ViewCamera
 
@@ -207,7 +206,7 @@ def second_light(first: View, second: View) -> View | None:
 
 def is_worth_it(view_layer: bpy.types.ViewLayer, rays: int) -> bool:
     """Return whether Cycles takes longer to go through the instances than to trace so many rays."""
-    return take_snapshot(view_layer.depsgraph).layout.shape.size >= max(rays, MANY_INSTANCES)
+    return latest_snapshot(view_layer).layout.shape.size >= max(rays, MANY_INSTANCES)
 
 
 def may_tell_views(transmitter: Any) -> bool:
@@ -230,9 +229,7 @@ def _readers(tree: bpy.types.NodeTree, attribute: str) -> list[Any]:
 
 def _emitter_node(light: Any) -> Any:
     """Return the only Ring Emitter among a light's nodes; None if there is none, or several."""
-    nodes = () if light.node_tree is None else light.node_tree.nodes
-    groups = [node for node in nodes if node.type == "GROUP" and node.node_tree is not None]
-    found = [n for n in groups if n.node_tree.get(KIND_PROPERTY) == RING_EMITTER_KIND]
+    found = ring_emitters(light)
     return found[0] if len(found) == 1 else None
 
 

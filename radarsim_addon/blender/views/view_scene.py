@@ -107,6 +107,7 @@ class PathScene:
         self._cameras = view
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
+        self._world_colour = ENCODING_RED_GREEN
         self._size = self._canvas = (0, 0)
         self._threads = ("AUTO", 0)
         self._small_in_a_row = 0
@@ -270,9 +271,8 @@ class PathScene:
         if self._world_encoding:
             if request.encoded:
                 colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN
-                socket = self._volume.inputs["Color"]
-                if tuple(socket.default_value) != colour:  # Blender compiles the shader again
-                    socket.default_value = colour
+                if self._world_colour != colour:  # Blender compiles the shader again
+                    self._volume.inputs["Color"].default_value = self._world_colour = colour
             scene[attributes.ATTR_INVERSE_CODE_LENGTH] = 0.0
             scene[attributes.ATTR_WORLD_CODE] = inverse_k
         else:
