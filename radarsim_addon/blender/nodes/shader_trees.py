@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Cycles makes of the shader nodes of any material: volumes, displacement, reflection.
 
-Other rooms ask here, or have a material read as a `Surface`: they follow no links themselves.
+Other rooms use these functions, or have a material read as a `Surface`. They do not follow links
+between nodes themselves.
 """
 
 from __future__ import annotations

@@ -56,11 +56,13 @@ from ..scene import (
     VELOCITY_FRAMES,
     ClosingSpeeds,
     Rig,
+    check_meshes_finite,
     disabled_drivers,
     driven_by_whole_frames,
     find_rig,
     hiding_is_animated,
     receiver_record,
+    rendered_rows,
     renders_whole_frames_only,
     show_as_rendered,
     show_what_renders,
@@ -315,7 +317,7 @@ class MeasurementJob:
     def _refuse_unmeasurable(self, snapshot: Snapshot) -> None:
         """Check that everything can be recorded, before a file is written."""
         self._antenna_records(snapshot, self._metres_per_unit())
-        ground_truth.check_surfaces(snapshot)
+        check_meshes_finite(snapshot, rendered_rows(snapshot))
 
     def _config_findings(self) -> list[Finding]:
         interval_s = None

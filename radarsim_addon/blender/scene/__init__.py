@@ -24,7 +24,7 @@ from .closing_speeds import (
     nothing_moves,
     pose_in_metres,
 )
-from .finite_checks import check_poses, check_vertices
+from .finite_checks import check_meshes_finite, check_poses, check_vertices
 from .ground_truth import (
     Boxes,
     antenna_positions,
@@ -131,6 +131,7 @@ __all__ = [
     "bare_objects",
     "camera_kind",
     "check_meshes",
+    "check_meshes_finite",
     "check_normals",
     "check_particles_are_baked",
     "check_poses",

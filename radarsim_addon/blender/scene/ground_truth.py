@@ -27,7 +27,6 @@ from ..nodes import is_radar_material
 from ..nodes.shader_trees import displaces
 from ..plan import Extent
 from ..state import Snapshot, slot_materials
-from .finite_checks import check_meshes_finite
 from .rig import Rig
 from .visibility import ABSORBER_NAME, echoes, rendered_rows
 
@@ -308,13 +307,6 @@ def displaced_surfaces(snapshot: Snapshot) -> list[Finding]:
     displaced = found.snapshot.of_shapes([any(map(displaces, one.materials)) for one in shapes])
     names = {found.snapshot.label(row) for row in found.rows[displaced[found.rows]].tolist()}
     return [finding("displaced-by-shader", *sorted(names))] if names else []
-
-
-def check_surfaces(snapshot: Snapshot) -> None:
-    """Check that all rendered surfaces are finite at the moment of the snapshot; `SceneError` if
-    not.
-    """
-    check_meshes_finite(snapshot, rendered_rows(snapshot))
 
 
 #: Triangles that are placed at once, about.
