@@ -74,7 +74,7 @@ def furnace(
     return pixels, np.abs(rh.pixel_directions(scene) @ normal)
 
 
-@pytest.mark.parametrize("angle", [0, 30, 60, 80])
+@pytest.mark.parametrize("angle", [0, 60])
 @pytest.mark.parametrize("n", [1.4, 2.3])
 def test_lossless_slab_gives_everything_back(n: float, angle: float) -> None:
     pixels, _ = furnace({"n": n, "kappa": 0.0}, angle, 0.2)

@@ -184,7 +184,7 @@ def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Rad
 
 
 @pytest.mark.parametrize("kind", ["ca", "os"])
-@pytest.mark.parametrize("window", ["none", "hann", "blackman"])
+@pytest.mark.parametrize("window", ["none", "blackman"])
 def test_false_alarms_are_as_designed_without_guard_cells(kind: str, window: str) -> None:
     """Counted: training cells in the main lobe contain noise of the tested cell, and are unused."""
     rates, cfar = [], Cfar(kind, 1e-2, (0, 0), (2, 6))
