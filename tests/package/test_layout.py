@@ -135,19 +135,46 @@ def test_blender_uses_few_rooms_of_signal() -> None:
             assert there.removeprefix("signal.") in allowed, item
 
 
-#: Attributes by which Blender's objects and meshes are read.
-READING = {"object_instances", "loop_triangles", "evaluated_get", "to_mesh_clear"}
+#: Attributes by which Blender's objects and meshes are read, and by which rays are cast.
+READING = {"object_instances", "loop_triangles", "evaluated_get", "to_mesh_clear", "depsgraph"}
+READING |= {"evaluated_depsgraph_get", "loops"}
+RAYS = {"EmbreeDevice", "EmbreeScene", "BVHTree", "ray_cast", "closest_point_on_mesh"}
+#: Attributes by which links between nodes are followed.
+FOLLOWING = {"is_linked", "from_node", "from_socket", "to_node", "to_socket"}
 
 
-def test_only_one_room_reads_evaluated_objects() -> None:
-    """All others are given a snapshot and its meshes."""
-    readers = {
-        name
-        for name, path in MODULES.items()
-        for node in ast.walk(tree_of(path))
-        if isinstance(node, ast.Attribute) and node.attr in READING
-    }
-    assert readers == {f"radarsim_addon.blender.state.{name}" for name in ("meshes", "snapshot")}
+def modules_that(reads: Callable[[ast.AST], bool]) -> set[str]:
+    found = {name for name, path in MODULES.items() if any(map(reads, ast.walk(tree_of(path))))}
+    return {name.removeprefix("radarsim_addon.") for name in found}
+
+
+def test_few_rooms_read_what_blender_evaluates_and_cast_rays() -> None:
+    """All others are given a snapshot, its meshes, and `RayMesh` or `RayScene`."""
+
+    def reads(node: ast.AST) -> bool:
+        return isinstance(node, ast.Attribute) and node.attr in READING
+
+    def casts(node: ast.AST) -> bool:
+        name = node.attr if isinstance(node, ast.Attribute) else getattr(node, "name", "")
+        return name in RAYS
+
+    assert modules_that(reads) == {"blender.state.meshes", "blender.state.snapshot"}
+    assert modules_that(casts) == {"signal.scene.rays"}
+
+
+def test_few_modules_read_node_sockets() -> None:
+    """Others ask the room of nodes, or have a material read as a `Surface`."""
+
+    def reads(node: ast.AST) -> bool:
+        if not isinstance(node, ast.Attribute):
+            return False
+        value = node.attr == "default_value" and isinstance(node.ctx, ast.Load)
+        return value or node.attr in FOLLOWING
+
+    outside = {name for name in modules_that(reads) if not name.startswith("blender.nodes.")}
+    # a surface; what views add to radarsim's own groups
+    own = {"blender.views.joint_render", "blender.views.view_setup"}
+    assert outside == {"blender.materials.surfaces", *own}
 
 
 def test_no_circle_of_modules() -> None:

@@ -34,8 +34,8 @@ WAVEFORMS: dict[str, AnyWaveform] = {
     "pmcw": PmcwWaveform(5.3e9, 20e-9, 9, code_repeats=8),
 }
 WINDOWS = ["none", "hann", "hamming", "taylor:4:-35", "kaiser:3", "kaiser:8"]
-#: Each waveform with three windows, each window with three waveforms.
-PAIRS = [(name, WINDOWS[(i + j) % 6]) for i, name in enumerate(WAVEFORMS) for j in (0, 2, 3)]
+#: Each waveform with two windows, each window with two waveforms.
+PAIRS = [(name, WINDOWS[(i + j) % 6]) for i, name in enumerate(WAVEFORMS) for j in (0, 3)]
 
 
 def radar_of(name: str) -> Radar:

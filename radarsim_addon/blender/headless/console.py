@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Standard output without Blender's own chatter. Does not import bpy."""
+"""Standard output without Blender's own messages. Does not import bpy."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from typing import TextIO
 
 @contextlib.contextmanager
 def quiet_blender() -> Iterator[TextIO]:
-    """Send what Blender's C code prints (50 lines a render up to 4.5) to nowhere.
+    """Discard the output of Blender's C code (up to Blender 4.5, 50 lines for each render).
 
-    Yields a stream to the real standard output.
+    Yield a stream to the real standard output.
     """
     sys.stdout.flush()
     try:

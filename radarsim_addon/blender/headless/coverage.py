@@ -62,10 +62,9 @@ def scene_coverage(
 ) -> Coverage:
     """Compute the coverage diagram of a radar at the current frame.
 
-    Without a radar it is the scene's active one. `values` are in place of its settings, by their
-    names, in SI; `link_budget_file` (JSON) in place of its link budget. Raises SceneError without a
-    radar, or a level ground below it that reflects; ConfigError for values that do not fit
-    together.
+    `radar` None is the active radar of the scene. `values` replace its settings, by their names, in
+    SI. `link_budget_file` (JSON) replaces its link budget. Raises SceneError if there is no radar,
+    or no level ground below it that reflects; ConfigError for values that do not fit together.
     """
     radar = active_radar(scene) if radar is None else radar
     measurement = read_measurement(scene, radar, **(values or {}))
@@ -107,7 +106,7 @@ def scene_coverage(
 
 
 def _reach_m(ground: GroundBelow, pose: Any, units: float) -> float:
-    """Return how far the ground goes in the direction that the radar looks along."""
+    """Return how far the ground extends in the direction in which the radar looks [m]."""
     ahead = -pose[:2, 2] / (np.linalg.norm(pose[:2, 2]) or 1.0)
     return float(((ground.corners[:, :2] * units - pose[:2, 3]) @ ahead).max())
 

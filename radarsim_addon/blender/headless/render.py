@@ -23,15 +23,15 @@ from .session import check_workers, leave_blender, limit_threads, open_job
 
 
 class _StopRequest:
-    """Ctrl-C or SIGTERM: the first asks to stop after the running render, a second stops at once.
+    """Ctrl-C or SIGTERM: the first one stops after the current render, a second one at once.
 
-    Raising KeyboardInterrupt would not do: Cycles' Python part swallows it in the middle of a
-    render and continues.
+    KeyboardInterrupt cannot be raised: the Python part of Cycles catches it during a render and
+    continues.
     """
 
     def __init__(self) -> None:
         self.asked = False
-        #: Exit code, as in shells: 128 + number of the signal.
+        #: Exit code after a signal, as in shells: 128 + the number of the signal.
         self.code = 128 + signals.SIGINT
         for number in (signals.SIGINT, signals.SIGTERM):
             signals.signal(number, self._on_signal)
@@ -55,7 +55,7 @@ def run_and_leave(arguments: argparse.Namespace) -> None:
 
 
 def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
-    """Render, and process if asked for. Return the exit code."""
+    """Render, and process if the command line says so. Return the exit code."""
     try:
         return measure(arguments, stop)
     except RadarSimError as error:
@@ -68,9 +68,9 @@ def run(arguments: argparse.Namespace, stop: _StopRequest) -> int:
 
 
 def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
-    """Measure what the command line asks for; return the exit code.
+    """Measure what the command line names; return the exit code.
 
-    Raises KeyboardInterrupt at Ctrl-C, after the running step.
+    Raises KeyboardInterrupt at Ctrl-C, after the current step.
     """
     with quiet_blender() as stream:
         job, share = open_job(arguments), share_of(arguments)
@@ -133,11 +133,11 @@ def _print_findings(findings: list[Finding], frames: Sequence[int], stream: Any)
 
 
 def process(job: MeasurementJob, stream: Any, stop: _StopRequest, animate: bool | None) -> int:
-    """Process the job's frames; print findings whose codes were not printed at the render.
+    """Process the frames of a job. Print findings whose codes were not printed after the render.
 
-    `animate`: whether moving pictures are made; None: the default. Return the exit code.
+    `animate` says whether animations are made; None is the default. Return the exit code.
     """
-    # a render alone needs nothing of it
+    # a render without processing does not need it
     from ...signal.pipeline import FrameResult, ProcessOptions, frame_lines, kept_lines, process_run
 
     options = ProcessOptions(animate=animate)
@@ -168,15 +168,15 @@ def _fail(line: str, code: int) -> int:
     return code
 
 
-#: Time after which a frame of another process is looked at again [s].
+#: Time after which a frame of another process is checked again [s].
 _PAUSE_S = 0.2
 
 
 class FrameRenderer:
     """A run that stays open while its frames are measured in any order; see `frame_worker`.
 
-    `arguments` are those of ``radarsim render``; `joins` says whether the run's plan is there,
-    written by the worker that was asked for `about`.
+    `arguments` are those of ``radarsim render``. `joins` says whether the plan of the run exists
+    already, because the first worker has written it in `about`.
     """
 
     def __init__(self, arguments: argparse.Namespace, joins: bool) -> None:
@@ -196,7 +196,7 @@ class FrameRenderer:
         return {"frames": list(job.frames), "folder": str(job.folder), "lines": lines}
 
     def do(self, frame: int) -> dict[str, Any]:
-        """Measure a frame, unless it is done or another process has it."""
+        """Measure a frame, unless it is done or another process measures it."""
         job = self._job
         job.frame_findings = []
         try:
@@ -219,9 +219,9 @@ class FrameRenderer:
         return {"findings": [to_json(item) for item in job.frame_findings]}
 
     def stop(self) -> None:
-        """End after the running step: Cycles swallows exceptions in the middle of a render."""
+        """Stop after the current step: Cycles catches exceptions during a render."""
         self._stopping = True
 
     def close(self) -> None:
-        """Give back the scene and what is claimed."""
+        """Restore the scene and release the claimed frame."""
         self._job.restore()

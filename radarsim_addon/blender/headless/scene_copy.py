@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A temporary copy of the open file, for a process of its own that measures it.
+"""A temporary copy of the open file, which a separate process measures.
 
-`save_copy` writes the file, with what it does not hold, into a folder of its own; it changes
-nothing of the user's. `open_copy` opens it in the other process, as the original: the path of the
-original is written into the copy, as Blender does with what it saves for a crash, and
-``recover_auto_save`` takes it for the file's path. So all paths that begin with ``//``, libraries
-and caches next to the file are found where they are.
+`save_copy` writes the file, and pixels that are not part of it, into a temporary folder. It does
+not change the user's file or scene. `open_copy` opens the copy in the other process as if it were
+the original. For this, `save_copy` writes the path of the original into the copy, as Blender does
+in the files that it saves for a crash, and ``recover_auto_save`` then uses it as the path of the
+file. So libraries, caches and all other paths that begin with ``//`` are found.
 
-The other process has no add-ons, handlers or driver scripts of the user. So both evaluate the scene
-at the frame of the copy, and objects that differ are refused by their names.
+The other process has no add-ons, handlers or driver scripts of the user. Therefore both processes
+evaluate the scene at the frame of the copy, and a run with an object that differs is refused. The
+error names the object.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ from ...messages import Message
 from ...processes import temporary_folder
 from ..run.scene_state import Device, choose_device, chosen_device
 from ..scene import frame_handlers, simulation_frames, writes_disk_caches
-from ..state import SettingsRestorer, Snapshot, evaluated_snapshot, vertex_positions
+from ..state import SettingsRestorer, Snapshot, evaluated_snapshot, mesh_counts, vertex_positions
 
-#: Room on the disk that is left free [bytes].
+#: Space that stays free on the disk [bytes].
 _SPARE_BYTES = 1 << 26
 #: Bytes of a .blend file without data, and of each vertex, edge, corner and face of a mesh.
 _FILE_BYTES, _MESH_BYTES = 1 << 20, (12, 8, 8, 4)
@@ -44,7 +45,7 @@ _FILE_BYTES, _MESH_BYTES = 1 << 20, (12, 8, 8, 4)
 
 @dataclass(frozen=True)
 class SceneCopy:
-    """A copy in a temporary folder, which `close` removes, and what its process is told."""
+    """A copy in a temporary folder, which `close` removes, and the order for its process."""
 
     folder: Path
     order: Message
@@ -59,7 +60,7 @@ class SceneCopy:
 def save_copy(
     scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, radar: Any, overwrite: bool
 ) -> SceneCopy:
-    """Save a copy of the open file, as a view layer of a scene measures it with a radar.
+    """Save a copy of the open file, for the view layer, scene and radar that are measured.
 
     OutputError: the disk is full. SceneError: painted pixels cannot be copied.
     """
@@ -97,11 +98,11 @@ def save_copy(
 
 
 def expected_size() -> int:
-    """Return about how many bytes a copy takes: the file as it was saved, or its meshes."""
+    """Return the approximate size of a copy [bytes], from the file on disk or its meshes."""
     found = _FILE_BYTES
     for mesh in (one for one in bpy.data.meshes if one.users and not one.library):
         keys = len(mesh.shape_keys.key_blocks) if mesh.shape_keys else 0
-        counts = len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)
+        counts = mesh_counts(mesh)
         found += sum(a * b for a, b in zip(counts, _MESH_BYTES, strict=True))
         found += 8 * counts[2] * len(mesh.uv_layers) + 12 * counts[0] * keys
     for image in bpy.data.images:
@@ -115,7 +116,7 @@ def expected_size() -> int:
 
 
 def check_room(folder: Path) -> None:
-    """Check that a disk has room for a copy; OutputError if not."""
+    """Check that a disk has enough free space for a copy; OutputError if not."""
     needed, free = 1.1 * expected_size() + _SPARE_BYTES, shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
@@ -148,9 +149,9 @@ def _save(file: Path) -> None:
 
 
 def _note_original(file: Path, original: str) -> None:
-    """Write the path of the original file into the block of a .blend file that has a place for it.
+    """Write the path of the original file into the block of a .blend file that holds a path.
 
-    Blocks follow the header of 12 bytes, or, from Blender 5.0 on, of as many as it says.
+    Blocks follow the header of 12 bytes. From Blender 5.0 on, the header states its own size.
     """
     path = original.encode("utf-8", "surrogateescape")
     with open(file, "r+b") as stream:
@@ -180,7 +181,7 @@ _PATH_AT, _PATH_BYTES = 80, 1024
 
 
 def _save_painted(folder: Path) -> Iterator[dict[str, Any]]:
-    """Write the pixels of images that were changed and not saved, next to the copy."""
+    """Write the pixels of changed, unsaved images next to the copy."""
     for number, image in enumerate(bpy.data.images):
         if not image.is_dirty or image.source not in ("FILE", "GENERATED", "TILED"):
             continue
@@ -224,9 +225,10 @@ def _restore_painted(folder: Path, images: list[dict[str, Any]]) -> None:
 
 
 def open_copy(order: Message) -> None:
-    """Open a copy as the original file, its scripts disabled, and check that it is the same scene.
+    """Open a copy as the original file, with scripts disabled, and check that the scene is the
+    same.
 
-    SceneError: an object is different here.
+    SceneError: an object differs in this process.
     """
     fields = order.fields
     file = Path(fields["file"])
@@ -263,7 +265,7 @@ def open_copy(order: Message) -> None:
 
 
 def _simulates() -> bool:
-    """Whether a simulation is not baked, so that its state depends on what was played."""
+    """Return whether a simulation is not baked, so that its state depends on earlier frames."""
     return any(len(simulation_frames(scene, 1 << 30)) > 0 for scene in bpy.data.scenes)
 
 
@@ -277,8 +279,9 @@ _WEIGHTS = np.random.default_rng(1).uniform(0.5, 1.5, 4093).astype(np.float32)
 
 
 def evaluated_numbers(snapshot: Snapshot) -> tuple[list[str], NDArray[np.float64]]:
-    """Return the names of all objects and instanced objects, and numbers that tell whether they
-    are the same elsewhere: sums of their poses and of the vertices of their meshes.
+    """Return the names of all objects, with instancers, and numbers for a comparison.
+
+    The numbers are sums of the poses of each object and of the vertices of its mesh.
     """
     count = len(snapshot.shapes)
     numbers = np.zeros((count, _COLUMNS))
@@ -299,8 +302,8 @@ def evaluated_numbers(snapshot: Snapshot) -> tuple[list[str], NDArray[np.float64
 
 
 def _shown_otherwise(item: bpy.types.Object) -> bool:
-    """Whether this window shows another mesh than it renders: in edit mode, or subdivided by the
-    graphics card.
+    """Return whether this window shows another mesh than it renders, because of edit mode or
+    subdivision by the graphics card.
     """
     by_card = bpy.context.preferences.system.use_gpu_subdivision and not bpy.app.background
     subdivided = by_card and any(one.type in ("SUBSURF", "MULTIRES") for one in item.modifiers)
@@ -321,7 +324,7 @@ def _mesh_numbers(places: Single) -> NDArray[np.float64]:
 def differences(
     window: tuple[list[str], NDArray[np.float64]], here: tuple[list[str], NDArray[np.float64]]
 ) -> list[str]:
-    """Return the names of the window's objects whose numbers are different here, or that lack."""
+    """Return the names of the window's objects that differ or are missing in this process."""
     rows: dict[str, list[int]] = {}
     for row, name in enumerate(here[0]):
         rows.setdefault(name, []).append(row)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture of the scene as the receiver sees it, by Cycles and without a display.
+"""A picture of the scene from the receiver, rendered by Cycles without a display.
 
-It is rendered in a copy of the scene, which shares its objects: the user's own settings stay as
-they are. Materials for radar have no colours that help a viewer, so that each object has a plain
-one, shaded by ambient occlusion. Lights have no part in it.
+It is rendered in a copy of the scene that shares its objects, so the user's settings do not change.
+Radar materials have no colours for viewers. Therefore each object has a plain colour, with ambient
+occlusion in place of lights.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ from ...errors import ConfigError, SceneError
 from ...signal.pictures import placed_targets, plot_scene
 from ...signal.pipeline import FrameResult, ProcessOptions, process_frame
 from ...signal.runs import Run
+from ..nodes.shader_trees import is_fog
 from ..run import scene_text
-from ..scene import NEAR_CLIP_UNITS, aim, is_fog
+from ..scene import NEAR_CLIP_UNITS, aim
 from ..state import SettingsRestorer
 from .console import quiet_blender
 
@@ -113,7 +114,7 @@ def _rendered(
             copied.render.resolution_x, copied.render.resolution_y = width_px, height_px
             copied.render.filepath = str(path)
             copied.frame_set(frame)
-            # the operator renders the frame of the scene in the context, whatever scene it is told
+            # the operator renders at the frame of the context's scene, also for another scene
             with bpy.context.temp_override(scene=copied, view_layer=copied.view_layers[0]):
                 bpy.ops.render.render("EXEC_DEFAULT", write_still=True)
         pixels = importlib.import_module("matplotlib.image").imread(path)
@@ -128,7 +129,7 @@ def _pose(receiver: ReceiverRecord, metres_per_unit: float) -> Matrix:
 
 @contextlib.contextmanager
 def _copy_for_pictures(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Scene, Any]]:
-    """Give a copy of a scene that renders plain colours, and its camera; remove them afterwards."""
+    """Provide a copy of a scene with plain colours, and its camera, during a `with` block."""
     recorder = SettingsRestorer()
     recorder.keep_frame(scene)
     try:
@@ -166,7 +167,7 @@ def _copy_for_pictures(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Scene
 
 
 def _set_render(scene: bpy.types.Scene) -> None:
-    """Set a scene to a small picture without anything that the user's renders add."""
+    """Set up a scene for a small picture, without the user's effects on renders."""
     render, image, view = scene.render, scene.render.image_settings, scene.view_settings
     render.engine = "CYCLES"
     render.resolution_percentage = 100
@@ -188,7 +189,7 @@ def _set_render(scene: bpy.types.Scene) -> None:
 
 
 def _colour_objects(material: bpy.types.Material) -> None:
-    """Have a material give each object a colour of its own, darker in corners and at a slant."""
+    """Give each object a colour of its own, darker in corners and at oblique angles."""
     tree = _empty_tree(material)
     nodes, links = tree.nodes, tree.links
     info, ramp = nodes.new("ShaderNodeObjectInfo"), nodes.new("ShaderNodeValToRGB")

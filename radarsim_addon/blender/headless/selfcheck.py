@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``radarsim selfcheck``: whether Cycles on a device gives what measurements stand on.
+"""``radarsim selfcheck``: whether Cycles on a device behaves as measurements require.
 
-Each fact is tested on a small scene of known answer: a function of `CASES` builds it in the
-current, empty file, renders it through the program's own `PathScene`, and yields the facts. The
-receiver is at the origin and looks along +Y; lengths are metres.
+Each fact is tested on a small scene whose answer is known. A function of `CASES` builds the scene
+in the current, empty file, renders it with `PathScene`, and yields its facts. The receiver is at
+the origin and looks along +Y; lengths are in metres.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _ROUNDING = 1e-4
 
 @dataclass(frozen=True)
 class Fact:
-    """A fact as it was found: the largest deviation and the most that is allowed."""
+    """A tested fact: the largest deviation that was found, and the largest that is allowed."""
 
     name: str
     deviation: float
@@ -69,12 +69,12 @@ class Fact:
 
     @property
     def holds(self) -> bool:
-        """Whether the deviation is within the bound (a NaN is not)."""
+        """Whether the deviation is within the bound; NaN is not."""
         return self.deviation <= self.bound
 
 
 def measure_facts(folder: Path) -> Iterator[Fact]:
-    """Measure all facts with the device that the file's scene is set to; `folder` is for runs."""
+    """Measure all facts on the device of the scene; `folder` is for the runs."""
     if not hasattr(bpy.types.Object, RADAR_PROPERTY):
         register()
     device = bpy.context.scene.cycles.device
@@ -159,7 +159,7 @@ def _pane(folder: Path) -> Iterator[Fact]:
 
 
 def _corner_behind_pane(folder: Path) -> Iterator[Fact]:
-    """Wall and floor seen through a pane that stands above the floor: lobes are left to chance."""
+    """A wall and a floor behind a pane that ends above the floor. Lobes are chosen at random."""
     metal = make_material("Metal", _METAL.real, _METAL.imag, specularity=0.0)
     _wall(metal)
     _floor(metal)
@@ -170,7 +170,7 @@ def _corner_behind_pane(folder: Path) -> Iterator[Fact]:
 
 
 def _foreign(folder: Path) -> Iterator[Fact]:
-    """Any material: the world encodes the range; a surface that shines is not received."""
+    """Materials of any kind: a world volume encodes the range, and emission is not received."""
     albedo = 0.6
     diffuse = _shader("Diffuse", "ShaderNodeBsdfDiffuse", "Color", (albedo,) * 3 + (1.0,))
     _wall(diffuse)
@@ -202,7 +202,7 @@ def _floor(material: bpy.types.Material) -> None:
 
 
 def _glass(foot_m: float) -> None:
-    """A pane from this height on."""
+    """Add a pane that begins at this height [m]."""
     # Not about the axis: a ray through the edge of two triangles would count both.
     corners = [(x, y, z) for x in (-3.0, 4.0) for y in _PANE_M for z in (foot_m, 3.0)]
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -236,7 +236,7 @@ def _shader(name: str, kind: str, socket: str, value: Any) -> Any:
 
 
 def _first_surfaces(rays: PixelRays) -> tuple[Real, Any, Real]:
-    """Return where rays meet wall or floor, which of both, and the cosine of incidence there."""
+    """Return where rays meet the wall or the floor, which of both, and the cosine of incidence."""
     direction = rays.direction
     wall = _WALL_M / direction[..., 1]
     with np.errstate(divide="ignore"):
@@ -253,8 +253,8 @@ def _on_corner(points_m: Real) -> Real:
 
 
 def _clear(first_m: Real) -> Real:
-    """Return 1 where the way to the transmitter is past the shade by a margin, -1 behind it, else
-    0.
+    """Return 1 where the way to the transmitter clearly passes the plate, -1 where it is clearly
+    blocked, 0 in between.
     """
     start = np.array(_TRANSMITTER_M)
     along = (_SHADE[0][1] - start[1]) / (first_m[..., 1] - start[1])
@@ -266,7 +266,7 @@ def _clear(first_m: Real) -> Real:
 
 
 def _lambert(first_m: Real, on_wall: Any, cosine: Real) -> Real:
-    """Return the radiance of the metal, lit by the transmitter, towards the receiver."""
+    """Return the radiance of the lit metal towards the receiver."""
     to_m = np.array(_TRANSMITTER_M) - first_m
     distance_m = np.linalg.norm(to_m, axis=-1)
     lit = np.where(on_wall, -to_m[..., 1], to_m[..., 2]) / distance_m
@@ -279,7 +279,7 @@ def _worst(deviation: Any) -> float:
 
 
 class _Looking:
-    """A scene in its measuring state, and one view of it."""
+    """A scene that is set for a measurement, and one view of it."""
 
     def __init__(
         self,
@@ -315,7 +315,7 @@ class _Looking:
         self._job.restore()
 
     def number(self, name: str) -> int:
-        """Number of an object in the pass of object numbers."""
+        """Return the number of an object in the render pass of object numbers."""
         return int(self._job.path_scene.objects.index(name)) + 1
 
     def render(self, path_class: PathClass, **request: Any) -> View:
@@ -326,18 +326,17 @@ class _Looking:
         return view
 
     def last_vertex_m(self, vertex: View, view: View) -> Real:
-        """Return the last vertices from the transmitter's colours."""
+        """Return the last vertices from the colours of the transmitter's light."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.moveaxis(vertex.channels() / view.channels() - 1, 0, -1) / 0.02)
 
     def marked(
         self, where: str, echoes: PathClass, other: PathClass, off: Callable[[Real], Real]
     ) -> Iterator[Fact]:
-        """Test the light of the surfaces themselves: it tells last vertices, and leaves echoes
-        alone.
+        """Test the light of the surfaces: it gives last vertices, and does not change echoes.
 
-        Its two halves come in renders of two path classes. `off` is how far points are from where
-        they must be.
+        Its two halves come in renders of two path classes. `off` is the distance of points from
+        their true places.
         """
         if not self._job.path_scene.vertex_marks:
             return
@@ -360,7 +359,7 @@ class _Looking:
     def encoding(
         self, what: str, view: View, length_m: Real, pixels: Any, bound_m: float = 1e-3
     ) -> Iterator[Fact]:
-        """Compare both range codes, as lengths, with the true ones."""
+        """Compare the lengths of both range encodings with the true lengths."""
         k_m = self._job.plan.range_encoding_length_m
         with np.errstate(divide="ignore", invalid="ignore"):
             red = -k_m * np.log(view.red / view.blue)
@@ -374,7 +373,7 @@ CASES = (_corner, _pane, _corner_behind_pane, _foreign)
 
 
 def verdict_here(device: Device) -> Verdict:
-    """Measure all facts in this process; a case that raises is a fact that fails."""
+    """Measure all facts in this process; a case that raises an exception is a failed fact."""
     facts: dict[str, tuple[float, float]] = {}
     failed = []
     with tempfile.TemporaryDirectory(prefix="radarsim_") as name, quiet_blender():
@@ -392,14 +391,14 @@ def verdict_here(device: Device) -> Verdict:
 
 
 def check_here(path: str) -> None:
-    """Check the device that a file names, and put the verdict in its place; ends the process."""
+    """Check the device that a file names, replace the file by the verdict, and end the process."""
     data = json.loads(Path(path).read_text(encoding="utf-8"))
     keep(Path(path), verdict_here(Device(data["kind"], tuple(data["ids"]))))
     leave_blender(0)
 
 
 def main(kind: str) -> int:
-    """Check a device again, keep the outcome, print it; 1 if a fact fails."""
+    """Check a device again, save the verdict and print it. Return 1 if a fact fails."""
     scene = bpy.context.scene
     device = Device(kind)
     started_s = time.perf_counter()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender's part of a process: the job of a command line, and a clean end."""
+"""The part of a process that needs Blender: the job of a command line, and a clean exit."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ from ..views import ViewCamera
 
 @contextlib.contextmanager
 def before_sorting(function: Callable[[], None]) -> Iterator[None]:
-    """Have a function called when a file is read, before Blender sorts its objects."""
+    """Call a function when a file has been read, before Blender sorts its objects."""
 
     @persistent
     def call(*_: Any) -> None:
@@ -64,14 +64,15 @@ def before_sorting(function: Callable[[], None]) -> Iterator[None]:
 
 
 def add_early_camera(scene: bpy.types.Scene, radar: Any) -> ViewCamera | None:
-    """Add the camera that renders paths, if nothing notices it before they are measured.
+    """Add the camera that renders paths before Blender sorts the objects of a scene.
 
     Blender sorts all objects of a scene after it has opened a file, and again when the scene gets
-    another camera. A camera that is there from the start spares the second time: 0.4 s for 5000
+    another camera. A camera that exists from the start saves the second time: 0.4 s for 5000
     objects.
 
-    Returns None where the receiver is chosen only because it is the scene's active camera, or where
-    something in the scene depends on the active camera; also without a radar that can measure.
+    Return None without a radar that can measure. Also return None where the camera could change the
+    scene: the receiver is chosen only because it is the active camera, or something depends on the
+    active camera.
     """
     with contextlib.suppress(RadarSimError):
         antennas = antennas_of(scene, radar)
@@ -96,12 +97,11 @@ def make_job(
     given: Mapping[str, Any] | None = None,
     link_budget_file: Path | None = None,
 ) -> MeasurementJob:
-    """Make the job, rings or paths, that a scene's settings ask for; `prepare` is still to be
-    called.
+    """Make the job, of rings or of paths, for the settings of a scene. It is not prepared yet.
 
-    Without a radar it is the scene's active one. `given` are values in place of its settings, by
-    their names, in SI; `link_budget_file` (JSON) in place of its link budget. `overwrite` replaces
-    any run in the folder.
+    `radar` None is the active radar of the scene. `given` values replace its settings, by their
+    names, in SI. `link_budget_file` (JSON) replaces its link budget. `overwrite` replaces any run
+    in the folder.
     """
     radar = active_radar(scene) if radar is None else radar
     values = dict(given or {})
@@ -118,12 +118,12 @@ def make_job(
 
 
 def sampling_mode(radar: Any, given: Mapping[str, Any]) -> str:
-    """Return the sampling mode of a radar, unless values in place of its settings name another."""
+    """Return the sampling mode of a radar, or the one among the given values."""
     return str(given.get("sampling_mode", settings(radar).sampling_mode))
 
 
 _AUTOEXEC = {"-y", "--enable-autoexec"}
-#: Words of Blender's command line that change no scene, and those that a value follows.
+#: Words of Blender's command line that change no scene; of these, words with a value.
 _PLAIN = {"-b", "--background", "-Y", "--disable-autoexec", "--factory-startup", "-noaudio", "-q"}
 _PLAIN |= _AUTOEXEC
 _VALUED = {"-t", "--threads", "--python-exit-code"}
@@ -136,8 +136,8 @@ def open_scene(
 ) -> tuple[Any, Any, Any]:
     """Open the file of a command line; return the scene, view layer and radar that it names.
 
-    `early` is called with the scene and the radar, if there are, before Blender sorts the objects.
-    `open_copy` opens the file in place of this function.
+    `early` is called with the scene and the radar, if both exist, before Blender sorts the objects.
+    `open_copy` is called to open the file, if it is given.
     """
     # An enabled extension has registered its settings already, perhaps from another copy of the
     # package; those hold the file's values, and only their names matter here.
@@ -169,7 +169,7 @@ def open_scene(
 
 
 def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
-    """Return scene and radar of a command line, the active ones without names."""
+    """Return the scene and the radar that a command line names; without names the active ones."""
     scene = bpy.context.scene
     if arguments.scene is not None:
         if arguments.scene not in bpy.data.scenes:
@@ -188,9 +188,9 @@ def _find(arguments: argparse.Namespace) -> tuple[Any, Any]:
 def open_job(
     arguments: argparse.Namespace, open_copy: Callable[[], None] | None = None
 ) -> MeasurementJob:
-    """Open the file of a command line; return its job, unprepared.
+    """Open the file of a command line; return its job, which is not prepared yet.
 
-    `open_copy` opens a copy of a file in memory. No run is resumed with it.
+    `open_copy` opens a copy of a file in memory. Such a job resumes no earlier run.
     """
     keep_freed_memory()
     cameras: list[ViewCamera | None] = [None]
@@ -227,10 +227,10 @@ def open_job(
 
 
 def changed_by_scripts(opened_here: bool) -> list[str]:
-    """Return what may have changed the open file since it was opened; empty if nothing has.
+    """Return what may have changed the file since it was opened; empty for nothing.
 
-    If radarsim has opened the file, its scripts are disabled. Else the Blender program has: then
-    the words of its command line count.
+    If radarsim has opened the file, its scripts are disabled. Otherwise the Blender program has
+    opened it, and the words of its command line decide.
     """
     found = foreign_handlers()
     if not opened_here:
@@ -243,7 +243,7 @@ def changed_by_scripts(opened_here: bool) -> list[str]:
 
 
 def _runs_one_script(own: list[str]) -> bool:
-    """Return whether Blender's command line opens the open file, and runs one script, this one."""
+    """Return whether Blender's command line opens this file and runs only this script."""
     words, files, scripts = iter(own), 0, 0
     for word in words:
         if bpy.data.filepath and os.path.realpath(word) == os.path.realpath(bpy.data.filepath):
@@ -270,7 +270,7 @@ def check_workers(opened_here: bool) -> None:
 
 
 def limit_threads() -> None:
-    """Let Cycles use as many threads as OMP_NUM_THREADS says, like the libraries; before a job."""
+    """Let Cycles use at most OMP_NUM_THREADS threads, as libraries do. Call it before a job."""
     threads = os.environ.get("OMP_NUM_THREADS", "")
     if threads.isdecimal() and int(threads) > 0:
         for scene in bpy.data.scenes:
@@ -312,11 +312,11 @@ def session_folder() -> Path | None:
 
 
 def leave_blender(code: int) -> None:
-    """Quit at once with an exit code; all files are written and closed.
+    """End the process at once with an exit code; all files are written and closed.
 
-    sys.exit would run C++ destructors while Cycles still holds the persistent scene; a crash there
-    would replace the exit code. As a module Blender 4.5 even hangs there, with a property group
-    registered or a driver that was refused.
+    sys.exit would call C++ destructors while Cycles still holds the persistent scene, and a crash
+    there would replace the exit code. As a module, Blender 4.5 even hangs if a property group is
+    registered or a driver was refused.
     """
     own = session_folder()
     if own is not None:

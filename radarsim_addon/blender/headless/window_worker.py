@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The process that measures for a window.
 
-It reads the order of a `SceneCopy` as a message, measures the copy, and writes messages: "began"
-with findings, "progress", at last "end", "stopped" or "fault". It stops when a second message
-comes, or when its input ends, because the window is gone. It removes the copy in any case.
+It reads the order of a `SceneCopy` as a message and measures the copy. It writes these messages:
+"began" with findings, "progress", and finally "end", "stopped" or "fault". It stops when a second
+message arrives, or when its input ends because the window has been closed. It always removes the
+copy.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ from .session import leave_blender, open_job
 
 #: Time between two messages of progress [s].
 _PAUSE_S = 0.1
-#: Time for the running step to end when the window is gone [s].
+#: Time for the current step to end after the window was closed [s].
 _GRACE_S = 5.0
-#: Rays of a run whose time says what a ray costs.
+#: Least rays of a run from whose time the time of a ray follows.
 _MANY_RAYS = 100_000
 
 
 class _Stop:
-    """Whether the window has stopped the run, or is gone; this is looked for in a thread."""
+    """Whether the window has stopped the run or was closed. A thread waits for it."""
 
     def __init__(self, reading: IO[bytes], folder: Path) -> None:
         self.asked = False
@@ -63,7 +64,7 @@ class _Writer:
             write_message(self._stream, {"kind": kind, **fields}, {})
 
     def progress(self, job: MeasurementJob) -> None:
-        """Write how far a job is, unless that was just written."""
+        """Write the progress of a job, unless it was written a moment ago."""
         now_s = time.monotonic()
         if now_s - self._last_s >= _PAUSE_S:
             self._last_s = now_s
@@ -124,7 +125,7 @@ def _measure(order: Message, stop: _Stop, writer: _Writer) -> None:
 
 
 def main() -> None:
-    """Measure what the window orders, then leave Blender."""
+    """Measure what the window orders, then end Blender."""
     reading, writing = open_messages()
     order = read_message(reading)
     if order is None:

@@ -28,6 +28,7 @@ from ...findings import Finding, finding
 from ...signal.scene import ALL_FACES, SMOOTH_BELOW, Mesh, RayMesh, Surface
 from ..nodes import attributes
 from ..nodes.materials import (
+    disconnect_volume,
     transmission_inputs,
     volume_link,
 )
@@ -58,7 +59,7 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
         if read_surface(material).is_opaque:
             opaque.append(material)
             if link is not None:
-                _unlink(recorder, material, link)
+                disconnect_volume(recorder, material, link)
         elif link is not None:
             entered |= {socket.as_pointer(): material for socket in _transmissions(material)}
         elif _transmissions(material):
@@ -80,12 +81,6 @@ def settle_interiors(recorder: SettingsRestorer, materials: Iterable[Any]) -> li
 
 def _transmissions(material: bpy.types.Material) -> list[Any]:
     return [socket for socket in transmission_inputs(material) if socket is not None]
-
-
-def _unlink(recorder: SettingsRestorer, material: bpy.types.Material, link: Any) -> None:
-    links, source, target = material.node_tree.links, link.from_socket, link.to_socket
-    links.remove(link)
-    recorder.on_restore(f"Volume of {material.name}", lambda: links.new(source, target))
 
 
 #: Fraction of a surface inside another part of its mesh, and inside a wall, that is named.
@@ -218,12 +213,9 @@ class _Wall:
         self._rays = RayMesh(found[0] @ matrix[:3, :3].T, found[1])
 
     def holds(self, points: Real) -> Mask:
-        """Whether points (n, 3) are inside: a ray from each passes an odd number of faces."""
-        inside = np.zeros(len(points), dtype=bool)
-        ray = np.tile([0.3713907, 0.5570860, 0.7427814], (len(points), 1))  # along no edge
-        for rows, _, _ in self._rays.crossings(points - self._place, ray, _MOST_FACES):
-            inside[rows] ^= True
-        return inside
+        """Whether points (n, 3) are inside."""
+        along = np.array([0.3713907, 0.5570860, 0.7427814])  # along no edge
+        return self._rays.holds(points - self._place, along, _MOST_FACES)
 
 
 # Objects so far away that Cycles rounds the depths of waves inside them.

@@ -53,6 +53,8 @@ from ..nodes.groups import (
     group_kind,
     group_node,
     holds_group,
+    input_number,
+    set_input,
 )
 from ..nodes.materials import link_group
 from ..nodes.physical_material import (
@@ -66,6 +68,7 @@ from ..state import (
     SettingsRestorer,
     Shape,
     Snapshot,
+    mesh_counts,
     slot_materials,
 )
 
@@ -134,7 +137,7 @@ def _used_slots(snapshot: Snapshot, shape: Shape, count: int) -> list[int]:
 
 def has_no_faces(item: bpy.types.Object) -> bool:
     """Return whether an object is a mesh of points or edges, to which modifiers add no faces."""
-    return bool(item.type == "MESH" and not item.modifiers and not len(item.data.polygons))
+    return bool(item.type == "MESH" and not item.modifiers and not mesh_counts(item.data)[-1])
 
 
 # Parts of a physical material.
@@ -194,12 +197,13 @@ def rough_surface_of(material: bpy.types.Material) -> RoughSurface:
     rough = RoughSurface(
         *(float(material.get(key, 0.0)) for key in (RMS_HEIGHT, CORRELATION_LENGTH, RMS_SLOPE))
     )
-    roughness = None
+    found = None
     if rough != RoughSurface() and rough.slope == 0:
-        roughness = group_input(material, ROUGHNESS)
+        found = find_group(material)
+    roughness = None if found is None else input_number(found, ROUGHNESS)
     if roughness is None:
         return rough
-    return replace(rough, rms_slope=float(slope_from_roughness(roughness.default_value)))
+    return replace(rough, rms_slope=float(slope_from_roughness(roughness)))
 
 
 def is_physical(material: bpy.types.Material) -> bool:
@@ -312,14 +316,7 @@ def update_material(
     Raises ConfigError as `inputs_at`, or for a linked file with a group of an older radarsim.
     """
     for socket, value in _inputs_to_set(material, carrier_hz, beyond_band):
-        _put(socket, value, None)
-
-
-def _put(socket: bpy.types.NodeSocket, value: float, recorder: SettingsRestorer | None) -> None:
-    if recorder is not None:
-        recorder.set(socket, "default_value", value)
-    elif socket.default_value != value:
-        socket.default_value = value
+        set_input(socket, value, None)
 
 
 def _inputs_to_set(
@@ -373,7 +370,7 @@ def update_materials(
                 other, before = owners.setdefault(socket.as_pointer(), (material, value))
                 if value != before:
                     raise ConfigError(_shared(other, material))
-                _put(socket, value, recorder)
+                set_input(socket, value, recorder)
         except ConfigError:
             if material in assigned:
                 raise

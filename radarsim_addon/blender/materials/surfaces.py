@@ -14,9 +14,8 @@ from ...errors import ConfigError
 from ...signal.scene import Clutter, Kind, Shader, Surface
 from ..nodes.groups import (
     KIND_PROPERTY,
-    FoundGroup,
     find_group,
-    input_socket,
+    input_number,
     shaders_at_output,
 )
 from ..nodes.materials import volume_link
@@ -74,7 +73,7 @@ def read_surface(material: bpy.types.Material) -> Surface:
             is_default=material.node_tree is None,
         )
     there = {name: field for name, field in FIELDS.items() if name in found.node.inputs}
-    values: Any = {name: _number(found, name) for name in there}
+    values: Any = {name: input_number(found, name) for name in there}
     passed = (TRANSMISSION, GRAZING_TRANSMISSION)
     return Surface(
         **common,
@@ -85,8 +84,10 @@ def read_surface(material: bpy.types.Material) -> Surface:
             for name, field in there.items()
             if values[name] is None
         },
-        transmissions=tuple(_number(found, name) for name in passed if name in found.node.inputs),
-        has_clutter_row=_number(found, CLUTTER_ROW) is not None,
+        transmissions=tuple(
+            input_number(found, name) for name in passed if name in found.node.inputs
+        ),
+        has_clutter_row=input_number(found, CLUTTER_ROW) is not None,
         volume=volume_link(material) is not None,
     )
 
@@ -104,11 +105,6 @@ def surface_at(material: bpy.types.Material, carrier_hz: float, beyond_band: str
     # what a node sets stays unknown
     known = {name: x for name, x in values.items() if getattr(surface, name) is not None}
     return replace(surface, **known)  # type: ignore[arg-type]
-
-
-def _number(found: FoundGroup, name: str) -> float | None:
-    socket: bpy.types.NodeSocket = input_socket(found, name)
-    return None if socket is None else float(socket.default_value)
 
 
 def _clutter(material: bpy.types.Material) -> Clutter | None:

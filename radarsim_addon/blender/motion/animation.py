@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import bpy
 import numpy as np
 
+from ..nodes.shader_trees import displacing_nodes, reads_place
 from ..scene import action_curves, animation_curves, has_simulation_zone, is_simulated_body
 
 #: Animated properties that move a surface.
@@ -165,24 +166,10 @@ def displacement_changes(item: bpy.types.Object, first: float, last: float) -> b
         tree = material.node_tree
         if tree is None:
             continue
-        outputs = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL"]
-        starts = [node.inputs["Displacement"] for node in outputs if node.is_active_output]
         moves = any(getattr(one.animation_data, "action", None) for one in driving_objects(item))
-        if _changes(tree, _before(starts), item, moves, first, last):
+        if _changes(tree, displacing_nodes(tree), item, moves, first, last):
             return True
     return False
-
-
-def _before(inputs: Iterable[Any]) -> list[Any]:
-    """Return all nodes that these inputs depend on."""
-    found: dict[Any, None] = {}
-    waiting = [link.from_node for one in inputs for link in one.links]
-    while waiting:
-        node = waiting.pop()
-        if node not in found:
-            found[node] = None
-            waiting += [link.from_node for one in node.inputs for link in one.links]
-    return list(found)
 
 
 def _changes(
@@ -213,7 +200,7 @@ def _changes(
         elif (
             getattr(getattr(node, "image", None), "source", "") in ("MOVIE", "SEQUENCE")
             or (node.type == "TEX_COORD" and node.object not in (None, item))
-            or (node.type == "NEW_GEOMETRY" and node.outputs["Position"].is_linked and moves)
+            or (moves and reads_place(node))
         ):
             return True
     return False

@@ -44,7 +44,7 @@ from ..scene import (
     pose_in_metres,
     simulation_frames,
 )
-from ..state import Snapshot, marked_points, points_within, surface_points, vertex_positions
+from ..state import Snapshot, marked_points, surface_points, vertex_positions
 from .animation import (
     cache_frames,
     deforms_linearly_between_frames,
@@ -131,7 +131,7 @@ class BurstMotion:
         """Find deforming surfaces; return the snapshot at the frame's time."""
         instant = self._plan.rendered[1]
         snapshot = self._show(instant)
-        self._measured_scene = snapshot.depsgraph.scene
+        self._measured_scene = snapshot.scene
         self.poses = evaluated_poses(snapshot, self._units)
         wanted = set(self._names)
         if not self._frozen:
@@ -165,7 +165,7 @@ class BurstMotion:
             name: vertex_positions(snapshot.evaluated(item)) for name, item in candidates.items()
         }
         items, deforming_points = list(candidates.values()), set[str]()
-        within = points_within(snapshot.depsgraph, items)
+        within = snapshot.points_within(items)
         moments = [self._plan.at(fraction) for fraction in (*_CHECKS, 1.0)]
         cached = any(map(deforms_linearly_between_frames, candidates.values()))
         if self._by_scripts or (self._smooth and cached):
@@ -181,7 +181,7 @@ class BurstMotion:
                     del candidates[name]
                 elif not np.array_equal(now, before[name]):
                     deforming[name] = item
-            now_within = points_within(snapshot.depsgraph, items) if within else {}
+            now_within = snapshot.points_within(items) if within else {}
             deforming_points |= {name for name, at in within.items() if now_within.get(name) != at}
         changing |= self._with_other_points(
             {name: item for name, item in deforming.items() if may_change_points(item)},

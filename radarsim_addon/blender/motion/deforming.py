@@ -20,6 +20,7 @@ from ...arrays import Real, Single
 from ...signal.paths import PathRows
 from ...signal.scene import RayMesh, barycentric
 from ..materials import SURFACE_TYPES
+from ..nodes.shader_trees import trees_within
 from ..scene import distance_from_box
 from ..state import Snapshot, SurfacePoints, vertex_positions
 from .bodies import Bodies, Part
@@ -218,10 +219,10 @@ def is_on_grid(item: bpy.types.Object) -> bool:
 
 
 def _is_grid_tree(tree: bpy.types.NodeTree) -> bool:
-    return tree is not None and any(
-        node.bl_idname in _ON_GRID_NODES or _is_grid_tree(getattr(node, "node_tree", None))
-        for node in tree.nodes
-        if not node.mute
+    return any(
+        node.bl_idname in _ON_GRID_NODES and not node.mute
+        for inner in trees_within(tree, muted=False)
+        for node in inner.nodes
     )
 
 

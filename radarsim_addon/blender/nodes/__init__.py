@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Radar node groups, which make Cycles compute radar power, and the materials made of them.
+"""Radar node groups, which make Cycles compute radar power, and the materials that use them.
 
-`build` adds nodes to a tree from a definition as code, and `groups` makes, finds and updates the
-data-blocks. `interface` has Fresnel's equations as nodes; `radar_material` is the simple group of
-the paper, with the range encoding and the transmitter's Ring Emitter, `physical_material` the group
-of a medium at the carrier and that of a thin sheet. During a run they read custom properties of
-scene and objects: `attributes`. `materials` puts the groups into materials and lights.
+`build` adds nodes to a tree from a definition in code. `groups` makes, finds and updates the
+data-blocks. `interface` has Fresnel's equations as nodes. `radar_material` is the simple group of
+the paper, with the range encoding, and the transmitter's Ring Emitter. `physical_material` has the
+group of a medium at the carrier, and that of a thin sheet. During a run, these groups read custom
+properties of the scene and of objects: `attributes`. `materials` puts the groups into materials and
+lights. `shader_trees` finds what Cycles makes of the nodes of any material: volumes, displacement,
+reflection.
 """
 
 from .groups import DEFINITIONS, ensure_group, find_groups, group_version, refresh_groups

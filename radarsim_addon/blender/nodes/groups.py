@@ -14,9 +14,11 @@ from typing import Any, NamedTuple
 import bpy
 
 from ...errors import SceneError
+from ..state import SettingsRestorer
 from .build import GroupDefinition, draw_tree
 from .physical_material import PHYSICAL_KIND, RADAR_PHYSICAL, RADAR_SHEET, SHEET_KIND
-from .radar_material import KIND, RADAR_MATERIAL, RING_EMITTER
+from .radar_material import KIND, RADAR_MATERIAL, RING_EMITTER, RING_EMITTER_KIND
+from .shader_trees import trees_within
 
 KIND_PROPERTY = "radarsim_kind"
 VERSION_PROPERTY = "radarsim_version"
@@ -163,6 +165,13 @@ def group_kind(material: bpy.types.Material) -> str | None:
     return None if node is None else node.node_tree.get(KIND_PROPERTY)
 
 
+def ring_emitters(light: bpy.types.Light) -> list[Any]:
+    """Return the nodes of a light that have the Ring Emitter."""
+    nodes = () if light.node_tree is None else light.node_tree.nodes
+    groups = [node for node in nodes if node.type == "GROUP" and node.node_tree is not None]
+    return [node for node in groups if node.node_tree.get(KIND_PROPERTY) == RING_EMITTER_KIND]
+
+
 def group_input(material: bpy.types.Material, name: str) -> Any | None:
     """Return the socket that sets an input of the material's group, or of the groups around it.
 
@@ -187,6 +196,22 @@ def input_socket(found: FoundGroup, name: str) -> Any | None:
         else:
             return None
     return None
+
+
+def input_number(found: FoundGroup, name: str) -> float | None:
+    """Return the number that an input of a group is set to; None where a node sets it."""
+    socket = input_socket(found, name)
+    return None if socket is None else float(socket.default_value)
+
+
+def set_input(
+    socket: bpy.types.NodeSocket, value: float, recorder: SettingsRestorer | None
+) -> None:
+    """Set the number of an input, permanently without a recorder, if it has another one."""
+    if recorder is not None:
+        recorder.set(socket, "default_value", value)
+    elif socket.default_value != value:
+        socket.default_value = value
 
 
 def shaders_at_output(material: bpy.types.Material) -> tuple[list[Any], Any | None]:
@@ -216,16 +241,7 @@ def shaders_at_output(material: bpy.types.Material) -> tuple[list[Any], Any | No
 
 def holds_group(tree: bpy.types.NodeTree) -> bool:
     """Return whether a radarsim group is in a node tree or in a group of it."""
-    waiting, seen = [tree], set()
-    while waiting:
-        tree = waiting.pop()
-        if tree is None or tree.as_pointer() in seen:
-            continue
-        if tree.get(KIND_PROPERTY) in MATERIAL_KINDS:
-            return True
-        seen.add(tree.as_pointer())
-        waiting += [getattr(node, "node_tree", None) for node in tree.nodes]
-    return False
+    return any(one.get(KIND_PROPERTY) in MATERIAL_KINDS for one in trees_within(tree))
 
 
 def _follow(socket: bpy.types.NodeSocket) -> FoundGroup | None:

@@ -14,6 +14,7 @@ import bpy
 from ...errors import ConfigError, SceneError
 from ...physics.checks import real_array
 from ...signal.scene import is_conductor
+from ..state import SettingsRestorer
 from .groups import ensure_group, group_input, group_node
 from .physical_material import GRAZING_TRANSMISSION
 from .radar_material import (
@@ -107,6 +108,13 @@ def volume_link(material: bpy.types.Material) -> Any | None:
     output = material.node_tree.get_output_node("CYCLES")
     links = () if output is None else output.inputs["Volume"].links
     return links[0] if links else None
+
+
+def disconnect_volume(recorder: SettingsRestorer, material: bpy.types.Material, link: Any) -> None:
+    """Remove the link to the Volume of a material's output, until the recorder restores it."""
+    links, source, target = material.node_tree.links, link.from_socket, link.to_socket
+    links.remove(link)
+    recorder.on_restore(f"Volume of {material.name}", lambda: links.new(source, target))
 
 
 def link_group(material: bpy.types.Material, group: Any, penetrable: bool) -> Any:

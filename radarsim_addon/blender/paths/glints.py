@@ -32,7 +32,7 @@ from ...findings import Finding, finding, finding_about
 from ...physics.constants import SPEED_OF_LIGHT_MPS
 from ...physics.rcs import specular_face
 from ...physics.rough import least_rms_height_m
-from ...signal.scene import Surface
+from ...signal.scene import Surface, triangle_distances
 from ...signal.tracing import GRAZING, BodyMesh, Obstacles, bisectors
 from ..views import ViewWindow
 from .tiles import Area
@@ -417,7 +417,7 @@ class BrightParts:
         for halving in range(_HALVINGS + 1):
             slopes, facing = self.slopes_of(parts, transmitter_m)
             parts, slopes = parts.take(facing), slopes[facing]
-            least = least_slopes(slopes)
+            least = triangle_distances(*np.moveaxis(slopes, 1, 0))
             bright = least <= _REACH * parts.slope
             parts = parts.take(bright)
             places, ahead = self.project(parts.corners_m)
@@ -504,25 +504,6 @@ class BrightParts:
             parts.body, parts.flat, low, high, stretch, _least_deviation(spread), weight, echo,
             centre, own_spread, weight * solid,
         ), long  # fmt: skip
-
-
-def least_slopes(slopes: Real) -> Real:
-    """Return the least length of the slope on each triangle, (n,). Slopes are linear between the
-    corners, (n, 3, 3).
-    """
-    a, b, c = np.moveaxis(slopes, 1, 0)
-    found = np.full(len(slopes), np.inf)
-    for one, other in ((a, b), (b, c), (c, a)):
-        side = other - one
-        along = np.clip(-dots(one, side) / np.maximum(dots(side, side), 1e-300), 0.0, 1.0)
-        found = np.minimum(found, norms(one + along[:, None] * side))
-    across = np.cross(b - a, c - a)
-    size = np.maximum(norms(across), 1e-300)
-    # the origin is above the triangle if it is on the inner side of all three edges
-    inside = np.ones(len(slopes), dtype=bool)
-    for one, other in ((a, b), (b, c), (c, a)):
-        inside &= dots(np.cross(other - one, -one), across) >= 0
-    return np.where(inside, np.abs(dots(a, across)) / size, found)
 
 
 def _least_deviation(spread: Real) -> Real:
@@ -718,7 +699,8 @@ def _faces(
             places_m[first],
             mirrors or aspect_rad < beam_rad / 2,
         )
-    curved = np.where(parts.flat, np.inf, least_slopes(slopes)) <= _SPECULAR * parts.slope
+    least = triangle_distances(*np.moveaxis(slopes, 1, 0))
+    curved = np.where(parts.flat, np.inf, least) <= _SPECULAR * parts.slope
     for first in np.flatnonzero(curved & near).tolist():
         bends, axes = _bends(parts.corners_m[first], slopes[first])
         body = int(parts.body[first])

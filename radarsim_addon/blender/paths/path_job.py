@@ -43,11 +43,12 @@ from ..materials import (
 )
 from ..motion import BurstMotion, SamplingPlan, key_frames
 from ..nodes import is_radar_material
+from ..nodes.shader_trees import trees_within
 from ..plan import Extent, Instant, Measurement, PathOptions, Plan, make_plan
 from ..run import MeasurementJob, MeasurementSettings, shared_folder
 from ..scene import ground_truth as ground_truth
 from ..scene import is_hidden_at_times, may_move_at_whole_frames, no_echo_findings
-from ..state import Snapshot, evaluated_snapshot, take_snapshot, watch_evaluations
+from ..state import Snapshot, evaluated_snapshot, latest_snapshot, watch_evaluations
 from ..views import PathScene
 from .clutter_weights import ClutterWeights
 from .frame import FrameWork
@@ -375,9 +376,7 @@ class PathJob(MeasurementJob):
             mirrors,
             folder,
             self,
-            lambda seen: no_echo_findings(
-                take_snapshot(self._view_layer.depsgraph), self.rig, seen
-            ),
+            lambda seen: no_echo_findings(latest_snapshot(self._view_layer), self.rig, seen),
         )
         try:
             stop_reason = yield from work.measure()
@@ -405,9 +404,7 @@ class PathJob(MeasurementJob):
         """Write the files of a render of a frame in which nothing has changed, without
         rendering.
         """
-        receiver, transmitter = self._antenna_records(
-            take_snapshot(self._view_layer.depsgraph), 1.0
-        )
+        receiver, transmitter = self._antenna_records(latest_snapshot(self._view_layer), 1.0)
         tracer = ViewTracer(self._run, frame, at, receiver, transmitter, None)
         yield PathTask(tracer, 0, 0, None, "motion and path table")
         if self.keeps_frame():
@@ -563,7 +560,7 @@ def _same_faces_always(item: bpy.types.Object) -> bool:
     return still and all(
         one.show_viewport == one.show_render
         and one.type == "NODES"
-        and not (one.node_group and _depends_on_time(one.node_group))
+        and not _depends_on_time(one.node_group)
         for one in item.modifiers
     )
 
@@ -572,10 +569,9 @@ def _depends_on_time(tree: bpy.types.NodeTree) -> bool:
     """Return whether a group of Geometry Nodes, or a group inside it, is animated or reads the
     time.
     """
-    return bool(tree.animation_data) or any(
-        node.bl_idname in _NODES_OF_TIME
-        or (node.type == "GROUP" and node.node_tree and _depends_on_time(node.node_tree))
-        for node in tree.nodes
+    return any(
+        inner.animation_data or any(node.bl_idname in _NODES_OF_TIME for node in inner.nodes)
+        for inner in trees_within(tree)
     )
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The user's settings in Blender: property groups made from the declared settings.
+"""The user's settings in Blender: property groups that are made from the declared settings.
 
-`radar` makes the property group of a rig from the dataclasses of the room `plan`, and `settings`,
-which reads and sets them in SI and float64; from these come the checked records of a run. `presets`
-puts whole radars into the settings. `material` is the panel's view of a material, and
-`registration` adds all of these to Blender.
+`radar` makes the property group of a rig from the dataclasses of the room `plan`. Its `settings`
+reads and sets values in SI and float64; other functions make the checked records of a run.
+`presets` applies the settings of a whole radar. `material` is the panel's view of a material.
+`registration` registers all of them in Blender.
 """
 
 from .material import MATERIAL_PROPERTY, choose_medium

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``material.radarsim``: the panel's view of what the room `materials` keeps in a material.
+"""``material.radarsim``: what the panel shows of the settings that the room `materials` keeps.
 
-Nothing is stored here: every property reads and writes the material's custom properties, so that a
-script, another version and the panel see the same numbers.
+These properties store nothing: each one reads and writes a custom property of the material. So a
+script, another version of radarsim and the panel see the same numbers.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _CLUTTER_START = {
 
 
 def _choice(key: str, name: str, description: str, items: tuple[tuple[str, str, str], ...]) -> Any:
-    """Return a field for a custom property, one of some names; the first if absent."""
+    """Return a field for a custom property with one of some names; without it, the first name."""
     names = [item[0] for item in items]
 
     def read(settings: Any) -> int:
@@ -61,7 +61,7 @@ def _choice(key: str, name: str, description: str, items: tuple[tuple[str, str, 
 
 
 def clutter_fields(number: Callable[..., Any]) -> dict[str, Any]:
-    """Return the fields of model, texture and motion; `number` makes one that holds a number."""
+    """Return the fields of model, texture and motion. `number` makes a field for a number."""
 
     def set_path(settings: Any, value: str) -> None:
         settings.id_data[cm.PATH] = value
@@ -188,7 +188,7 @@ def _set_path(settings: Any, value: str) -> None:
 def _number(
     key: str, name: str, description: str, exponent: int = 0, default: float = 0.0, **bounds: Any
 ) -> Any:
-    """Return a field that shows a custom property of the material, times ``10**-exponent``."""
+    """Return a field that shows a custom property of the material times ``10**-exponent``."""
 
     def write(settings: Any, value: float) -> None:
         material = settings.id_data

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets of a radar: put into its settings, read from them, kept in files of Blender's presets."""
+"""Presets of a radar: applied to its settings, read from them, and saved as Blender's presets."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .radar import (
 )
 
 _ANTENNAS = ("transmitter", "receiver")
-#: What makes a radar; the other settings say how a run is made.
+#: Settings of the radar itself; the others say how a run is made.
 _OF_RADAR = merged(Burst, LinkBudget, *WAVEFORMS.values()) | {
     name: RADAR_SETTINGS[name]
     for name in (
@@ -45,11 +45,11 @@ _HEAD = "# A radar of radarsim, in SI units. Read as data: nothing in it is exec
 
 
 def apply_preset(scene: bpy.types.Scene, radar: Any, preset: RadarPreset) -> None:
-    """Make a radar that of a preset: all that earlier ones set is replaced.
+    """Apply a preset to a radar. All settings that presets hold are replaced.
 
-    Frames, sampling and output of the radar's settings stay. Raises ConfigError for an unknown
-    setting, a value out of bounds, or a radar that is linked from another file; SceneError if the
-    radar lacks its camera or its transmitter.
+    Settings of frames, sampling and output stay. Raises ConfigError for an unknown setting, a value
+    out of bounds, or a radar that is linked from another file; SceneError if the radar has no
+    camera or no transmitter.
     """
     view = settings(radar)
     rig = find_rig(scene, **antennas_of(scene, radar), any_projection=True)
@@ -66,7 +66,7 @@ def apply_preset(scene: bpy.types.Scene, radar: Any, preset: RadarPreset) -> Non
 
 
 def set_values(view: Settings, values: Mapping[str, Any]) -> None:
-    """Set settings by their names, in SI; a mapping holds those of an antenna."""
+    """Set settings by their names, in SI; a mapping has the settings of an antenna."""
     for name, value in values.items():
         setattr(view, name, value)
 
@@ -83,7 +83,7 @@ def _reset(group: Any, declarations: Mapping[str, Declared]) -> None:
 
 
 def _peak_eirp_w(scene: bpy.types.Scene, radar: Any) -> float:
-    """Return what the link budget sends into the peak of its pattern; 1 W without one."""
+    """Return the EIRP in the peak of the pattern by the link budget [W]; 1 W without one."""
     wavelength_m = read_measurement(scene, radar).waveform.wavelength_m
     record = read_link_budget(radar, wavelength_m)
     if record is None:
@@ -93,7 +93,7 @@ def _peak_eirp_w(scene: bpy.types.Scene, radar: Any) -> float:
 
 
 def read_preset(scene: bpy.types.Scene, radar: Any, label: str) -> RadarPreset:
-    """Return a radar as a preset, with a label for the window."""
+    """Return the settings of a radar as a preset with a label for the window."""
     rig = find_rig(scene, **antennas_of(scene, radar), any_projection=True)
     group = getattr(radar, RADAR_PROPERTY)
     names = {**_OF_RADAR, **{name: RADAR_SETTINGS[name] for name in _VIEW}}
@@ -112,9 +112,9 @@ def save_preset(path: Path, preset: RadarPreset) -> None:
 
 
 def load_preset(path: Path) -> RadarPreset:
-    """Read a file that `save_preset` wrote; its settings are checked when they are applied.
+    """Read a file that `save_preset` wrote. `apply_preset` checks the settings.
 
-    Nothing in the file is executed; ConfigError if it holds something else.
+    The file is not executed; ConfigError if it contains anything else.
     """
     try:
         if path.stat().st_size > _MOST_BYTES:

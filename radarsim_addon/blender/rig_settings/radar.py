@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The settings of a radar, kept by its rig as ``object.radarsim``.
+"""The settings of a radar, which its rig holds as ``object.radarsim``.
 
-They are made from the dataclasses that declare them, and go along wherever the object goes: into
-copies, other scenes, other files. Numbers come in as the window shows them (GHz, us), go into the
-file as float64 in SI, and are read by `Settings`. Blender's own float properties are float32: here
-they only show the number and take what was typed. `read_measurement` and the other functions at the
-end make checked records of the settings; ``**given`` are values in place of the radar's own, by the
-names of the settings, in SI. ConfigError: values that do not fit together.
+They are made from the dataclasses that declare them. They belong to the object, so they are copied
+with it and follow it into other scenes and files. The window shows numbers in its own units (GHz,
+us); the file has them as float64 in SI, and `Settings` reads them there. Blender's own float
+properties are float32, so they only show numbers and take input. `read_measurement` and the other
+functions at the end make checked records of the settings. ``**given`` are values that replace the
+radar's settings, by their names, in SI. ConfigError: values that do not fit together.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Change = Callable[[Any], None]
 
 #: From 4.5 on Blender warns of // paths in properties that do not declare them.
 _RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else {"ANIMATABLE"}
-#: Where names belong that are no settings of a radar; the interface for scripts fills it.
+#: Where other names belong that are no settings; the interface for scripts adds them.
 PLACES: dict[str, str] = {}
 #: Least number that a field of the window takes, where a value must be above 0.
 _LEAST_SHOWN = 1e-6
@@ -55,9 +55,9 @@ _LEAST_SHOWN = 1e-6
 
 @dataclass(frozen=True)
 class WindowField:
-    """A field of the window for a setting, in a unit that files, scripts and options do not use.
+    """A field of the window in a unit that files, scripts and options do not use.
 
-    The setting's own property stays, for scripts and animations.
+    The setting also has a property in SI, for scripts and animations.
     """
 
     name: str
@@ -69,7 +69,7 @@ class WindowField:
 
 
 def watts_to_dbm(watts: float) -> float:
-    """Return a power in dBm; nothing is -270 dBm."""
+    """Return a power in dBm; 0 W gives -270 dBm."""
     return 10 * math.log10(max(watts, 1e-30)) + 30
 
 
@@ -90,7 +90,7 @@ WINDOW_FIELDS = {
 
 
 def field_of(item: Declared) -> tuple[str, str]:
-    """Return the property by which the window shows a setting, and its unit; "" for none."""
+    """Return the property by which the window shows a setting, and its unit; "" without one."""
     field = WINDOW_FIELDS.get(item.name)
     return (item.shown_name, item.shown_unit) if field is None else (field.name, field.unit)
 
@@ -101,10 +101,10 @@ def property_group(
     others: Mapping[str, Any] | None = None,
     changes: Mapping[str, Change] | None = None,
 ) -> type[Any]:
-    """Return a class of bpy.types.PropertyGroup, not yet registered.
+    """Return a class of bpy.types.PropertyGroup, which is not registered yet.
 
-    `others` are further properties (pointers); `changes` are called, by the name of a setting,
-    with the group after the setting was changed.
+    `others` are more properties (pointers). `changes` are functions by the name of a setting, which
+    are called with the group after the setting has changed.
     """
     annotations: dict[str, Any] = {}
     for item in settings.values():
@@ -175,7 +175,7 @@ def _window_property(item: Declared, field: WindowField) -> Any:
 
 
 def read(group: Any, item: Declared) -> Any:
-    """Return the value of a setting, numbers in SI and float64."""
+    """Return the value of a setting; numbers in SI and float64."""
     if item.optional and not getattr(group, f"use_{item.name}"):
         return None
     if item.kind is float:
@@ -185,7 +185,7 @@ def read(group: Any, item: Declared) -> Any:
 
 
 def write(group: Any, item: Declared, value: Any) -> None:
-    """Set the value of a setting, which was checked; others are told as if the window had."""
+    """Set the value of a setting, which was checked. Callbacks run as after input in the window."""
     if item.optional:
         setattr(group, f"use_{item.name}", value is not None)
     if item.kind is float and value is not None:
@@ -199,11 +199,10 @@ def write(group: Any, item: Declared, value: Any) -> None:
 class Settings:
     """The settings of a property group by their names, in SI and float64, checked when set.
 
-    ``view.carrier_hz = 77e9`` reads back as 77e9. A group within it takes a mapping,
-    ``view.transmitter = {"kind": "gaussian"}``, and keeps its other settings. Setting raises a
-    `ConfigError` where the value has the wrong type or is out of bounds; an unknown name raises a
-    `SettingNameError`. The declarations of groups within it (antennas) are mappings by the group's
-    name.
+    ``view.carrier_hz = 77e9`` reads back as 77e9. A group inside it takes a mapping,
+    ``view.transmitter = {"kind": "gaussian"}``, and keeps its other settings. A value of the wrong
+    type or out of bounds raises `ConfigError`, an unknown name `SettingNameError`. Declarations of
+    groups inside it (antennas) are mappings under the name of the group.
     """
 
     __slots__ = ("_declarations", "_group")
@@ -244,9 +243,10 @@ class Settings:
         return list(self._declarations)
 
     def record(self, kind: type[Record], **given: Any) -> Record:
-        """Return an instance of one of the dataclasses that the group was made from.
+        """Return an instance of a dataclass from which the group was made.
 
-        `given` are values in place of the group's own, and those of fields that are no settings.
+        `given` are values that replace those of the group, and values of fields that are no
+        settings.
         """
         own = {name: getattr(self, name) for name in declared(kind) if name in self._declarations}
         return kind(**{**own, **given})
@@ -263,7 +263,7 @@ class Settings:
         return found
 
     def _hint(self, name: str) -> str:
-        """Return where a name belongs, or which it resembles."""
+        """Return where a name belongs, or which name is similar."""
         groups = [key for key, item in self._declarations.items() if not isinstance(item, Declared)]
         for group in groups:
             inner = self._declarations[group]
@@ -314,7 +314,7 @@ def settings(radar: bpy.types.Object) -> Settings:
 
 
 def carrier_hz(scene: bpy.types.Scene) -> float:
-    """Return the carrier of a scene's active radar; without a radar, the initial one."""
+    """Return the carrier of a scene's active radar; the initial carrier without a radar."""
     try:
         view = settings(active_radar(scene))
     except SceneError:
@@ -333,14 +333,14 @@ def _carrier_of_file(path: Path, _: int) -> float:
 
 
 def beyond_band(scene: bpy.types.Scene) -> str:
-    """Return what media do outside their band, for a scene's active radar."""
+    """Return how media behave outside their band, by the active radar of a scene."""
     with contextlib.suppress(SceneError):
         return str(settings(active_radar(scene)).beyond_band)
     return "hold"
 
 
 def _refresh_for_carrier(_: Any, __: Any = None) -> None:
-    """Evaluate physical materials at the carrier of the active radar, and show them."""
+    """Evaluate physical materials at the carrier of the active radar, and show them again."""
     # What cannot be evaluated there, lies beyond its band, or has no carrier yet (a waveform file
     # that was not chosen), is told by the panels and by the run.
     with contextlib.suppress(RadarSimError):
@@ -456,7 +456,7 @@ def eirp_property() -> Any:
 
 
 def active_radar_property() -> Any:
-    """Return the scene's property that says which radar is the active one."""
+    """Return the scene's property that names the active radar."""
     return bpy.props.PointerProperty(
         name="Radar",
         type=bpy.types.Object,
@@ -473,10 +473,10 @@ def active_radar_property() -> Any:
 
 
 def read_measurement(scene: bpy.types.Scene, radar: Any = None, **given: Any) -> Measurement:
-    """Return the measurement that a radar's settings ask for, without its link budget.
+    """Return the measurement of a radar's settings, without its link budget.
 
-    Without a radar it is the scene's active one; SceneError if there is none, or several of which
-    none is chosen. ``frames`` among the given values is a tuple of frames.
+    `radar` None is the active radar of the scene; SceneError without one, or if there are several
+    and none is active. ``frames`` among the given values is a tuple of frames.
     """
     view = settings(active_radar(scene) if radar is None else radar)
     burst = view.record(Burst, **_of(Burst, given))
@@ -541,7 +541,7 @@ def read_path_options(radar: bpy.types.Object, **given: Any) -> PathOptions:
 
 
 def _antenna_record(view: Settings) -> AntennaRecord:
-    """Return one antenna's settings as a record, tables read in."""
+    """Return the settings of one antenna as a record, with its tables."""
     parameters = {
         name: bpy.path.abspath(value) if name == "file" else value
         for name in declared(PATTERNS[view.kind])
@@ -553,8 +553,7 @@ def _antenna_record(view: Settings) -> AntennaRecord:
 def read_link_budget(
     radar: Any, wavelength_m: float, file: str | Path | None = None
 ) -> LinkBudget | None:
-    """Return a radar's link budget, checked, or that of a file (JSON); None where the radar uses
-    none.
+    """Return a radar's link budget, or that of a file (JSON), checked; None without one.
 
     Raises ConfigError for values out of bounds, or a table or file that cannot be read.
     """

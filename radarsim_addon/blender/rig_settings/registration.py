@@ -26,7 +26,7 @@ MIRROR_PROPERTY = "radarsim_mirror_images"
 
 
 class MaterialSuggestion(bpy.types.PropertyGroup):
-    """An optical material, and the radar material that is to replace it."""
+    """An optical material, and the radar material that replaces it."""
 
     material: bpy.props.StringProperty(name="Material", description="Optical material of the scene")
     ready: bpy.props.EnumProperty(
@@ -40,7 +40,7 @@ class MaterialSuggestion(bpy.types.PropertyGroup):
 
 
 class RadarProgress(bpy.types.PropertyGroup):
-    """State of the tab that no file keeps: the running job, and the chosen preset."""
+    """State of the tab that is not saved: the running job, and the chosen preset."""
 
     preset: bpy.props.EnumProperty(
         name="Preset",

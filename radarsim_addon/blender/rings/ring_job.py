@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Ring sampling: one Cycles render for each ring and snapshot, written as an EXR file.
 
-`RingJob` limits the transmitter's light to one ring of ranges after another, and renders. Every EXR
-is rendered to a temporary name, checked (`verify_exr`), renamed, and gets its sidecar last: at
-whatever moment a run is killed, a file with a sidecar is whole, and the next run resumes there.
+`RingJob` limits the transmitter's light to one ring of ranges after another, and renders. Each EXR
+is written under a temporary name, checked (`verify_exr`), and renamed; its sidecar is written last.
+So a file with a sidecar is complete whenever a run is killed, and the next run resumes there.
 
-With one reflection a pixel shows a ring only where its ray meets a surface there, however many
-surfaces it passes before; all other pixels are exactly 0. So `regions_by_ring` projects the
-surfaces (`Shells`: boxes first, then triangles, cut until their parts are small in the view or lie
-in one ring), and only the border of what each ring can fill is rendered.
+With one reflection, a pixel receives power in a ring only if its ray meets a surface within that
+ring. All other pixels are exactly 0. Therefore `regions_by_ring` projects the surfaces into the
+view, and each ring renders only the rectangle of pixels that it can fill. `Shells` projects boxes
+first, then triangles. It cuts triangles until their parts are small in the view or lie in one ring.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from ...findings import Finding, finding, merge
 from ...signal.runs import CHUNK_LINES, ZIP, ExrHeader, read_header
 from ...typed_json import file_sha256, write_record
 from ..materials import found_inside
+from ..nodes.shader_trees import moves_faces
 from ..plan import Plan, Task, instant_at
 from ..run import MeasurementJob, shared_folder
 from ..scene import check_particles_are_baked, ground_truth, moved_by_scripts
@@ -61,20 +62,20 @@ class RingJob(MeasurementJob):
             )
 
     def _held_by_scripts(self) -> list[str]:
-        """Objects that scripts hold between the snapshots of the first frame, and move after it."""
+        """Return objects that scripts hold between the snapshots of a frame and move after it."""
         first, *later = self.plan.instants(self._measurement.frames[0])
         if not later or not moved_by_scripts():
             return []
         moments = (first, *later, instant_at(first.frame + 1.0, self._fps()))
         then, soon, next_frame = (
-            {one.name: one.matrix_world.copy() for one in self._time.show(at).depsgraph.objects}
-            for at in moments
+            {one.name: shown.matrix_of(one).tolist() for one in shown.layout.objects}
+            for shown in map(self._time.show, moments)
         )
         return [n for n, at in then.items() if at == soon.get(n) and at != next_frame.get(n, at)]
 
     def _inside_by_frame(self) -> Iterator[Finding]:
-        """Find antennas inside walls and other interiors in each frame; sidecars hold no
-        findings.
+        """Find antennas inside walls and other interiors in each frame, before any render, because
+        sidecars of rings have no findings.
         """
         assert self._settings is not None
         if not self._settings.interiors.delay:  # nothing has an interior
@@ -136,7 +137,7 @@ class RingJob(MeasurementJob):
             raise RenderError(f"The render of {task.exr_path} was cancelled. Start it again.")
 
     def finish(self, task: Task) -> None:
-        """Write, check and rename the EXR, then write its sidecar; nothing half-written stays."""
+        """Write, check and rename the EXR, then write its sidecar. No incomplete file remains."""
         assert self._records is not None
         final = self.folder / task.exr_path
         # Blender would make the folder again, without the rest of the run.
@@ -194,9 +195,9 @@ def regions_by_ring(
     receiver: contract.ReceiverRecord,
     transmitter: contract.TransmitterRecord,
 ) -> list[Region] | None:
-    """Return the pixels that each ring can fill at its moment; None: perhaps all.
+    """Return the pixels that each ring can fill at its moment; None if all may be filled.
 
-    They are known if paths have one reflection and Cycles renders the faces that Blender evaluates.
+    They are known for one reflection, if Cycles renders the faces that Blender evaluates.
     """
     asked = plan.measurement
     if asked.max_reflections > 1 or receiver.kind != "perspective":
@@ -230,27 +231,18 @@ def regions_by_ring(
 
 
 def _triangles(snapshot: Snapshot, shape: int) -> Real | None:
-    """Triangles of a shape, own axes, (m, 3, 3) [Blender units]; None if it has no mesh."""
+    """Return the triangles of a shape in its own axes, (m, 3, 3) [Blender units]; None without."""
     mesh = snapshot.mesh(snapshot.shapes[shape])
     return None if mesh is None else mesh.vertices[mesh.triangles]
 
 
 def _as_evaluated(shape: Any) -> bool:
-    """Whether Cycles renders the faces that Blender evaluates, and rays pass them straight."""
+    """Return whether Cycles renders the faces that Blender evaluates, without bending rays."""
     item = shape.original
     return (
         not len(item.particle_systems)
         and not any(modifier.type == "SUBSURF" for modifier in item.modifiers)
-        and not any(map(_moves_faces, shape.materials))
-    )
-
-
-def _moves_faces(material: bpy.types.Material) -> bool:
-    """Whether a material displaces faces, or sends rays elsewhere."""
-    tree = material and material.node_tree
-    return bool(tree) and (
-        any(link.to_socket.name == "Displacement" for link in tree.links)
-        or any(node.bl_idname == "ShaderNodeBsdfRayPortal" for node in tree.nodes)
+        and not any(map(moves_faces, shape.materials))
     )
 
 
@@ -260,7 +252,7 @@ def _moves_faces(material: bpy.types.Material) -> bool:
 # -------------------------------------------------------------------------------------------------
 
 
-#: A surface in several rings is cut until its parts are this fraction of the view.
+#: A surface in several rings is cut until its parts are this fraction of the view wide.
 _VIEW_PART = 1 / 128
 #: Cuts in halves after which a part stands for the whole view: it touches the receiver.
 _MOST_CUTS = 20
@@ -282,10 +274,10 @@ _QUARTERS = np.array(
 
 
 class Shells:
-    """Bounds of what a view shows in rings of ranges from the transmitter.
+    """Bounds of the pixels in which a view shows surfaces of each ring.
 
-    `edges_m` are those of the n rings, (n + 1,); `reach_m` is the largest coordinate in the scene,
-    for rounding.
+    `edges_m` are the edges of the n rings, ranges from the transmitter, (n + 1,). `reach_m` is the
+    largest coordinate in the scene, from which rounding follows.
     """
 
     def __init__(
@@ -299,9 +291,9 @@ class Shells:
         self._bounds = np.tile([np.inf, -np.inf, np.inf, -np.inf], (rings, 1))
 
     def take(self, parts: Real) -> Mask:
-        """Take the convex hulls of some points, (m, p, 3) [m], where they need no cut.
+        """Add the convex hulls of m sets of points, (m, p, 3) [m], that need not be cut.
 
-        Returns those not taken, (m,): they may be seen in a ring, and are large.
+        Return those not added, (m,): they may be seen in a ring, and are large.
         """
         first, last = self._rings(parts)
         open_parts = (first <= last) & self._in_view(parts)
@@ -320,8 +312,8 @@ class Shells:
         return open_parts
 
     def take_triangles(self, triangles: Real) -> bool:
-        """Take triangles, (m, 3, 3) [m], cut as often as they need it; False: there are too
-        many.
+        """Add triangles, (m, 3, 3) [m], and cut them as often as necessary. Return False if there
+        are too many.
         """
         for _ in range(_MOST_CUTS):
             triangles = triangles[self.take(triangles)]
@@ -337,7 +329,7 @@ class Shells:
         return True
 
     def regions(self) -> list[Region]:
-        """Return the pixels of each ring; one pixel where nothing can be seen."""
+        """Return the pixels of each ring: one pixel for a ring in which nothing can be seen."""
         return [self._region(bounds) for bounds in self._bounds.tolist()]
 
     def _region(self, bounds: list[float]) -> Region:
@@ -354,7 +346,7 @@ class Shells:
         return Region(*ends)
 
     def _rings(self, parts: Real) -> tuple[Indices, Indices]:
-        """First and last ring that each part may reach into."""
+        """Return the first and the last ring into which each part may reach."""
         points = parts - self._source
         centre = points.mean(axis=1)
         radius = np.linalg.norm(points - centre[:, None], axis=2).max(axis=1)
@@ -389,7 +381,7 @@ class Shells:
         return seen
 
     def _add(self, first: Indices, last: Indices, box: Real) -> None:
-        """Widen the bounds of rings first to last by a box of each part, (m, 4)."""
+        """Extend the bounds of the rings from first to last by a box of each part, (m, 4)."""
         for step in range(int((last - first).max(initial=-1)) + 1):
             reached = first + step <= last
             ring = (first + step)[reached]
@@ -398,7 +390,7 @@ class Shells:
 
 
 def _heights(points: Real) -> Real:
-    """Distance of the planes of triangles from the origin, (m,); 0 for other parts, (m, p, 3)."""
+    """Return the distances of planes of triangles from the origin, (m,); 0 for other parts."""
     if points.shape[1] != 3:
         return np.zeros(len(points))
     normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
@@ -448,7 +440,7 @@ def verify_exr(path: Path, width_px: int, height_px: int) -> None:
 
 
 def _pixels(path: Path, header: ExrHeader) -> Iterator[Single]:
-    """Yield the values of each chunk: inflate, undo the predictor, re-interleave."""
+    """Yield the values of each chunk: decompress, reverse the predictor, join both halves."""
     data = path.read_bytes()
     for row, (start, length) in header.chunks.items():
         rows = min(CHUNK_LINES[ZIP], header.height_px - row)
@@ -471,7 +463,7 @@ def _pixels(path: Path, header: ExrHeader) -> Iterator[Single]:
 
 
 def save_render(scene: bpy.types.Scene, path: Path) -> None:
-    """Write the last render in the scene's format; an existing file is replaced."""
+    """Write the last render in the scene's format, in place of an existing file."""
     result = next((i for i in bpy.data.images if i.type == "RENDER_RESULT"), None)
     if result is None:
         raise RenderError(

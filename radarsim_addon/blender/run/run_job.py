@@ -9,10 +9,11 @@
             job.render(task)
             job.finish(task)
 
-`prepare` finds the antennas, looks at all frames for the extent of the scene and for closing
-speeds, makes the plan from them, puts the scene into its measuring state, and opens the folder for
-this run or joins the processes that measure it. `pending` claims one frame after another. `restore`
-gives the user's scene back. `SceneTime` brings the scene to a moment, as it renders there.
+`prepare` finds the antennas. It looks at all frames for the extent of the scene and for closing
+speeds, and makes the plan from them. Then it sets the scene for the measurement, and opens the
+folder for this run or joins the processes that measure it. `pending` claims one frame after
+another. `restore` restores the user's scene. `SceneTime` sets the scene to a moment, as it renders
+at that moment.
 """
 
 from __future__ import annotations
@@ -55,11 +56,13 @@ from ..scene import (
     VELOCITY_FRAMES,
     ClosingSpeeds,
     Rig,
+    check_meshes_finite,
     disabled_drivers,
     driven_by_whole_frames,
     find_rig,
     hiding_is_animated,
     receiver_record,
+    rendered_rows,
     renders_whole_frames_only,
     show_as_rendered,
     show_what_renders,
@@ -92,9 +95,9 @@ class MeasurementJob:
 
     unit = "renders"
     any_projection = False
-    #: Present step of the run, in words.
+    #: Current step of the run, in words.
     stage = ""
-    #: Whether objects of any material echo.
+    #: Whether objects with any material echo.
     code_world = False
 
     def __init__(
@@ -164,7 +167,7 @@ class MeasurementJob:
     # -- before the first render -------------------------------------------------------------------
 
     def prepare(self) -> None:
-        """Check everything, plan, and put the scene into its measuring state."""
+        """Check everything, make the plan, and set the scene for the measurement."""
         self.rig: Rig = find_rig(self._scene, *self._antennas, any_projection=self.any_projection)
         fresh = not os.path.exists(self.folder)  # Path.exists raises for some names
         shared_folder.prepare_folder(self.folder)
@@ -213,19 +216,19 @@ class MeasurementJob:
         self.take(self.own_frames)
 
     def take(self, frames: Sequence[int]) -> None:
-        """Choose frames of the plan; `pending` measures these, and nothing of the others."""
+        """Choose frames of the plan; `pending` then yields the renders of these only."""
         self.own_frames, self.frame_lost = frames, False
         self._plan_renders()
         self._started_s = time.monotonic()
 
     def _plan_renders(self) -> None:
-        """Set `total` and `done` of the own frames; the scene is in its measuring state."""
+        """Set `total` and `done` of this process's frames. The scene is set for the measurement."""
         raise NotImplementedError
 
     def _record(self, findings: list[Finding]) -> contract.RunRecord:
         """Return the content of ``run.json`` of this run.
 
-        Without an `identity`, its digest is random: the run is like no other.
+        Without an `identity`, its digest is random, so no other run has the same.
         """
         identity = self.identity
         if identity:
@@ -242,7 +245,7 @@ class MeasurementJob:
         return record
 
     def _plan_of_folder(self) -> contract.RunRecord | None:
-        """Record and `plan` with the extent of the folder's run, if that is this one."""
+        """Return the record in the folder, and make `plan` by its extent, if it is of this run."""
         try:
             record = shared_folder.earlier_run(self.folder)
             if record is None or not self.identity or record.frames != list(self.frames):
@@ -269,19 +272,19 @@ class MeasurementJob:
         return check_frame_rate(float(render.fps) / shortest_decimal(render.fps_base))
 
     def _surveyed(self, frame: int) -> tuple[float, ...]:
-        """Moments of a radar frame, in Blender frames, that are surveyed."""
+        """Return the moments of a radar frame that are surveyed, in Blender frames."""
         if self._measurement.snapshots < 2:
             return (float(frame),)
         return (float(frame), frame + self._measurement.snapshot_interval_s * self._fps())
 
     def _last_needed(self, frame: int) -> float:
-        """Last Blender frame whose state `frame` or one of the run may need."""
+        """Return the last Blender frame whose state `frame`, or a frame of the run, may need."""
         frames = *self._measurement.frames, frame
         # Motion is sampled two frames beyond the burst, and there is one more.
         return max(max(self._surveyed(one)) for one in frames) + 3
 
     def _survey(self) -> Extent:
-        """Look at all frames before the first render: return their extent; keep closing speeds."""
+        """Look at all frames before the first render. Return the extent; keep closing speeds."""
         units, fps, burst = self._metres_per_unit(), self._fps(), self._measurement.burst
         self._speeds = ClosingSpeeds(units, burst.pulses / burst.prf_hz)
         extent = Extent()
@@ -307,14 +310,14 @@ class MeasurementJob:
         return extent
 
     def _look(self, snapshot: Snapshot) -> tuple[Any, Any]:
-        """Return boxes of what echoes, and places of the antennas."""
+        """Return the boxes of all objects that can echo, and the places of the antennas."""
         boxes = ground_truth.echoing_boxes(snapshot, self.code_world)
         return boxes, ground_truth.antenna_positions(snapshot, self.rig)
 
     def _refuse_unmeasurable(self, snapshot: Snapshot) -> None:
-        """See that all can be recorded, before anything is written."""
+        """Check that everything can be recorded, before a file is written."""
         self._antenna_records(snapshot, self._metres_per_unit())
-        ground_truth.check_surfaces(snapshot)
+        check_meshes_finite(snapshot, rendered_rows(snapshot))
 
     def _config_findings(self) -> list[Finding]:
         interval_s = None
@@ -340,11 +343,11 @@ class MeasurementJob:
         return found
 
     def _renders_between_frames(self) -> bool:
-        """Whether Cycles renders at times that are no whole frames."""
+        """Return whether Cycles renders at times between whole frames."""
         return self._measurement.snapshots > 1
 
     def _averaged_paths(self) -> str:
-        """Paths that take the mean of both polarisations at each wall, in words; "" for none."""
+        """Return which paths take the mean of both polarisations at each wall; "" for none."""
         return "all paths, because rings mix them"
 
     # -- renders -----------------------------------------------------------------------------------
@@ -357,7 +360,7 @@ class MeasurementJob:
             self.frame_findings.append(finding("frames-left-to-others", *who, count=len(left)))
 
     def keeps_frame(self) -> bool:
-        """Whether the frame is still this process's; another takes it over from a late one."""
+        """Return whether this process still holds the frame. Another one takes over late frames."""
         self.frame_lost = not self._shared.keeps_frame()
         return not self.frame_lost
 
@@ -380,7 +383,7 @@ class MeasurementJob:
     def _antenna_records(
         self, snapshot: Snapshot, metres_per_unit: float
     ) -> tuple[contract.ReceiverRecord, contract.TransmitterRecord]:
-        """Both antennas at its moment."""
+        """Return the records of both antennas at the moment of a snapshot."""
         size_px = self._measurement.width_px, self._measurement.height_px
         return (
             receiver_record(self.rig, snapshot, metres_per_unit, *size_px),
@@ -388,7 +391,7 @@ class MeasurementJob:
         )
 
     def _write_scene(self, frame: int) -> None:
-        """Write the ground truth of a radar frame, unless that of this run is there."""
+        """Write the ground truth of a radar frame, unless the folder has that of this run."""
         path = self.folder / contract.frame_dir(frame) / contract.GROUND_TRUTH_FILE
         with contextlib.suppress(RadarSimError):
             if read_record(path, contract.GroundTruthRecord).run_fingerprint == self.fingerprint:
@@ -409,7 +412,7 @@ class MeasurementJob:
 
     @property
     def findings(self) -> list[Finding]:
-        """Findings of the run, known before the first render, then those of its frames so far."""
+        """Findings of the run before its first render, and of the frames that are done."""
         return merge(self.run_findings + self.frame_findings)
 
     @property
@@ -427,14 +430,14 @@ class MeasurementJob:
 
     @property
     def seconds_left(self) -> float | None:
-        """Estimate from the renders of this session; None before the first one."""
+        """Return the remaining time [s] from the renders of this session; None before the first."""
         if not self._rendered:
             return None
         per_render_s = (time.monotonic() - self._started_s) / self._rendered
         return per_render_s * (self.total - self.done)
 
     def restore(self) -> None:
-        """Give the user's scene back; what failed is in `unrestored`. May be called again."""
+        """Restore the user's scene; `unrestored` lists what failed. May be called again."""
         if self._settings is not None:
             self.unrestored += self._settings.restore()
         self.unrestored += self._shown_for_run.restore()
@@ -445,15 +448,15 @@ class MeasurementJob:
         self._shared.close()
 
     def leave(self) -> None:
-        """Release files only: the process ends, and nobody needs the user's scene."""
+        """Release files, but leave the scene as it is, because the process ends."""
         self._shared.close()
 
 
 class SceneTime:
-    """The moment that a scene shows.
+    """The moment at which a scene is evaluated.
 
-    `restorer` takes back what is shown for the run; `last_needed` gives the last Blender frame that
-    the run needs, if it needs a given one.
+    `restorer` restores objects that are shown for the run. `last_needed` returns the last Blender
+    frame that the run needs after a given one.
     """
 
     def __init__(
@@ -470,7 +473,7 @@ class SceneTime:
         self._hiding_moves = True
 
     def show(self, instant: Instant) -> Snapshot:
-        """Bring the scene to a moment; return the snapshot at it."""
+        """Set the scene to a moment; return the snapshot at that moment."""
         # Before the time is set: what appears later would keep the place of another time.
         if self._shown is None:
             if show_as_rendered(self._restorer, self._scene):
@@ -489,12 +492,12 @@ class SceneTime:
         return evaluated_snapshot(self._view_layer)
 
     def shows(self, instant: Instant) -> bool:
-        """Whether the scene is at a moment; the user may have scrubbed the timeline since."""
+        """Return whether the scene is at a moment; the user may have changed the frame since."""
         now = self._scene.frame_current + self._scene.frame_subframe
         return self._shown == instant and bool(now == instant.evaluated_frame)
 
     def forget(self) -> None:
-        """Take the moment as unknown: what was shown was taken back."""
+        """Forget the moment, because objects that were shown were restored."""
         self._shown = None
 
     def simulate_again(self) -> None:

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that a measurement needs of the user's scene, set for a run and restored after it.
+"""Settings of the user's scene that a measurement needs: set for a run and restored after it.
 
 `MeasurementSettings` sets render, Cycles, image format, view layers, antennas, materials and scene
-attributes. Each setting spoils the measurement without a word when it is wrong: see the comments.
-Threads and geometry stay as the user has them; so does the device, if its check passes.
+attributes. If one of these settings is wrong, results are wrong without an error: the comments say
+why. Threads and geometry stay as the user has them; so does the device, if its check passes.
 
-The behaviour of Cycles that a measurement relies on was found on the CPU. A GPU is checked once for
-each version of Blender and radarsim, in a process of its own (`headless.selfcheck`): a kernel that
-crashes or hangs takes no window along. The verdict is kept in the user's cache folder.
+A measurement relies on behaviour of Cycles that was measured on the CPU. A GPU is checked once for
+each version of Blender and radarsim. The check runs in a process of its own (`headless.selfcheck`),
+so that a kernel that crashes or hangs does not affect the window. The verdict is kept in the user's
+cache folder.
 """
 
 from __future__ import annotations
@@ -69,10 +70,10 @@ from ..state import SettingsRestorer, evaluated_snapshot
 
 
 class MeasurementSettings:
-    """A scene that measures (`apply`), and the user's scene again afterwards (`restore`).
+    """Sets a scene for a measurement (`apply`), and restores the user's settings (`restore`).
 
-    `any_material`: other materials than Radar Material echo too (a world volume carries the range
-    encoding). `view_camera` is the `ViewCamera` that renders; None: the receiver does.
+    `any_material`: materials other than the Radar Material echo, too; a world volume has the range
+    encoding. `view_camera` is the `ViewCamera` that renders; None: the receiver renders.
     """
 
     def __init__(
@@ -92,7 +93,7 @@ class MeasurementSettings:
         self._any_material = any_material
         self._recorder = SettingsRestorer()
         self.findings: list[Finding] = []
-        #: Objects that waves pass in the mean of two polarisations, and their index.
+        #: Objects that waves pass with the mean of both polarisations, and their index.
         self.averaging: dict[str, complex] = {}
         #: Whether they may be passed one after the other.
         self.averages_in_a_row = False
@@ -139,7 +140,7 @@ class MeasurementSettings:
             raise
 
     def restore(self) -> list[str]:
-        """Give the user's scene back. Returns what could not be restored; may be called again."""
+        """Restore the user's scene. Return what could not be restored. May be called again."""
         return self._recorder.restore()
 
     def set_ring(self, ring_min_m: float, ring_max_m: float) -> None:
@@ -188,7 +189,7 @@ class MeasurementSettings:
                 put(render, name, False)
 
     def _set_device(self) -> list[Finding]:
-        """Use the CPU in place of a device whose check failed."""
+        """Use the CPU if the check of the chosen device failed."""
         device, failed = failed_facts(self._scene)
         self.device_kind = "CPU" if failed else device.kind
         if not failed:
@@ -301,7 +302,7 @@ class MeasurementSettings:
             put(linking, "blocker_collection", None)
 
     def _camera_markers(self) -> list[Finding]:
-        """Take cameras off markers, at which Blender would render another than the receiver."""
+        """Remove cameras from markers: Blender would render with them and not the receiver."""
         markers = [one for one in self._scene.timeline_markers if one.camera is not None]
         others = dict.fromkeys(one.camera.name for one in markers)
         others.pop(self._rig.camera.name, None)
@@ -312,7 +313,7 @@ class MeasurementSettings:
         )
 
     def _set_materials(self, assigned: set[Any]) -> list[Finding]:
-        """Set physical materials to the run's carrier, and the layers that waves go through.
+        """Evaluate physical materials at the run's carrier, and set the layers that waves pass.
 
         `assigned` are those of the rendered objects.
         """
@@ -404,14 +405,14 @@ class Device:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of a check: largest deviation and bound of each fact, and those that failed."""
+    """Result of a check: the largest deviation and bound of each fact, and the failed facts."""
 
     facts: dict[str, tuple[float, float]]
     failed: tuple[str, ...]
 
 
 def chosen_device(scene: bpy.types.Scene) -> Device:
-    """Return what a scene and the user's preferences choose; the CPU if they choose none."""
+    """Return the device that a scene and the user's preferences choose; the CPU without one."""
     addon = bpy.context.preferences.addons.get("cycles")
     if scene.cycles.device != "GPU" or addon is None:
         return Device()
@@ -423,7 +424,7 @@ def chosen_device(scene: bpy.types.Scene) -> Device:
 
 
 def choose_device(scene: bpy.types.Scene, device: Device) -> None:
-    """Set scene and preferences (in memory) to a device; no ids: to all devices of its kind.
+    """Set scene and preferences (in memory) to a device; without ids, to all of its kind.
 
     RadarSimError if Blender does not find it.
     """
@@ -448,7 +449,7 @@ def choose_device(scene: bpy.types.Scene, device: Device) -> None:
 
 
 def failed_facts(scene: bpy.types.Scene) -> tuple[Device, tuple[str, ...]]:
-    """Return the device that is chosen and the facts that do not hold on it; checked once."""
+    """Return the chosen device and the facts that do not hold on it. It is checked once."""
     device = chosen_device(scene)
     if device.kind == "CPU":
         return device, ()
@@ -492,7 +493,7 @@ def check(device: Device) -> Verdict:
 
 
 def keep(path: Path, verdict: Verdict) -> None:
-    """Write a verdict; a cache that cannot be written costs another check."""
+    """Write a verdict. If the cache cannot be written, the next run checks again."""
     try:
         make_folder(path.parent.parent)
         make_folder(path.parent)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A run's folder that several processes may write at the same time. Does not import bpy.
 
-`SharedFolder` is the run's side: the first process is the coordinator, which tidies the folder up
-(`open_folder`) and writes ``run.json``. Others join it if they measure the same. Frames are claimed
-by leases, one at a time; nothing else is locked.
+`SharedFolder` is the folder as a run uses it. The first process is the coordinator: it removes old
+files (`open_folder`) and writes ``run.json``. Other processes join if they measure the same run.
+Each process claims frames by leases, one at a time; nothing else is locked.
 
-A lease is a file that exactly one process can create (`Leases.claim`). Its owner renews it every 10
-s; one that was not renewed for 60 s, by the clock of the file server, is stale. It may be followed
-by a lease of the next generation, which makes it void. So processes on several machines share a
-folder without a lock, and what a killed process left behind is taken over. On the owner's own
-machine, a lease whose process is gone is stale at once.
+A lease is a file that exactly one process can create (`Leases.claim`). Its owner renews it every
+10 s. A lease that was not renewed for 60 s, by the clock of the file server, is stale. Another
+process may then create a lease of the next generation, which replaces it. So processes on several
+machines share a folder without a lock, and take over the frames of a killed process. On the owner's
+own machine, a lease is stale as soon as its process has ended.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from ..plan import Task
 
 
 def prepare_folder(folder: Path) -> None:
-    """Make the output folder if its parent exists, and try whether it can be written to."""
+    """Make the output folder if its parent exists, and test whether it is writable."""
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
@@ -86,9 +86,9 @@ def make_frame_folder(folder: Path, frame: int, render: int = 0) -> None:
 
 
 def earlier_run(folder: Path) -> contract.RunRecord | None:
-    """Return the run whose files are in the folder; None for a folder without frames.
+    """Return the record of the run in the folder; None for a folder without frames.
 
-    OutputError: there are frames, but no readable ``run.json`` that says of which run.
+    OutputError: the folder has frames, but no readable ``run.json`` that names their run.
     """
     run_file = folder / contract.RUN_FILE
     try:
@@ -103,10 +103,10 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
 
 
 def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> None:
-    """Prepare the folder for a run: keep frames of this run, remove or refuse those of another.
+    """Prepare the folder for a run. Keep its own frames; remove or refuse those of another run.
 
-    Frames of an earlier run are removed with `overwrite`, and without it if `record` is of a scene
-    in memory and the earlier run is of the same file and scene.
+    `overwrite` removes the frames of an earlier run. Without it, they are removed only if `record`
+    is of a scene in memory and the earlier run is of the same file and scene.
     """
     earlier = None
     try:
@@ -127,7 +127,7 @@ def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> No
 def _check_replaceable(
     folder: Path, earlier: contract.RunRecord, record: contract.RunRecord
 ) -> None:
-    """Check that a run may replace an earlier one without being told to; OutputError if not."""
+    """Check that a run may replace an earlier one without `overwrite`; OutputError if not."""
     remedy = "Choose another folder, or overwrite (Radar > Measure, overwrite=True, --overwrite)."
     if (earlier.blend_file, earlier.scene) != (record.blend_file, record.scene):
         raise OutputError(
@@ -143,13 +143,13 @@ def _check_replaceable(
 
 
 def scene_text(record: contract.RunRecord) -> str:
-    """Return the file and the scene of a run for messages."""
+    """Return the names of the file and the scene of a run, for messages."""
     file = f"{record.blend_file!r}" if record.blend_file else "a file that was never saved"
     return f"{file}, scene {record.scene!r}" if record.scene else file
 
 
 def clear_run(folder: Path) -> None:
-    """Remove the files of an earlier run and its products; nothing that is not ours."""
+    """Remove the files and products of an earlier run, and no file of anything else."""
     # The plan is removed last: if this is interrupted, the remaining frames still have their plan.
     products = folder / contract.PRODUCTS_DIR
     # A frame's summary goes first: products without it are not taken for whole ones.
@@ -166,8 +166,8 @@ def _clear_partial(frame_folder: Path, remove: Callable[[Path], None]) -> None:
 
 
 def is_done(folder: Path, task: Task, fingerprint: str) -> bool:
-    """Whether a render of a run is there: its sidecar, and the EXR that this names, byte for
-    byte.
+    """Return whether a render of a run is complete: the sidecar is there, and the EXR that it names
+    has the same bytes.
     """
     try:
         record = read_record(folder / task.sidecar_path, contract.RenderRecord)
@@ -215,7 +215,7 @@ _TRIES, _PAUSE_S = 40, 0.02
 
 @dataclass(frozen=True)
 class _Seen:
-    """A lease file as it was found: generation, content, and the server's time of its renewal."""
+    """A lease file: its generation, its content, and the time of its renewal by the server."""
 
     generation: int
     path: Path
@@ -262,7 +262,7 @@ class Lease:
 
 
 class Leases:
-    """Leases in a folder; `stale_s` is the age from which one that nobody renews is stale [s]."""
+    """Leases in a folder. A lease that was not renewed for `stale_s` [s] is stale."""
 
     def __init__(self, folder: Path, beat_s: float = BEAT_S, stale_s: float = STALE_S) -> None:
         self._folder, self._beat_s, self._stale_s = folder, beat_s, stale_s
@@ -274,7 +274,7 @@ class Leases:
     def claim(self, name: str) -> Lease | None:
         """Take the lease of a name, such as "frame_0001"; None if another process holds it.
 
-        It is renewed until it is released.
+        A thread renews it until it is released.
         """
         content = json.dumps(identity() | {"token": secrets.token_hex(16)}).encode()
         for _ in range(_TRIES):
@@ -317,13 +317,13 @@ class Leases:
         return f"process {owner.get('pid', '?')} on {owner.get('host', '?')}"
 
     def holders(self) -> dict[str, str]:
-        """Return who holds which lease of the folder, by the lease's name."""
+        """Return the holder of each lease of the folder, by the name of the lease."""
         names = {path.name.split(".")[0] for path in self._folder.glob(f"*{_SUFFIX}")}
         found = {name: self.holder(name) for name in sorted(names)}
         return {name: who for name, who in found.items() if who is not None}
 
     def newest(self, name: str) -> Path | None:
-        """Return the file of the lease's last generation."""
+        """Return the newest file of a lease."""
         files = self._files(name)
         return files[-1][1] if files else None
 
@@ -355,7 +355,7 @@ class Leases:
                     lease.renew()
 
     def _files(self, name: str) -> list[tuple[int, Path]]:
-        """Generations of a lease, the oldest first."""
+        """Return the files of a lease, the oldest generation first."""
         found = []
         for path in self._folder.glob(f"{name}.*{_SUFFIX}"):
             digits = path.name[len(name) + 1 : -len(_SUFFIX)]
@@ -371,14 +371,14 @@ class Leases:
         return None
 
     def _is_stale(self, seen: _Seen) -> bool:
-        """Whether a lease's process is gone, or has not renewed it for too long."""
+        """Return whether the process of a lease has ended, or has not renewed it for too long."""
         age_s = self._server_time_s() - seen.renewed_s
         # A lease from the future was left when a clock was wrong: its owner would have renewed
         # it. One without content has just been created, or its owner was killed then.
         return is_gone(_owner(seen)) or abs(age_s) > self._stale_s
 
     def _server_time_s(self) -> float:
-        """The file server's time: that of a file which is just being written."""
+        """Return the time of the file server: that of a file which is written now."""
         probe = self._folder / f".clock-{secrets.token_hex(8)}.part"
         try:
             with open(probe, "xb") as stream:
@@ -394,7 +394,7 @@ class Leases:
 
 
 def _read(path: Path) -> tuple[bytes, float] | None:
-    """Content of a lease and the time of its renewal; None if there is none."""
+    """Return the content of a lease and the time of its renewal; None if there is none."""
     try:
         with open(path, "rb") as stream:  # a network file system looks again only when it opens
             return stream.read(_MAX_BYTES), os.fstat(stream.fileno()).st_mtime
@@ -405,7 +405,7 @@ def _read(path: Path) -> tuple[bytes, float] | None:
 
 
 def _still_there(seen: _Seen | None) -> bool:
-    """Whether a stale lease has not been followed by another yet."""
+    """Return whether no other lease has replaced a stale one yet."""
     found = None if seen is None else _read(seen.path)
     return seen is None or (found is not None and found[0] == seen.content)
 
@@ -437,11 +437,11 @@ _POLL_S = 0.1
 
 
 class FramesHeldError(OutputError):
-    """Other processes hold all frames that are left."""
+    """Other processes hold all remaining frames."""
 
 
 class SharedFolder:
-    """A run's folder, which exists, and the frames of it that this process has claimed."""
+    """The existing folder of a run, and the frames that this process has claimed in it."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -453,7 +453,7 @@ class SharedFolder:
         self._ours: tuple[int, ...] = ()
 
     def open(self, record: contract.RunRecord, overwrite: bool) -> None:
-        """Write the plan of a run, or join the processes that are at work on it.
+        """Write the plan of a run, or join the processes that measure it.
 
         With `overwrite`, the frames in the folder are removed.
         """
@@ -473,28 +473,28 @@ class SharedFolder:
                         left.unlink()
 
     def join(self, record: contract.RunRecord) -> None:
-        """Check that the plan that is there is this process's; else OutputError.
+        """Check that the plan in the folder is the one of this process; OutputError if not.
 
-        Nothing is written and nothing tidied up: thousands may join at the same time.
+        No file is written or removed, so that thousands may join at the same time.
         """
         self._plan, self._fingerprint = shared_plan(record), record.fingerprint
         self._refuse_another_run("Another process")
 
     def workers(self) -> list[str]:
-        """Return who has claimed frames of this folder, each once."""
+        """Return the processes that have claimed frames of this folder, each once."""
         found = self._leases.holders()
         return sorted({who for name, who in found.items() if name != _OPENING})
 
     def holders(self, frames: Iterable[int]) -> list[str]:
-        """Return who has claimed which of some frames."""
+        """Return the holders of some frames, by frame."""
         found = (self._leases.holder(_name(frame)) for frame in frames)
         return list(dict.fromkeys(who for who in found if who is not None))
 
     def claimed(self, frames: Sequence[int]) -> Generator[int, None, list[int]]:
-        """Claim frames, one after another; each is given back when the next one is asked for.
+        """Claim frames, one after another. Each is released when the next one is requested.
 
-        Another process may have measured one since. Frames of other processes come last, since some
-        may fail. Returns the frames that are left to others.
+        Another process may have measured a frame since. Frames that others hold come last, because
+        some may fail. Return the frames that other processes keep.
         """
         waiting, some = list(frames), False
         while waiting:
@@ -521,25 +521,25 @@ class SharedFolder:
         return waiting
 
     def keeps_frame(self) -> bool:
-        """Renew the lease of the frame; False if another process has taken the frame over."""
+        """Renew the lease of the frame; return False if another process has taken it over."""
         return self._lease is not None and self._lease.renew()
 
     def close(self) -> None:
-        """Give back the claimed frame. May be called again."""
+        """Release the claimed frame. May be called again."""
         if self._lease is not None:
             self._lease.release()
             self._lease = None
 
     def _claim(self, frame: int) -> Lease | None:
-        """Claim a frame while nobody opens the folder, and check that the plan is still ours."""
+        """Claim a frame while no process opens the folder, and check that the plan is ours."""
         deadline_s = time.monotonic() + 2 * STALE_S
         while time.monotonic() < deadline_s:
             check_there(self._folder)
             lease = self._leases.claim(_name(frame))
             if lease is None:
                 return None
-            # Whoever opens the folder looks for leases after this one of its own: it has seen ours,
-            # or we see its, or the plan that it has written.
+            # A process that opens the folder first creates a lease, then looks for others: either
+            # it has seen ours, or we see its lease or the plan that it has written.
             if self._leases.holder(_OPENING) is None:
                 if self._plan_is_ours():
                     return lease
@@ -566,7 +566,7 @@ class SharedFolder:
         )
 
     def _plan_is_ours(self) -> bool:
-        """Whether the plan in the folder is that of our run; the same file is read once."""
+        """Return whether the plan in the folder is ours. An unchanged file is read once."""
         path = self._folder / contract.RUN_FILE
         with contextlib.suppress(OSError):
             found = path.stat()

@@ -24,7 +24,7 @@ from .closing_speeds import (
     nothing_moves,
     pose_in_metres,
 )
-from .finite_checks import check_poses, check_vertices
+from .finite_checks import check_meshes_finite, check_poses, check_vertices
 from .ground_truth import (
     Boxes,
     antenna_positions,
@@ -96,7 +96,6 @@ from .visibility import (
     hidden_members,
     hidden_objects,
     hiding_is_animated,
-    is_fog,
     is_hidden_at_times,
     isolate,
     limited_visibility,
@@ -132,6 +131,7 @@ __all__ = [
     "bare_objects",
     "camera_kind",
     "check_meshes",
+    "check_meshes_finite",
     "check_normals",
     "check_particles_are_baked",
     "check_poses",
@@ -159,7 +159,6 @@ __all__ = [
     "hidden_objects",
     "hiding_is_animated",
     "instance_name",
-    "is_fog",
     "is_hidden_at_times",
     "is_simulated_body",
     "is_transmitter",

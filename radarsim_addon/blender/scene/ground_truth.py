@@ -24,9 +24,9 @@ from ...findings import Finding, finding
 from ...signal.scene import triangle_distances
 from ..materials import SURFACE_TYPES, clutter_name, fluctuation_of, roughness_of
 from ..nodes import is_radar_material
+from ..nodes.shader_trees import displaces
 from ..plan import Extent
 from ..state import Snapshot, slot_materials
-from .finite_checks import check_meshes_finite
 from .rig import Rig
 from .visibility import ABSORBER_NAME, echoes, rendered_rows
 
@@ -203,7 +203,7 @@ def object_records(
     said_by, of_whole = cache(_said_by_materials), cache(whole_of)
     for number, (row, distance) in enumerate(nearest):
         shape = snapshot.shapes[snapshot.layout.shape[row]]
-        displaced = any(map(_displaces, shape.materials))
+        displaced = any(map(displaces, shape.materials))
         records.append(
             contract.ObjectRecord(
                 name=snapshot.label(row),
@@ -285,14 +285,6 @@ def _said_by_materials(materials: tuple[Any, ...]) -> dict[str, Any]:
     }
 
 
-def _displaces(material: bpy.types.Material) -> bool:
-    """Return whether a material moves the surface itself, not only its normals."""
-    if material is None or material.node_tree is None or material.displacement_method == "BUMP":
-        return False
-    output = material.node_tree.get_output_node("CYCLES")
-    return output is not None and bool(output.inputs["Displacement"].is_linked)
-
-
 def _collections_of_objects() -> dict[str, list[str]]:
     """Return the names of the collections that hold each object, also indirectly, sorted.
 
@@ -312,16 +304,9 @@ def displaced_surfaces(snapshot: Snapshot) -> list[Finding]:
     """
     found = rendered_surfaces(snapshot)
     shapes = found.snapshot.shapes
-    displaced = found.snapshot.of_shapes([any(map(_displaces, one.materials)) for one in shapes])
+    displaced = found.snapshot.of_shapes([any(map(displaces, one.materials)) for one in shapes])
     names = {found.snapshot.label(row) for row in found.rows[displaced[found.rows]].tolist()}
     return [finding("displaced-by-shader", *sorted(names))] if names else []
-
-
-def check_surfaces(snapshot: Snapshot) -> None:
-    """Check that all rendered surfaces are finite at the moment of the snapshot; `SceneError` if
-    not.
-    """
-    check_meshes_finite(snapshot, rendered_rows(snapshot))
 
 
 #: Triangles that are placed at once, about.

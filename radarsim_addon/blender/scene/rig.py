@@ -21,7 +21,7 @@ from ...errors import SceneError
 from ...physics.antennas import Antenna
 from ...signal.radar import RadarSystem, peak_direction
 from ..nodes import setup_emitter
-from ..nodes.groups import KIND_PROPERTY
+from ..nodes.groups import ring_emitters
 from .finite_checks import check_pose
 
 #: Scene property: the radar that measures.
@@ -164,12 +164,7 @@ def is_transmitter(item: bpy.types.Object) -> bool:
         return False
     if bpy.app.version < (5, 0, 0) and not light.use_nodes:  # Blender 5 always uses the nodes
         return False
-    return any(
-        node.bl_idname == "ShaderNodeGroup"
-        and node.node_tree is not None
-        and node.node_tree.get(KIND_PROPERTY) == "ring_emitter"
-        for node in light.node_tree.nodes
-    )
+    return bool(ring_emitters(light))
 
 
 def _transmitters(scene: bpy.types.Scene) -> list[Any]:
@@ -278,12 +273,10 @@ def remove_patterns() -> int:
     return len(found)
 
 
-def pattern_surface(
-    antenna: Antenna, dynamics_db: float = _DYNAMICS_DB
-) -> tuple[Real, NDArray[np.int64]]:
+def pattern_surface(antenna: Antenna) -> tuple[Real, NDArray[np.int64]]:
     """Return vertices (n, 3) and quadrilaterals (m, 4) of a pattern in the antenna's own axes.
 
-    Radius 1 is the peak, 0 is `dynamics_db` below. Rings around the peak are densest there.
+    Radius 1 is the peak, 0 is `_DYNAMICS_DB` below. Rings around the peak are densest there.
     """
     axis = peak_direction(antenna)
     side = np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0])
@@ -295,7 +288,7 @@ def pattern_surface(
     direction = np.cos(theta) * axis + np.sin(theta) * (np.cos(phi) * side + np.sin(phi) * up)
     with np.errstate(divide="ignore"):
         gain_db = 10 * np.log10(antenna.gain(direction))
-    radius = np.clip(1 + (gain_db - gain_db.max()) / dynamics_db, 0.0, 1.0)
+    radius = np.clip(1 + (gain_db - gain_db.max()) / _DYNAMICS_DB, 0.0, 1.0)
     vertices = (radius[..., None] * direction).reshape(-1, 3)
     ring, spoke = np.meshgrid(np.arange(_RINGS), np.arange(_SPOKES), indexing="ij")
     next_spoke = (spoke + 1) % _SPOKES

@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from ...errors import SceneError
+from ..nodes.shader_trees import trees_within
 from ..state import Snapshot
 
 #: Types of modifiers with a cache that playing the animation fills.
@@ -127,18 +128,13 @@ def _carrying_particles(item: bpy.types.Object) -> Iterator[tuple[Any, Any]]:
 
 def has_simulation_zone(item: bpy.types.Object) -> bool:
     """Return whether an object has Geometry Nodes with a simulation zone, also within groups."""
-    waiting = [modifier.node_group for modifier in item.modifiers if modifier.type == "NODES"]
-    met = set()
-    while waiting:
-        tree = waiting.pop()
-        if tree is None or tree in met:
-            continue
-        met.add(tree)
-        for node in tree.nodes:
-            if node.bl_idname == "GeometryNodeSimulationOutput":
-                return True
-            waiting.append(getattr(node, "node_tree", None))
-    return False
+    return any(
+        node.bl_idname == "GeometryNodeSimulationOutput"
+        for modifier in item.modifiers
+        if modifier.type == "NODES"
+        for tree in trees_within(modifier.node_group)
+        for node in tree.nodes
+    )
 
 
 def is_simulated_body(scene: bpy.types.Scene, item: bpy.types.Object) -> bool:

@@ -17,13 +17,13 @@ from types import MappingProxyType
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Mask, Real
 from ...errors import SceneError
 from ...findings import Finding, finding
-from ...signal.scene import Mesh
+from ...signal.scene import Mesh, RayMesh
 from ..materials import SURFACE_TYPES, assigned_materials
+from ..nodes.shader_trees import reflects
 from ..state import Snapshot
 from .ground_truth import Boxes, antenna_positions
 from .rig import Rig
@@ -169,8 +169,8 @@ def no_echo_findings(snapshot: Snapshot, rig: Rig, seen: Sequence[str]) -> list[
     assigned = {one.item.name_full: one.materials for one in assigned_materials(snapshot)}
     if not seen:
         return [finding("nothing-in-view", *sorted(assigned)) if assigned else finding("no-echo")]
-    reflects = cache(_reflects)  # the links of a socket take a walk over all links of its tree
-    dark = [n for n in seen if n in assigned and not any(map(reflects, assigned[n] or (None,)))]
+    reflect = cache(reflects)  # the links of a socket take a walk over all links of its tree
+    dark = [n for n in seen if n in assigned and not any(map(reflect, assigned[n] or (None,)))]
     found = [finding("shaders-reflect-nothing", *dark)] if dark else []
     others = [name for name in seen if name not in dark]
     return found + ([finding("surfaces-return-nothing", *others)] if others else [])
@@ -187,57 +187,17 @@ def _surrounding(snapshot: Snapshot, rig: Rig) -> list[str]:
         item, mesh = shape.original, snapshot.mesh(shape)
         if item.hide_render or item.type not in SURFACE_TYPES or item == rig.emitter or not mesh:
             continue
-        world = mesh.vertices @ snapshot.matrix(row)[:3, :3].T + snapshot.matrix(row)[:3, 3]
-        one, other = (
-            bool(near) and surrounds(world, mesh.triangles, point)
-            for near, point in zip(within[:, row], antennas, strict=True)
-        )
+        matrix = snapshot.matrix(row)
+        rays = mesh.rays.turned(matrix[:3, :3])
+        one, other = within[:, row] & surrounded(rays, antennas - matrix[:3, 3])
         if one != other:
             found.append(snapshot.label(row))
     return found
 
 
-def surrounds(vertices: Real, triangles: NDArray[np.int32], point: Real) -> bool:
-    """Return whether triangles (m, 3) of vertices (n, 3) close around a point (3,)."""
-    a, b, c = (vertices[triangles[:, k]] - point for k in range(3))
-    along, across = b - a, c - a
-    for direction in _DIRECTIONS:
-        # Moeller and Trumbore, Journal of Graphics Tools 2, 21, 1997
-        p = np.cross(direction, across)
-        q = np.cross(-a, along)
-        scale = (along * p).sum(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = (-a * p).sum(axis=1) / scale
-            v = (q @ direction) / scale
-            t = (across * q).sum(axis=1) / scale
-        hit = (u >= 0) & (v >= 0) & (u + v < 1)
-        if any(np.count_nonzero(hit & side) % 2 == 0 for side in (t > 0, t < 0)):
-            return False
-    return True
-
-
-def _reflects(material: bpy.types.Material) -> bool:
-    """Return whether a material, or Blender's own where there is none, has a reflecting shader."""
-    tree = None if material is None else material.node_tree
-    if tree is None:
-        return True
-    output = tree.get_output_node("CYCLES")
-    waiting = [] if output is None else [link.from_node for link in output.inputs["Surface"].links]
-    met = set()
-    while waiting:
-        node = waiting.pop()
-        if node in met:
-            continue
-        met.add(node)
-        kind = node.bl_idname
-        if kind == "ShaderNodeSubsurfaceScattering" or (
-            kind.startswith("ShaderNodeBsdf") and kind != "ShaderNodeBsdfTransparent"
-        ):
-            return True
-        inner = getattr(node, "node_tree", None)
-        waiting += [] if inner is None else list(inner.nodes)
-        waiting += [link.from_node for socket in node.inputs for link in socket.links]
-    return False
+def surrounded(rays: RayMesh, points: Real) -> Mask:
+    """Return which points (n, 3) a mesh closes around, (n,), as rays in six directions agree."""
+    return np.all([rays.holds(points, d, len(rays)) for d in (*_DIRECTIONS, *-_DIRECTIONS)], axis=0)
 
 
 def ground_below(snapshot: Snapshot, point: Real, name: str | None = None) -> GroundBelow:

@@ -32,15 +32,11 @@ from ..materials import (
 )
 from ..materials.physical_materials import READY, suggest_material
 from ..nodes import is_radar_material
-from ..state import SettingsRestorer, Snapshot, read_mesh
+from ..nodes.shader_trees import is_fog, replace_by_false, scatters_inside
+from ..state import SettingsRestorer, Snapshot
 
 #: Object types that Cycles renders and that have no radar model.
 _UNSUPPORTED_TYPES = {"VOLUME", "GPENCIL", "GREASEPENCIL"}
-_SCATTERING_NODES = {
-    "ShaderNodeSubsurfaceScattering",
-    "ShaderNodeVolumePrincipled",
-    "ShaderNodeVolumeScatter",
-}
 ABSORBER_NAME = "radarsim absorber (temporary)"
 #: Settings of modifiers for the viewport, each with that for renders.
 _RENDER_SETTINGS = {
@@ -131,7 +127,7 @@ def _isolate_any_material(
         and material.node_tree is not None
         and not is_radar_material(material)
         and not is_fog(material)
-        and _scatters_inside(material)
+        and scatters_inside(material)
     ]
     findings = []
     if fog:
@@ -139,30 +135,6 @@ def _isolate_any_material(
     if scattering:
         findings.append(finding("subsurface-scattering", *scattering))
     return findings
-
-
-def is_fog(material: bpy.types.Material) -> bool:
-    """Return whether a material has a volume and no surface."""
-    if material is None or material.node_tree is None:
-        return False
-    return _has_volume_only(material.node_tree.get_output_node("CYCLES"))
-
-
-def _has_volume_only(output: Any) -> bool:
-    """Return whether a material output, which may be None, has a volume and no surface."""
-    return output is not None and (
-        output.inputs["Volume"].is_linked and not output.inputs["Surface"].is_linked
-    )
-
-
-def _scatters_inside(material: bpy.types.Material) -> bool:
-    for node in material.node_tree.nodes:
-        if node.bl_idname in _SCATTERING_NODES:
-            return True
-        weight = node.inputs.get("Subsurface Weight")
-        if weight is not None and (weight.is_linked or weight.default_value > 0):
-            return True
-    return False
 
 
 def _hide(recorder: SettingsRestorer, item: bpy.types.Object) -> None:
@@ -199,7 +171,7 @@ def _absorb(recorder: SettingsRestorer, material: bpy.types.Material) -> None:
         return
     nodes = material.node_tree.nodes
     outputs = [node for node in nodes if node.bl_idname == "ShaderNodeOutputMaterial"]
-    volume_only = _has_volume_only(material.node_tree.get_output_node("CYCLES"))
+    volume_only = is_fog(material)
     output = nodes.new("ShaderNodeOutputMaterial")
     output.name = ABSORBER_NAME
     added = [output]
@@ -359,7 +331,7 @@ def show_as_rendered(recorder: SettingsRestorer, scene: bpy.types.Scene) -> bool
             changed |= recorder.set(owner, name, value)
     for tree in bpy.data.node_groups:
         for node in [one for one in tree.nodes if one.bl_idname == "GeometryNodeIsViewport"]:
-            _replace_by_false(recorder, tree, node)
+            replace_by_false(recorder, tree, node)
             changed = True
     return changed
 
@@ -396,23 +368,6 @@ def differs_in_viewport(item: bpy.types.Object, render: bpy.types.RenderSettings
     )
     divided = simplified and any(one.type in ("SUBSURF", "MULTIRES") for one in item.modifiers)
     return divided or any(getattr(owner, x) != value for owner, x, value in _as_rendered(item))
-
-
-def _replace_by_false(
-    recorder: SettingsRestorer, tree: bpy.types.NodeTree, node: bpy.types.Node
-) -> None:
-    """Connect the constant False in place of a Boolean node."""
-    targets = [link.to_socket for link in node.outputs[0].links]
-    constant = tree.nodes.new("FunctionNodeInputBool")
-    for target in targets:
-        tree.links.new(constant.outputs[0], target)
-
-    def undo() -> None:
-        for target in targets:
-            tree.links.new(node.outputs[0], target)
-        tree.nodes.remove(constant)
-
-    recorder.on_restore(tree.name, undo)
 
 
 def _rendered_collections(view_layer: bpy.types.ViewLayer) -> Iterator[Any]:
@@ -464,7 +419,7 @@ def rendered_rows(snapshot: Snapshot, rendered: set[Any] | None = None) -> Indic
     `rendered` are the objects that are rendered themselves, if they are known.
     """
     if rendered is None:
-        rendered = rendered_objects(snapshot.depsgraph.view_layer)
+        rendered = rendered_objects(snapshot.view_layer)
     shapes, layout = snapshot.shapes, snapshot.layout
     surface = [s.kind in SURFACE_TYPES and not s.original.hide_render for s in shapes]
     itself = snapshot.of_shapes(
@@ -542,7 +497,7 @@ def visibility_in_parts(snapshot: Snapshot, rows: Indices) -> Generator[None, No
     """Return `limited_visibility` of `rendered_rows`; yield before parts that take a few
     milliseconds.
     """
-    layer, layout = snapshot.depsgraph.view_layer, snapshot.layout
+    layer, layout = snapshot.view_layer, snapshot.layout
     items = [snapshot.shapes[n].original for n in np.unique(layout.shape[rows]).tolist()]
     # Instances also follow the settings of what makes them.
     items += [layout.instancers[n] for n in np.unique(layout.instancer[rows]).tolist() if n >= 0]
@@ -609,7 +564,7 @@ def replace_material(
     """
     asset = READY[ready]
     closed = all(
-        set(one.materials) == {material} and _is_closed(snapshot.evaluated(one.item))
+        set(one.materials) == {material} and _is_closed(snapshot, one.item)
         for one in assigned_materials(snapshot)
         if material in one.materials
     )
@@ -623,8 +578,7 @@ def replace_material(
     return made
 
 
-def _is_closed(item: bpy.types.Object) -> bool:
-    """Return whether every edge of an evaluated mesh joins two faces."""
-    if item.type != "MESH" or not len(item.data.polygons):
-        return False
-    return read_mesh(item.data).is_closed
+def _is_closed(snapshot: Snapshot, item: bpy.types.Object) -> bool:
+    """Return whether every edge of a mesh, as evaluated, joins two faces."""
+    mesh = snapshot.mesh_of(item) if item.type == "MESH" else None
+    return mesh is not None and mesh.sides.size > 0 and mesh.is_closed

@@ -22,7 +22,7 @@ from ...signal.scene import Mesh
 #: Types of objects of which Blender makes meshes; it refuses hair curves and point clouds.
 MESHED = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
 #: Types of objects without faces.
-_OF_POINTS = {"CURVES", "POINTCLOUD"}
+OF_POINTS = {"CURVES", "POINTCLOUD"}
 #: Attribute of meshes by which their points are recognised after all modifiers, while it is there.
 _MARKS = "radarsim_point"
 
@@ -83,6 +83,11 @@ def read_points(mesh: bpy.types.Mesh) -> Single:
     return read_numbers(held.data, "vector", 3)
 
 
+def mesh_counts(mesh: bpy.types.Mesh) -> tuple[int, int, int, int]:
+    """Return the numbers of vertices, edges, corners of polygons, and polygons."""
+    return len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)
+
+
 def read_mesh(mesh: bpy.types.Mesh) -> Mesh:
     """Return a mesh as arrays that do not need Blender."""
     polygons = len(mesh.polygons)
@@ -117,10 +122,10 @@ def vertex_positions(evaluated: bpy.types.Object) -> Single:
     with evaluated_mesh(evaluated) as mesh:
         if mesh is not None:
             return read_points(mesh)
-    return _points_of(evaluated)
+    return points_of(evaluated)
 
 
-def _points_of(evaluated: bpy.types.Object) -> Single:
+def points_of(evaluated: bpy.types.Object) -> Single:
     """Return the points of hair curves or of a point cloud, (n, 3); none for other objects."""
     held = getattr(evaluated.data, "attributes", {}).get("position")
     if held is None:
@@ -169,7 +174,7 @@ def surface_points(evaluated: bpy.types.Object) -> SurfacePoints:
     ends = tuple(getattr(evaluated.data, f"bevel_factor_{end}", 0.0) for end in ("start", "end"))
     with evaluated_mesh(evaluated) as mesh:
         if mesh is None:
-            return SurfacePoints(_points_of(evaluated), np.empty(0, dtype=np.int32), None, ends)
+            return SurfacePoints(points_of(evaluated), np.empty(0, dtype=np.int32), None, ends)
         places, corners = read_points(mesh), _attribute(mesh, ".corner_vert")
         if corners is None:
             corners = np.empty(0, dtype=np.int32)
@@ -180,23 +185,3 @@ def surface_points(evaluated: bpy.types.Object) -> SurfacePoints:
                 of_corner, marks = marks, np.zeros_like(places)
                 np.maximum.at(marks, corners, of_corner)
         return SurfacePoints(places, corners, marks, ends)
-
-
-def points_within(
-    depsgraph: bpy.types.Depsgraph, items: Iterable[bpy.types.Object]
-) -> dict[str, bytes]:
-    """Return the points of hair and point clouds that nodes make within objects of other types, by
-    the names of the objects.
-
-    `items` are the objects that may have nodes.
-    """
-    found: dict[str, bytes] = {}
-    if not any(modifier.type == "NODES" for item in items for modifier in item.modifiers):
-        return found
-    for one in depsgraph.object_instances:
-        item = one.object
-        if item.type in _OF_POINTS and item.original.type not in _OF_POINTS:
-            points = _points_of(item).tobytes()
-            if points:
-                found[item.name] = found.get(item.name, b"") + points
-    return found

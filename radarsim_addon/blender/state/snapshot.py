@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Indices, Mask, Real
 from ...signal.scene import Mesh
-from .meshes import MESHED, evaluated_mesh, read_mesh, read_numbers
+from .meshes import MESHED, OF_POINTS, evaluated_mesh, points_of, read_mesh, read_numbers
 
 #: Identifies an instance among those of its object: the instancer's name, then Blender's numbers.
 #: Empty for the object itself.
@@ -286,6 +286,33 @@ class Snapshot:
     def evaluated(self, original: bpy.types.Object) -> bpy.types.Object:
         """Return an object as it was evaluated."""
         return original.evaluated_get(self.depsgraph)
+
+    @property
+    def view_layer(self) -> bpy.types.ViewLayer:
+        """What was evaluated."""
+        return self.depsgraph.view_layer
+
+    @property
+    def scene(self) -> bpy.types.Scene:
+        """The scene of the view layer."""
+        return self.depsgraph.scene
+
+    def points_within(self, items: Iterable[bpy.types.Object]) -> dict[str, bytes]:
+        """Return the points of hair and point clouds that nodes make within objects of other types,
+        by the names of the objects.
+
+        `items` are the objects that may have nodes.
+        """
+        found: dict[str, bytes] = {}
+        if not any(modifier.type == "NODES" for item in items for modifier in item.modifiers):
+            return found
+        for one in self.depsgraph.object_instances:
+            item = one.object
+            if item.type in OF_POINTS and item.original.type not in OF_POINTS:
+                points = points_of(item).tobytes()
+                if points:
+                    found[item.name] = found.get(item.name, b"") + points
+        return found
 
     def matrix_of(self, original: bpy.types.Object) -> Real:
         """Return the world matrix of an object, (4, 4)."""
@@ -629,7 +656,17 @@ def take_snapshot(depsgraph: bpy.types.Depsgraph) -> Snapshot:
     return _latest.take(depsgraph)
 
 
+def latest_snapshot(view_layer: bpy.types.ViewLayer) -> Snapshot:
+    """Return all objects and instances of a view layer, which must be up to date."""
+    return take_snapshot(view_layer.depsgraph)
+
+
 def evaluated_snapshot(view_layer: bpy.types.ViewLayer) -> Snapshot:
     """Bring a view layer up to date; return all of its objects and instances."""
     view_layer.update()
-    return take_snapshot(view_layer.depsgraph)
+    return latest_snapshot(view_layer)
+
+
+def context_snapshot(context: bpy.types.Context) -> Snapshot:
+    """Return all objects and instances of the window's view layer, up to date."""
+    return take_snapshot(context.evaluated_depsgraph_get())

@@ -178,7 +178,7 @@ def split(layout: bpy.types.UILayout) -> Any:
     return layout
 
 
-def draw_number(layout: bpy.types.UILayout, name: str, text: str, icon: str = "NONE") -> None:
+def draw_number(layout: bpy.types.UILayout, name: str, text: str) -> None:
     """Draw a derived number like a field: its name on the left, its value on the right.
 
     The name takes more of the width if it is longer than the names of fields.
@@ -187,7 +187,7 @@ def draw_number(layout: bpy.types.UILayout, name: str, text: str, icon: str = "N
     names = parts.row()
     names.alignment = "RIGHT"
     names.label(text=name)
-    parts.label(text=text, icon=icon, translate=False)
+    parts.label(text=text, translate=False)
 
 
 def misfit(group: Any, item: Declared) -> str:

@@ -42,7 +42,7 @@ from ..scene import (
     scene_extent,
     transmitter_record,
 )
-from ..state import Shape, Snapshot, read_mesh, take_snapshot
+from ..state import Shape, Snapshot, context_snapshot, mesh_counts, read_mesh
 from .fields import tr
 from .scene_reading import any_material_echoes, rig_of
 
@@ -111,7 +111,7 @@ class _Objects:
     @property
     def flags(self) -> Mask:
         """As `ray_flags`."""
-        layout, layer = self.snapshot.layout, self.snapshot.depsgraph.view_layer
+        layout, layer = self.snapshot.layout, self.snapshot.view_layer
         own = ray_flags([one.original for one in self.snapshot.shapes], layer)
         # the last one stands for no instancer
         maker = np.append(ray_flags(layout.instancers, layer), np.ones((3, 1), bool), axis=1)
@@ -150,8 +150,8 @@ class LiveReader:
 
         None follows each part that takes long, so that the caller can stop when the scene changes.
         """
-        scene, snapshot = context.scene, take_snapshot(context.evaluated_depsgraph_get())
-        rendered = rendered_objects(snapshot.depsgraph.view_layer)
+        scene, snapshot = context.scene, context_snapshot(context)
+        rendered = rendered_objects(snapshot.view_layer)
         rows = rendered_rows(snapshot, rendered)
         meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
         poses = {
@@ -335,15 +335,14 @@ def _unevaluated(item: bpy.types.Object, frame: float) -> Real | None:
     """
     if item.type != "MESH" or item.instance_type != "NONE" or item.data.shape_keys is not None:
         return None
-    if any(modifier.show_render for modifier in item.modifiers) or not len(item.data.polygons):
+    if any(modifier.show_render for modifier in item.modifiers) or not mesh_counts(item.data)[-1]:
         return None
     return keyed_worlds(item, (frame, frame + VELOCITY_FRAMES))
 
 
 def _mesh_stamp(item: bpy.types.Object) -> tuple[int, ...]:
     """Return a value that changes when the mesh of an unevaluated object changes."""
-    mesh = item.data
-    return mesh.as_pointer(), len(mesh.vertices), len(mesh.polygons)
+    return item.data.as_pointer(), *mesh_counts(item.data)
 
 
 def _notes(

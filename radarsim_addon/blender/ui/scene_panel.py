@@ -33,7 +33,7 @@ from ..rig_settings import (
     settings,
 )
 from ..scene import active_radar, echoes, replace_material, suggest_materials
-from ..state import take_snapshot
+from ..state import context_snapshot
 from .fields import (
     ICONS,
     ActiveRadarPanel,
@@ -122,7 +122,7 @@ class RADARSIM_OT_suggest_materials(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         rows = getattr(context.window_manager, PROGRESS_PROPERTY).suggestions
         with reported(self):
-            snapshot = take_snapshot(context.evaluated_depsgraph_get())
+            snapshot = context_snapshot(context)
             found = suggest_materials(snapshot)
             rows.clear()
             for material, ready in found.items():
@@ -155,7 +155,7 @@ class RADARSIM_OT_apply_materials(bpy.types.Operator):
             for row in () if self.discard else rows:
                 material = bpy.data.materials.get(row.material)
                 if material is not None and row.ready != "KEEP":
-                    snapshot = take_snapshot(context.evaluated_depsgraph_get())
+                    snapshot = context_snapshot(context)
                     replace_material(material, row.ready, carrier_hz(context.scene), snapshot)
             rows.clear()
             return {"FINISHED"}

@@ -31,6 +31,7 @@ from ..materials import (
     slot_materials,
 )
 from ..nodes import is_radar_material
+from ..nodes.shader_trees import is_fog
 from ..plan import (
     Extent,
     Measurement,
@@ -59,7 +60,6 @@ from ..scene import (
     find_rig,
     frame_edges,
     hidden_objects,
-    is_fog,
     is_transmitter,
     keyed_speeds,
     keyed_step,
@@ -70,7 +70,7 @@ from ..scene import (
     sizes_in_parts,
     visibility_in_parts,
 )
-from ..state import Shape, Snapshot, take_snapshot, watch_evaluations
+from ..state import Shape, Snapshot, context_snapshot, watch_evaluations
 from .fields import is_refused, may_write_at_need
 
 #: Time after the last change at which a scene is read again, and from slice to slice [s].
@@ -190,7 +190,7 @@ def _begin(context: bpy.types.Context) -> bool:
     scene = context.scene
     if current_measurement(scene)[0] is None:
         return False  # the panels say what is wrong
-    now = take_snapshot(context.evaluated_depsgraph_get()), _key(scene)
+    now = context_snapshot(context), _key(scene)
     if _reader.of is None or _reader.of[0] is not now[0] or _reader.of[1] != now[1]:
         _reader.of, _reader.reading = now, _read(scene, now[0])
     _reader.changed = False
@@ -391,7 +391,7 @@ def _objects(
     """Yield after parts; return the objects of these surfaces, and those that the viewport hides,
     by label.
     """
-    snapshot, layer = surfaces.snapshot, surfaces.snapshot.depsgraph.view_layer
+    snapshot, layer = surfaces.snapshot, surfaces.snapshot.view_layer
     is_radar = cache(is_radar_material)
     known = cache(lambda material: is_radar_material(material) or is_fog(material))
     labels, number = surfaces.labels()

@@ -26,6 +26,7 @@ from ...typed_json import read_record
 from ..rig_settings import output_folder, settings
 from ..run import scene_text
 from ..scene import active_radar, antennas_of, whole_of
+from ..state import mesh_counts
 from .fields import tr
 from .picture_images import draw_image, forget_requests, show_images
 from .result_pictures import KINDS, WIDTH, processing_records
@@ -294,7 +295,7 @@ def _content_of(scene: bpy.types.Scene) -> str:
     for item in scene.objects:
         slots = [slot.material and slot.material.name for slot in item.material_slots]
         data = item.data
-        size = len(data.vertices) if isinstance(data, bpy.types.Mesh) else 0
+        size = mesh_counts(data)[0] if isinstance(data, bpy.types.Mesh) else 0
         parts = item.name_full, item.type, item.parent and item.parent.name, data and data.name
         place = [value for row in item.matrix_basis for value in row]
         if item.animation_data is not None:  # the frame decides where it is

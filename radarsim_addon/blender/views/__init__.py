@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One render: path classes, render passes, rows of pixels.
+"""Single renders: path classes, render passes, rows of pixels.
 
-In: a window of the receiver's image. Out: rows of the path table. `path_classes` asks for one
-render after the other, so that each pixel of each holds one path at most. `view_scene` makes them,
-with what `view_setup` adds to the scene; `joint_render` makes several views in one. `requests` has
-what goes in and comes out of a render.
+In: a window of the receiver's image. Out: rows of the path table. `path_classes` requests one
+render after another, so that each pixel of a render holds at most one path. `view_scene` makes the
+renders, with additions to the scene from `view_setup`; `joint_render` makes several views in one
+render. `requests` has the records that go into a render and come out of it.
 """
 
 from .path_classes import (

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Several views of a scene in one render, by Blender's views of several cameras ("multi-view").
+"""Several views of a scene in one render, by Blender's stereo views ("multi-view").
 
-Of few pixels, a render takes longer to begin than to trace: Cycles compiles all shaders again that
-read the scene's attributes whenever the camera has changed. With the four replicates of 64 x 64
-pixels in one render (`JointRender`) it does so once, and they take about half of the processor
-time. All views have one seed. So this is for rays that need no chance: one reflection off surfaces
-that let nothing through.
+A render of few pixels takes longer to start than to trace: after each change of the camera, Cycles
+compiles all shaders again that read attributes of the scene. `JointRender` makes the four
+replicates of 64 x 64 pixels in one render, so Cycles compiles once, and they take about half of the
+processor time. All views have the same seed. Therefore this is only for rays without random
+numbers: one reflection, off surfaces that let nothing through.
 
-Before each render Cycles also goes through all instances of the scene, which takes longer than the
-rays where they are many. `SecondView` adds a picture of the same rays, of other random numbers and
-another path class. Its camera is upside down, and that tells the transmitter which of its limits on
-the number of reflections holds. All other settings are those of the first view.
+Before each render, Cycles also visits all instances of the scene. If there are many, this takes
+longer than tracing the rays. `SecondView` adds a second view of the same rays, with other random
+numbers and another path class. Its camera is upside down. From this, the transmitter's nodes know
+which limits on the number of reflections apply. All other settings are those of the first view.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from mathutils import Matrix
 
 from ..nodes import attributes
 from ..nodes.build import TreeBuilder
-from ..nodes.groups import KIND_PROPERTY
-from ..nodes.radar_material import RING_EMITTER_KIND
-from ..state import SettingsRestorer, take_snapshot
+from ..nodes.groups import ring_emitters
+from ..state import SettingsRestorer, latest_snapshot
 from .requests import PathClass, RenderRequest, View, ViewWindow
 from .view_setup import ViewCamera
 
-#: A part of the field of view, and by what fraction of a pixel a look at it is moved.
+#: A part of the field of view, and the offset of its pixels [pixels].
 Look = tuple[ViewWindow, tuple[float, float]]
 
 #: Most looks that share a render: Blender keeps the passes of all.
@@ -45,7 +44,7 @@ _ORDERS = (
 )
 _UPSIDE_DOWN = Matrix.Diagonal((-1.0, -1.0, 1.0, 1.0))
 _LENS = ("type", "lens", "ortho_scale", "sensor_fit", "sensor_width")
-#: Instances from which on Cycles takes long to go through them before each render.
+#: Number of instances from which Cycles takes long to visit them before each render.
 MANY_INSTANCES = 10_000
 #: Distance of places that are the same, relative to the farthest one from the world's origin, and
 #: the least fraction of the pixels that see the same.
@@ -53,9 +52,9 @@ _SAME_PLACE, _MOST_PIXELS = 1e-4, 0.5
 
 
 class JointRender:
-    """Cameras of a scene whose views come out of one render, `count` of them.
+    """`count` cameras of a scene whose views are made in one render.
 
-    `camera` is the one whose kind and place the others have.
+    They have the kind and the place of `camera`.
     """
 
     def __init__(
@@ -97,11 +96,11 @@ class JointRender:
 
     @property
     def names(self) -> list[str]:
-        """Names of the passes' views, in the order of the cameras."""
+        """Names of the views in the render passes, in the order of the cameras."""
         return [_VIEW + _suffix(number) for number in range(len(self.cameras))]
 
     def plan(self, looks: Sequence[Look]) -> None:
-        """Say which looks come next, at the scene as it is now; drop the views of others."""
+        """Set the looks of the next joint render of the scene as it is; drop earlier views."""
         # Blender finds the cameras by their names, which nothing else may have.
         names = (camera.name for camera in self.cameras)
         found = all(name == _NAME + _suffix(n) for n, name in enumerate(names))
@@ -109,26 +108,26 @@ class JointRender:
         self._ready, self.rendered = {}, False
 
     def begins_at(self, look: Look | None) -> bool:
-        """Whether a joint render may stand for this look, the first of those planned."""
+        """Return whether a joint render may begin at this look: the first planned one."""
         return bool(self.looks) and look == self.looks[0] and not self._ready
 
     def has(self, look: Look | None, request: RenderRequest) -> bool:
-        """Whether the view of a look is there."""
+        """Return whether the view of a look is available for a request."""
         return look in self._ready and request == self._request
 
     def keep(self, views: Sequence[View], request: RenderRequest) -> None:
-        """Keep the views of all looks that were planned."""
+        """Keep the views of all planned looks."""
         self._ready, self._request = dict(zip(self.looks, views, strict=True)), request
         self.looks, self.rendered = [], False
 
     def take(self, look: Look | None) -> View:
-        """Return the view of a look, and drop it."""
+        """Return the view of a look and drop it."""
         assert look is not None
         return self._ready.pop(look)
 
     @contextmanager
     def entered(self) -> Iterator[None]:
-        """Have the scene render all views meanwhile, from the camera's present place."""
+        """Make the scene render all views during a `with` block, from the place of the camera."""
         own, render = self._camera, self._scene.render
         for item in self.cameras:
             for name in ("location", "rotation_mode", "rotation_euler", "scale"):
@@ -151,9 +150,9 @@ def _suffix(number: int) -> str:
 
 
 class SecondView:
-    """A second view of all renders from now on.
+    """A second view in all renders from now on.
 
-    `cameras` are those of both views, `transmitter` is as `may_tell_views` wants it.
+    `cameras` are those of both views. `may_tell_views` holds for the `transmitter`.
     """
 
     def __init__(
@@ -172,11 +171,11 @@ class SecondView:
 
     @property
     def suffixes(self) -> tuple[str, str]:
-        """How the names of the files of both views end."""
+        """Suffixes of the file names of both views."""
         return self._view.name, self._second.name
 
     def begin(self, path_class: PathClass) -> None:
-        """Look where the first view looks; the transmitter shines on paths of these orders."""
+        """Aim where the first view aims; the transmitter lights paths of these orders."""
         item, first, scene = self._second, self._view.data, self._scene
         for name in _LENS:
             setattr(item.data, name, getattr(first, name))
@@ -191,27 +190,28 @@ class SecondView:
 
 
 def second_light(first: View, second: View) -> View | None:
-    """Return the light of the second view as the first one looks.
+    """Return the light of the second view, turned to the first view's orientation.
 
-    None where it does not see the same upside down: the transmitter has taken it for the first.
+    None if both views do not see the same places: then the transmitter's nodes have taken the
+    second view for the first one.
     """
     if first.position is None or second.position is None:
         return None
     here, there = first.position, second.position[::-1, ::-1]
     apart = np.linalg.norm(here - there, axis=-1)
     seen = np.isfinite(here).all(axis=-1)
-    # At edges one of both may see what lies behind.
+    # At edges, one of the two views may see what lies behind.
     same = apart[seen] <= _SAME_PLACE * np.abs(here[seen]).max(initial=0.0)
     return second.turned() if same.sum() > _MOST_PIXELS * same.size else None
 
 
 def is_worth_it(view_layer: bpy.types.ViewLayer, rays: int) -> bool:
-    """Return whether Cycles takes longer to go through the instances than to trace so many rays."""
-    return take_snapshot(view_layer.depsgraph).layout.shape.size >= max(rays, MANY_INSTANCES)
+    """Return whether Cycles takes longer to visit the instances than to trace so many rays."""
+    return latest_snapshot(view_layer).layout.shape.size >= max(rays, MANY_INSTANCES)
 
 
 def may_tell_views(transmitter: Any) -> bool:
-    """Return whether the transmitter's nodes are radarsim's own and can be exchanged."""
+    """Return whether the transmitter's nodes are radarsim's own and can be replaced."""
     light = transmitter.data
     if light.library is not None or light.override_library is not None:
         return False
@@ -223,30 +223,28 @@ def may_tell_views(transmitter: Any) -> bool:
 
 
 def _readers(tree: bpy.types.NodeTree, attribute: str) -> list[Any]:
-    """Return the nodes that read an attribute of the scene."""
+    """Return the nodes that are linked to an attribute of the scene."""
     nodes = (n for n in tree.nodes if n.type == "ATTRIBUTE" and n.attribute_name == attribute)
     return [link.to_node for node in nodes for link in node.outputs["Vector"].links]
 
 
 def _emitter_node(light: Any) -> Any:
     """Return the only Ring Emitter among a light's nodes; None if there is none, or several."""
-    nodes = () if light.node_tree is None else light.node_tree.nodes
-    groups = [node for node in nodes if node.type == "GROUP" and node.node_tree is not None]
-    found = [n for n in groups if n.node_tree.get(KIND_PROPERTY) == RING_EMITTER_KIND]
+    found = ring_emitters(light)
     return found[0] if len(found) == 1 else None
 
 
 def _use_views(
     recorder: SettingsRestorer, scene: bpy.types.Scene, cameras: tuple[Any, Any]
 ) -> None:
-    """Have Blender render both cameras, each into a file of its own."""
+    """Make Blender render both cameras, each into its own file."""
     render = scene.render
     for view in render.views[2:]:  # the first two cannot be removed
         recorder.set(view, "use", False)
     for view, camera in zip(render.views, cameras, strict=False):
         recorder.set(view, "use", True)
-        # Blender exchanges one suffix in the name of the scene's camera for another: all of it. In
-        # Blender 5.2 the suffix of the file is the same setting.
+        # Blender replaces one suffix in the name of the scene's camera by another: here the whole
+        # name. In Blender 5.2 the suffix of the file is the same setting.
         recorder.set(view, "camera_suffix", camera.name)
         recorder.set(view, "file_suffix", camera.name)
     recorder.set(render, "views_format", "MULTIVIEW")
@@ -255,7 +253,7 @@ def _use_views(
 
 
 def _give_second_limits(recorder: SettingsRestorer, node: bpy.types.Node) -> None:
-    """Give the transmitter a copy of its nodes that has limits for the second view, too."""
+    """Replace the nodes of the transmitter by a copy that has limits for the second view, too."""
     before = node.node_tree
     tree = before.copy()
     recorder.on_restore(_NODES, lambda: bpy.data.node_groups.remove(tree))

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which path classes to render so that each pixel holds one path, and when nothing is left.
+"""Which path classes to render so that each pixel holds one path, and when no power is left.
 
-A path class (n, t) lets the transmitter shine only on paths of n reflections that passed t
-transparent surfaces on the camera's side. At one sample a pixel and path class there is one path,
-so its range is exact; an open path class, rendered with the same paths, says pixel by pixel what
-the path classes must add up to. The plan below asks only for path classes in which something is
-left.
+In path class (n, t) the transmitter lights only paths with n reflections that passed t transparent
+surfaces on the camera's side. With one sample, each pixel holds at most one path of the class, so
+its range is exact. An open path class (without upper limits), rendered with the same paths, gives
+for each pixel the sum that its path classes must reach. Only classes with remaining power are
+rendered.
 
-`trace_replicate` is a generator: it yields a `RenderRequest` and is sent the `View` that Cycles
-made of it, so that the same plan is driven by a loop headless, by a timer in the UI, and by a
-closed form in tests. `rows_of_replicate` makes rows of the path table of what it found.
+`trace_replicate` is a generator. It yields a `RenderRequest` and is sent the `View` that Cycles
+made of it. So the same plan can be driven by a loop without a window, by a timer in the UI, and by
+a closed form in tests. `rows_of_replicate` makes rows of the path table from the result.
 `look_beyond` measures the power of the orders above the limit from one render. Does not import bpy.
 """
 
@@ -40,7 +40,7 @@ _TINY = float(np.finfo(np.float32).tiny)
 #: A channel may differ from blue by this much and a pixel still counts as grey: float32 rounding
 #: over a few reflections stays below it.
 _GREY_TOLERANCE = 1e-5
-#: Transparent surfaces after which it is asked whether anything worth following is left.
+#: Number of transparent surfaces after which the remaining power is measured.
 _TAIL_EVERY = 4
 #: Differences of renders below this fraction of the minuend are float32 rounding.
 _ROUNDING = 1e-6
@@ -50,7 +50,7 @@ _PROBED_ORDERS = 4
 
 @dataclass(frozen=True)
 class PathClassLayer:
-    """Paths of one path class, at most one a pixel."""
+    """Paths of one path class, at most one per pixel."""
 
     order: int
     depth: int
@@ -70,7 +70,7 @@ class PathClassLayer:
 
 @dataclass
 class TracedReplicate:
-    """All that was found in one tile replicate.
+    """The result of `trace_replicate` for one tile replicate.
 
     Powers are sums of amplitude times weight: W per square Blender unit.
     """
@@ -94,7 +94,7 @@ class TracedReplicate:
 
 @dataclass(frozen=True)
 class TraceLimits:
-    """How far to follow paths."""
+    """Limits up to which paths are followed."""
 
     #: Most reflections.
     max_reflections: int = 1
@@ -102,27 +102,27 @@ class TraceLimits:
     max_depth: int = 64
     #: Fraction of the total power below which what is left is not followed.
     max_unfollowed_fraction: float = 1e-4
-    #: Radar Materials that let power through are made deterministic at order 1.
+    #: At order 1, rays pass Radar Materials that let power through with certainty.
     deterministic_transmission: bool = False
     #: The range encoding is in the world's volume: materials may be of any kind, coloured ones too.
     world_encoding: bool = False
-    #: Which channel is the amplitude where the scene is coloured: "R", "G", "B" or "mean".
+    #: Channel that is the amplitude in a coloured scene: "R", "G", "B" or "mean".
     amplitude_channel: str = "mean"
     #: Transparent surfaces from which on both polarisations are carried through all of them at
     #: order 1, with `deterministic_transmission`; None: each surface takes the mean.
     polarised_from: int | None = None
-    #: Numbers of objects that let nothing through, whatever the ray.
+    #: Numbers of objects that let no ray through.
     opaque: frozenset[int] = frozenset()
-    #: Nothing in the scene lets anything through, so that all paths are of depth 0.
+    #: No surface in the scene lets rays through, so all paths have depth 0.
     all_opaque: bool = False
-    #: Renders can bring the marks of last vertices, see `VertexMark`.
+    #: Renders can mark last vertices, see `VertexMark`.
     vertex_marks: bool = False
 
 
 def trace_replicate(
     limits: TraceLimits, weight: Real
 ) -> Generator[RenderRequest, View, TracedReplicate]:
-    """Follow all paths of one tile replicate; yield each render that is needed, be sent its view.
+    """Follow all paths of one tile replicate. Yield each request, and receive its view by `send`.
 
     `weight` is that of each pixel's power (its solid angle), (h, w).
     """
@@ -164,7 +164,7 @@ def trace_replicate(
 
 
 class _Tracer:
-    """The steps of `trace_replicate` with their common state."""
+    """The steps of `trace_replicate` with their shared state."""
 
     def __init__(self, limits: TraceLimits, weight: Real, found: TracedReplicate) -> None:
         self._limits = limits
@@ -178,7 +178,9 @@ class _Tracer:
         path_class: tuple[int, int] | None = None,
         echoes: bool = False,
     ) -> Generator[RenderRequest, View, View]:
-        """Make a render; it marks vertices of a path class, or of one after it: see `choose`."""
+        """Request a render. It marks vertices of its path class or of a later one, see
+        `MarkedVertices.choose`.
+        """
         if path_class is not None:
             mark = self._marks.choose(request, path_class, echoes)
             request = dataclasses.replace(request, mark=mark)
@@ -191,11 +193,13 @@ class _Tracer:
         return float(np.sum(amplitude * self._weight))
 
     def amplitude(self, view: View) -> Real:
-        """The channel that is the amplitude; blue, unless the scene is coloured."""
+        """Return the channel that is the amplitude: blue, unless the scene is coloured."""
         return amplitude_of(view, self._limits.amplitude_channel if self._found.coloured else "B")
 
     def open_render(self, path_class: PathClass) -> Generator[RenderRequest, View, Real]:
-        """What the path classes must add up to; also tells whether the scene is coloured."""
+        """Return the sum that the path classes must reach. This also shows whether the scene is
+        coloured.
+        """
         found, limits = self._found, self._limits
         view = yield from self.render(
             RenderRequest(path_class, encoded=not limits.world_encoding), (1, 0)
@@ -210,7 +214,7 @@ class _Tracer:
         return amplitude
 
     def orders_from_2(self) -> Generator[RenderRequest, View, tuple[Real, View | None]]:
-        """Everything above order 1, up to the limit: amplitudes, and the view of them."""
+        """Return the amplitudes of all orders from 2 up to the limit, and their view."""
         found, limits = self._found, self._limits
         if limits.max_reflections == 1:
             return np.zeros_like(self._weight), None
@@ -224,10 +228,10 @@ class _Tracer:
     def depths_of(
         self, order: int, base: Real, only: View | None = None
     ) -> Generator[RenderRequest, View, None]:
-        """All depths of one order, until they add up to `base`. Lobes are left to chance.
+        """Render all depths of one order, until they add up to `base`. Lobes are chosen at random.
 
-        `only` is the view of `base` where there is no depth but 0.
-        An empty path class is no reason to stop (a wholly transparent layer leaves a hole).
+        `only` is the view of `base` if the depth can only be 0. An empty path class does not end
+        this: a wholly transparent layer leaves a gap in the depths.
         """
         left, limits = base.copy(), self._limits
         region = bounding_region(base > 0)
@@ -242,13 +246,13 @@ class _Tracer:
         self._found.truncated_transparency += self.power(np.maximum(left, 0.0))
 
     def first_order_in_turn(self) -> Generator[RenderRequest, View, bool]:
-        """Order 1, with every Radar Material in front of the path class passed deterministically.
+        """Render order 1, where rays pass each Radar Material before the path class with certainty.
 
-        How far to go is read from what is seen, not from a render of all that is left: in that one
-        lobes are left to chance, and a small target behind a pane would go missing whenever the lot
-        falls on the pane's reflection. Only from time to time is such a tail rendered, to end a
-        long chain of layers whose rest may stay unfollowed, and at the end, to tell what lies
-        beyond the last path class. Return whether anything is seen at all.
+        The number of depths follows from what the views show, and not from a render of all
+        remaining paths. In such a render lobes are chosen at random, and a small target behind a
+        pane would be lost whenever the pane's reflection is chosen. Such a render is made only from
+        time to time, to end a long chain of layers whose rest may stay unfollowed, and at the end,
+        to measure what lies beyond the last path class. Return whether any surface is seen.
         """
         found, limits = self._found, self._limits
         left, in_layers = 0.0, 0.0
@@ -276,14 +280,14 @@ class _Tracer:
         return index is None or bool(np.any(index > 0))
 
     def _tail(self, depth: int, region: Region | None) -> Generator[RenderRequest, View, float]:
-        """Power of order 1 at this depth and behind, lobes behind it left to chance."""
+        """Return the power of order 1 from this depth on, where lobes are chosen at random."""
         path_class = PathClass(1, 1, depth, None, surface_depth=depth)
         encoded = not self._limits.world_encoding
         view = yield from self.render(RenderRequest(path_class, encoded=encoded, region=region))
         return self.power(self.amplitude(view))
 
     def _lets_through(self, view: View) -> NDArray[np.bool_]:
-        """Pixels in which something may lie behind the surface that was seen."""
+        """Return the pixels in which more may lie behind the surface that was seen."""
         if view.object_index is None:
             return np.ones(view.blue.shape, dtype=bool)
         closed = np.isin(view.object_index, [0, *self._limits.opaque])
@@ -333,7 +337,7 @@ class _Tracer:
 
 
 def amplitude_of(view: View, channel: str) -> Real:
-    """Return the channel that is the amplitude: "R", "G", "B" or "mean"."""
+    """Return the channel that is the amplitude: "R", "G", "B" or "mean" of all."""
     if channel == "mean":
         red, green, blue = view.channels()
         return np.asarray((red + green + blue) / 3)
@@ -344,8 +348,9 @@ def amplitude_of(view: View, channel: str) -> Real:
 def mean_of_polarisations(view: View, amplitude: Real) -> Real:
     """Return the amplitude with the mean of both polarisations on each of the two ways.
 
-    The view has p on both ways in red, s on the first or the last way in green and blue. s on both
-    follows: the ways are independent factors of a path. `amplitude` stays where p passes nothing.
+    The view has p on both ways in red, and s on one of the ways in green and blue. The value for s
+    on both ways follows, because the ways are independent factors of a path. `amplitude` stays
+    where p passes no power.
     """
     red, green, blue = view.channels()
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -357,10 +362,10 @@ def mean_of_polarisations(view: View, amplitude: Real) -> Real:
 class MarkedVertices:
     """Marks of last vertices in the renders of one tile replicate.
 
-    The place of a last vertex is the ratio of two renders of its path class's marks: with the place
-    in their colours, and white. Every render with the same random paths can bring one of the two,
-    whatever path class the transmitter shines on in it. A class with both needs no render of its
-    own for them.
+    The place of a last vertex is the ratio of two renders of the marks of its path class: one with
+    places as colours, and a white one. Each render with the same random paths can provide one of
+    the two, whatever path class the transmitter lights in it. So a class whose marks have both
+    renders needs no render of its own for them.
     """
 
     def __init__(self, limits: TraceLimits) -> None:
@@ -371,16 +376,17 @@ class MarkedVertices:
     def choose(
         self, request: RenderRequest, path_class: tuple[int, int], echoes: bool = False
     ) -> VertexMark | None:
-        """Return what a render should mark: half of the marks of a path class or of the next ones.
+        """Return what a render should mark: one of the two renders of a path class's marks, or of a
+        later class.
 
-        `path_class` has order and depth of the first one of which something may be left. `echoes`:
-        the render is that of the echoes of this class. If it has none of its marks yet, half of
-        them is of no use: the transmitter's colours will have to tell the vertex. None where
-        nothing is left to mark, or the paths would not be those of the renders that bring the other
+        `path_class` has order and depth of the first class that may have remaining power. `echoes`:
+        the render is that of the echoes of this class. If the class has none of its marks yet, one
+        of them alone is of no use, and the transmitter's colours have to give the vertex. None if
+        nothing is left to mark, or if the paths are not those of the renders that provide the other
         half.
         """
         asked = request.path_class
-        # Rays that pass surfaces with certainty take other paths than rays that leave it to chance.
+        # Rays that pass surfaces with certainty take other paths than rays that pass at random.
         limits = self._limits
         certain = asked.surface_depth is not None and not limits.all_opaque
         if not limits.vertex_marks or not request.encoded or certain or asked.order_max is None:
@@ -402,16 +408,16 @@ class MarkedVertices:
         return None
 
     def keep(self, request: RenderRequest, view: View) -> None:
-        """Keep the marks that a render has brought."""
+        """Keep the marks of a render."""
         if request.mark is not None and view.marks is not None:
             self._views[request.mark, request.all_channels] = view.marks
 
     def found(
         self, order: int, depth: int, all_channels: bool, amplitude: Real
     ) -> tuple[View, View] | None:
-        """Return the marks of a path class with and without the place in their colours.
+        """Return the marks of a path class with places as colours, and the white ones.
 
-        None where one of the two is missing in a pixel with an `amplitude`, (h, w).
+        None if one of the two is missing in a pixel with an `amplitude`, (h, w).
         """
         keys = [(VertexMark(order, depth, place), all_channels) for place in (True, False)]
         if not all(key in self._views for key in keys):
@@ -422,11 +428,11 @@ class MarkedVertices:
         return (coloured, white) if whole else None
 
     def after(self, order: int, depth: int) -> tuple[int, int]:
-        """Return the next path class of which something may be left."""
+        """Return the next path class that may have remaining power."""
         return (order + 1, 0) if self._limits.all_opaque else (order, depth + 1)
 
     def _classes(self, order: int, depth: int) -> Iterator[tuple[int, int]]:
-        """This path class and those after it."""
+        """Yield this path class and the later ones."""
         limits = self._limits
         while order <= limits.max_reflections and depth <= limits.max_depth:
             yield order, depth
@@ -441,8 +447,8 @@ def rows_of_replicate(
 ) -> PathRows:
     """Make the rows of all paths of one tile replicate, path class by path class.
 
-    `shared` has rays and transmitter; `vertex_map` origin (3,) and scale of the last vertex in the
-    transmitter's colour, Blender units.
+    `shared` has the rays and the transmitter. `vertex_map` has origin (3,) and scale of the last
+    vertex in the transmitter's colours, in Blender units.
     """
     found = [np.flatnonzero(layer.amplitude > 0) for layer in traced.layers]
     rows = PathRows.zeros(sum(index.size for index in found))
@@ -505,7 +511,9 @@ def _pixels(
 
 
 def _coloured_ratio(encoded: Real, plain: Real) -> Real:
-    """Coded length from the brightest channel; red and blue decay by 1/k, green by 2/k."""
+    """Return the encoded length from the brightest channel: red and blue decay by 1/k, green by
+    2/k.
+    """
     rates = np.array([1.0, 2.0, 1.0])[:, None]
     ratios = log_encoding_ratio(encoded, plain) / rates
     best = np.argmax(np.where(np.isfinite(ratios), plain, -1.0), axis=0)
@@ -513,7 +521,7 @@ def _coloured_ratio(encoded: Real, plain: Real) -> Real:
 
 
 def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
-    """Return where the rays of these rows start, (paths, 3) [m], or (3,) for one place for all.
+    """Return where the rays of all rows start, (paths, 3) [m], or (3,) if it is one place.
 
     `origin_m` is that of all pixels, (3,) or (h, w, 3).
     """
@@ -524,7 +532,7 @@ def ray_origins(traced: TracedReplicate, origin_m: Real) -> Real:
 
 
 def pixel_numbers(traced: TracedReplicate) -> Indices:
-    """Return the pixel of each of these rows, counted row by row from 1, (paths,)."""
+    """Return the pixel of each row, counted row by row from 1, (paths,)."""
     parts = [np.flatnonzero(layer.amplitude > 0) + 1 for layer in traced.layers]
     return np.concatenate(parts) if parts else np.empty(0, dtype=np.intp)
 
@@ -547,7 +555,7 @@ def look_beyond(
 ) -> Generator[RenderRequest, View, PowerBeyond]:
     """Measure the power of the next `_PROBED_ORDERS` orders, whose paths are not followed.
 
-    `coloured` is what `trace_replicate` found of the scene.
+    `coloured` is the result of `trace_replicate` for the scene.
     """
     view = yield RenderRequest(orders_beyond(limits), encoded=not limits.world_encoding)
     return power_seen_beyond(limits, view, weight, pixels_per_ray, coloured)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What one render is asked for and what comes out of it: path classes, regions, views.
+"""The records of one render: its request, with path class and region, and the resulting view.
 
-A `ViewWindow` is the part of the receiver's image that a tile has. A `RenderRequest` asks for the
-paths of a `PathClass` in a `Region` of it, and a `View` has their light. Does not import bpy.
+A `ViewWindow` is the part of the receiver's image that a tile covers. A `RenderRequest` names a
+`PathClass` and a `Region` of the window, and a `View` has the light of these paths. Does not import
+bpy.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from ...arrays import Indices, Real, Single
 from ...contract import ReceiverRecord
 
-#: Rays that are enough for a sum, and pixels per side of those that share a ray, at most.
+#: Rays that suffice for a sum, and the most pixels per side that share a ray.
 _ENOUGH_RAYS, _MOST_SHARED = 4096, 4
 
 
@@ -40,7 +41,7 @@ class ViewWindow:
 
     @classmethod
     def of(cls, receiver: ReceiverRecord, width_px: int, height_px: int) -> ViewWindow:
-        """Return all that a receiver sees."""
+        """Return the window of the whole receiver."""
         sphere = receiver.kind == "equirectangular"
         edges = receiver.left, receiver.right, receiver.bottom, receiver.top
         return cls(*edges, width_px, height_px, sphere)
@@ -57,7 +58,7 @@ class ViewWindow:
 
     @property
     def stretch(self) -> float:
-        """Most true length per unit of the first coordinate."""
+        """Largest true length per unit of the first coordinate."""
         if not self.sphere:
             return 1.0
         return math.cos(min(max(0.0, self.bottom), self.top))
@@ -70,13 +71,13 @@ class ViewWindow:
     def edges_of(
         self, offset_px: tuple[float, float], across: int, down: int
     ) -> tuple[float, float, float, float]:
-        """Return the edges of so many pixels from the upper left corner, moved by `offset_px`."""
+        """Return the edges of so many pixels from the upper left corner, offset by `offset_px`."""
         left = self.left + offset_px[0] * self.step_u
         top = self.top + offset_px[1] * self.step_v
         return left, left + across * self.step_u, top - down * self.step_v, top
 
     def with_few_rays(self) -> ViewWindow:
-        """Return the window with as many pixels as are enough for a sum."""
+        """Return the window with as few pixels as suffice for a sum."""
         rays = self.width_px * self.height_px
         side = min(max(math.isqrt(rays // _ENOUGH_RAYS), 1), _MOST_SHARED)
         return replace(
@@ -86,9 +87,9 @@ class ViewWindow:
 
 @dataclass(frozen=True)
 class PathClass:
-    """Paths that the transmitter shines on, by reflections and by transparent surfaces passed.
+    """Paths that the transmitter lights, by their reflections and passed transparent surfaces.
 
-    Both ends are included; None is no limit.
+    Both limits are inclusive; None is no limit.
     """
 
     #: Reflections.
@@ -97,9 +98,8 @@ class PathClass:
     #: Transparent surfaces passed on the receiver's side.
     depth_min: int = 0
     depth_max: int | None = None
-    #: Makes the Radar Material deterministic in front of the class: camera rays pass straight
-    #: through (with their transmission as weight) while fewer transparent surfaces than this lie
-    #: behind them. None leaves lobes to chance.
+    #: Camera rays pass Radar Materials with certainty (with the transmission as their weight)
+    #: while fewer transparent surfaces than this lie behind them. None: lobes are chosen at random.
     surface_depth: int | None = None
 
 
@@ -117,10 +117,10 @@ class Region:
 
 @dataclass(frozen=True)
 class VertexMark:
-    """Light of the surfaces at which paths of a class have their last vertex.
+    """Light from the surfaces at which the paths of a class have their last vertex.
 
-    It comes in a light group of its own and leaves the transmitter's as it is. The colours of a
-    render with `place` over those of a render without it tell where the vertex is.
+    It is a light group of its own, so the transmitter's light does not change. The ratio of the
+    colours of a render with `place` to those of a white one gives the place of the vertex.
     """
 
     #: The path class: reflections, and transparent surfaces passed on the receiver's side.
@@ -133,22 +133,22 @@ class VertexMark:
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """One render."""
+    """What one render must show."""
 
     #: Paths that echo.
     path_class: PathClass
     #: With range encoding; a plain render tells the amplitude.
     encoded: bool = True
-    #: The transmitter's colours tell where it shines: the last vertex.
+    #: The colours of the transmitter's light give the place that it lights: the last vertex.
     vertex: bool = False
-    #: The only pixels that can hold something (the others are 0 in the view); None: all.
+    #: Pixels that can hold a path (the others are 0 in the view); None: all.
     region: Region | None = None
     #: Range encoding in blue, too.
     all_channels: bool = False
     #: Red, green and blue are the two polarisations instead of the range encoding: see
     #: `attributes.ATTR_BY_POLARISATION`.
     by_polarisation: bool = False
-    #: Last vertices that shine besides; None: none.
+    #: Last vertices that are marked in the same render; None: none.
     mark: VertexMark | None = None
     #: Orders of which the same render makes a second view, of the same rays; the transparent
     #: surfaces are those of `path_class`. For scenes that have a second view.
@@ -157,7 +157,7 @@ class RenderRequest:
 
 @dataclass(frozen=True)
 class View:
-    """What came out of one render, arrays of h x w pixels; float32 where Cycles made them."""
+    """The result of one render, arrays of h x w pixels; float32 as Cycles computes them."""
 
     #: Light of the radar's transmitter, per square Blender unit.
     red: Real | Single
@@ -173,12 +173,12 @@ class View:
     beyond: View | None = None
 
     def only(self, pixels: NDArray[np.bool_]) -> View:
-        """Return the view without the light outside these pixels; what is seen there stays."""
+        """Return the view without the light outside these pixels; seen surfaces stay."""
         red, green, blue = (np.where(pixels, c, 0.0) for c in (self.red, self.green, self.blue))
         return dataclasses.replace(self, red=red, green=green, blue=blue)
 
     def turned(self) -> View:
-        """Return the light as seen upside down."""
+        """Return the light as seen by an upside-down camera."""
         red, green, blue = (c[::-1, ::-1] for c in (self.red, self.green, self.blue))
         return View(red, green, blue)
 
@@ -193,18 +193,18 @@ class View:
 
 
 def replicate_seed(seed: int, window: ViewWindow, replicate: int) -> int:
-    """Return Cycles' seed for one replicate of a tile, whatever the order of the tiles."""
+    """Return Cycles' seed for one replicate of a tile. It does not depend on the order of tiles."""
     edges = (window.left, window.right, window.bottom, window.top)
     key = struct.pack("<4q4d", seed, replicate, window.width_px, window.height_px, *edges)
     return int.from_bytes(hashlib.blake2b(key, digest_size=4).digest(), "little") >> 1
 
 
 def variance_of_sum(power: Real) -> float:
-    """Variance of the sum of an image with one ray a pixel, (h, w).
+    """Return the variance of the sum of an image (h, w) with one ray per pixel.
 
-    Neighbouring pixels have nearly the same expectation, so half the squared difference of two is
-    the variance of one, or more (successive differences: Wolter, Introduction to Variance
-    Estimation, 2007, ch. 8, for systematic samples). A single pixel may be wrong by all of itself.
+    Neighbouring pixels have nearly the same expectation. Half the squared difference of two pixels
+    is therefore their variance, or more (successive differences: Wolter, Introduction to Variance
+    Estimation, 2007, ch. 8, for systematic samples). The error of a single pixel may be its value.
     """
     if power.size == 1:
         return float(power[0, 0] ** 2)
@@ -215,7 +215,7 @@ def variance_of_sum(power: Real) -> float:
 
 
 def bounding_region(pixels: NDArray[np.bool_]) -> Region | None:
-    """Smallest region that holds all these pixels; None, for all, where it would save little."""
+    """Return the smallest region with all these pixels; None if it would save little."""
     rows, cols = np.flatnonzero(pixels.any(axis=1)), np.flatnonzero(pixels.any(axis=0))
     if not rows.size:
         return Region(0, 1, 0, 1)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Puts a scene into the state for one path per pixel, and makes the renders of that state.
+"""Sets a scene for renders with one path per pixel, and makes these renders.
 
-On top of the measuring settings of the rings: a camera of our own that can look at any part of the
-field of view, one sample through the pixel centre, and render passes for position and object. Where
-the materials do not carry the range encoding, a world volume does.
+In addition to the settings of ring sampling, the scene gets a camera that can look at any part of
+the field of view, one sample through the pixel centre, and render passes for position and object.
+If the materials do not carry the range encoding, a world volume does.
 
 `PathScene.begin` sets the path class of a `RenderRequest`, `render` writes a multilayer EXR file,
 and `end` reads the `View` from it (`read_views`). Up to Blender 4.5 such a file has one part, from
-5.0 on a part for each pass; channels are named ``Layer.Pass.Component`` in both, or
+5.0 on one part for each pass. Channels are named ``Layer.Pass.Component`` in both, or
 ``Layer.Pass.View.Component``.
 """
 
@@ -72,12 +72,12 @@ _LEAST_PX = 4
 
 
 class PathScene:
-    """The scene while paths are measured; `restore` gives it back.
+    """A scene that is set for the measurement of paths, until `restore`.
 
     `range_encoding_length_m` is k. With `world_encoding` a world volume carries the range encoding
-    instead of Radar Materials. `view` is the camera that renders, if it is in the scene already;
-    who has made it takes it back. With `vertex_marks` requests may mark last vertices: all surfaces
-    are Radar Materials, or absorb.
+    instead of Radar Materials. `view` is the camera that renders, if the scene has it already; its
+    maker removes it. With `vertex_marks`, requests may mark last vertices: all surfaces have Radar
+    Materials or absorb.
     """
 
     def __init__(
@@ -107,6 +107,7 @@ class PathScene:
         self._cameras = view
         self.kind = camera_kind(camera.data)
         self._volume: Any = None
+        self._world_colour = ENCODING_RED_GREEN
         self._size = self._canvas = (0, 0)
         self._threads = ("AUTO", 0)
         self._small_in_a_row = 0
@@ -143,18 +144,18 @@ class PathScene:
 
     @property
     def all_opaque(self) -> bool:
-        """Whether no surface that is rendered lets anything through."""
+        """Whether no rendered surface lets rays through."""
         return len(self.opaque | self.hidden) == len(self.objects)
 
     @property
     def own_names(self) -> frozenset[str]:
-        """Names of what changes from render to render: the camera and its data."""
+        """Names of the data that change from render to render: the camera and its data."""
         names = frozenset() if self._cameras is None else self._cameras.names
         looking = () if self._joint is None else self._joint.cameras
         return names.union(one.name for camera in looking for one in (camera, camera.data))
 
     def choose_views(self, rays: int) -> None:
-        """Have renders make two views, of so many rays each, where that is faster; asked once."""
+        """Make renders with two views of so many rays each, if that is faster. Decided once."""
         if self._views_chosen or self._cameras is None:
             return
         self._views_chosen = True
@@ -166,11 +167,11 @@ class PathScene:
 
     @property
     def has_second_view(self) -> bool:
-        """Whether the next render makes a second view if it is asked for."""
+        """Whether the next render can make a second view."""
         return self._second is not None and self._canvas == self._size
 
     def restore(self) -> list[str]:
-        """Give the user's scene back; may be called again."""
+        """Restore the user's scene. May be called again."""
         unrestored = self._recorder.restore()
         return unrestored + (self._own_camera.restore() if self._own_camera else [])
 
@@ -178,9 +179,11 @@ class PathScene:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def place(self, snapshot: Snapshot) -> list[list[float]]:
-        """Put our camera where the receiver is at its moment; return its pose in metres.
+        """Move the camera to the receiver's place at the moment of a snapshot; return its pose in
+        metres.
 
-        Its rays belong to this pose: the receiver's own has other roundings, which count at poles.
+        Rays belong to this pose. The receiver's own pose is rounded differently, which matters at
+        poles.
         """
         self._view.matrix_world = snapshot.evaluated(self._camera).matrix_world.normalized()
         if self._joint is not None:
@@ -196,11 +199,12 @@ class PathScene:
     def look(
         self, window: ViewWindow, offset_px: tuple[float, float], seed: int
     ) -> contract.ReceiverRecord:
-        """Aim at a part of the field of view, moved by a fraction of a pixel; returns what it sees.
+        """Aim at a part of the field of view, offset by a fraction of a pixel; return the receiver
+        record.
 
-        The record is computed from the float32 numbers that Blender really holds. Each view has a
-        seed of its own: with a common one Cycles would take the same random numbers in all views,
-        and they would be no replicates of one another.
+        The record is computed from the float32 numbers that Blender holds. Each view has its own
+        seed: with a common one, Cycles would use the same random numbers in all views, and they
+        would not be independent replicates.
         """
         self._look = window, offset_px
         self._scene.cycles.seed = seed
@@ -220,31 +224,32 @@ class PathScene:
         )
 
     def _aim(self, data: Any, look: Look) -> tuple[float, float, float, float]:
-        """Aim a camera; return the edges that it really has."""
+        """Aim a camera; return the edges of its view after rounding."""
         window, offset_px = look
         edges = window.edges_of(offset_px, *self._canvas)
         return aim(data, self.kind, edges, *self._canvas, self._units)
 
     def join_looks(self, count: int) -> None:
-        """Let so many looks share a render where their paths, of one reflection, need no seed.
+        """Make `count` looks share a render if their paths, of one reflection, need no random
+        numbers.
 
-        With a window, Blender makes the renders itself, one by one.
+        In a window, Blender makes the renders itself, one by one.
         """
         certain = self.all_opaque and not self._world_encoding
         if bpy.app.background and certain and 1 < count <= MOST_TOGETHER:
             self._joint = JointRender(self._recorder, self._scene, self._view, count)
 
     def look_together(self, window: ViewWindow, offsets_px: Sequence[tuple[float, float]]) -> None:
-        """Say at what `look` will aim next, one after the other, for the same first request."""
+        """Announce the next calls of `look`, in order, for the same first request."""
         small = window.width_px * window.height_px < _ONE_THREAD_BELOW_PX
         fits = small and min(window.width_px, window.height_px) >= _LEAST_PX
         if self._joint is not None and fits:
             self._joint.plan([(window, offset_px) for offset_px in offsets_px])
 
     def begin(self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None) -> None:
-        """Set the path classes for a render.
+        """Set the path class of a render.
 
-        `vertex` has origin and scale for the last vertex, Blender units.
+        `vertex` has origin and scale for the colours of the last vertex, in Blender units.
         """
         scene, path_class = self._scene, request.path_class
         self._request = request
@@ -270,9 +275,8 @@ class PathScene:
         if self._world_encoding:
             if request.encoded:
                 colour = ENCODING_ALL if request.all_channels else ENCODING_RED_GREEN
-                socket = self._volume.inputs["Color"]
-                if tuple(socket.default_value) != colour:  # Blender compiles the shader again
-                    socket.default_value = colour
+                if self._world_colour != colour:  # Blender compiles the shader again
+                    self._volume.inputs["Color"].default_value = self._world_colour = colour
             scene[attributes.ATTR_INVERSE_CODE_LENGTH] = 0.0
             scene[attributes.ATTR_WORLD_CODE] = inverse_k
         else:
@@ -282,7 +286,7 @@ class PathScene:
     def _set_vertex_colours(
         self, request: RenderRequest, vertex: tuple[np.ndarray, float] | None
     ) -> None:
-        """Colours by the last vertex: those of the transmitter, and those of marked surfaces."""
+        """Set the colours by the last vertex, of the transmitter and of marked surfaces."""
         scene, mark = self._scene, request.mark
         scale = 0.0
         if vertex is not None:
@@ -294,7 +298,7 @@ class PathScene:
         scene[attributes.ATTR_MARK_SCALE] = scale if mark is not None and mark.place else 0.0
 
     def _set_frame(self, region: Region | None) -> None:
-        """Resolution, and the border that leaves out pixels that hold nothing."""
+        """Set the resolution, and the border around the pixels that can hold a path."""
         render, (width, height) = self._scene.render, self._canvas
         if region is None and self._canvas != self._size:
             region = Region(0, self._size[0], 0, self._size[1])
@@ -305,7 +309,7 @@ class PathScene:
             set_border(render, region, width, height)
 
     def _choose_threads(self, small: bool) -> None:
-        """One thread for small renders, unless a few of them come between large ones."""
+        """Use one thread for small renders, unless only a few of them come between large ones."""
         render = self._scene.render
         self._small_in_a_row = self._small_in_a_row + 1 if small else 0
         if small and self.renders > 0 and self._small_in_a_row <= _FEW_RENDERS:
@@ -320,7 +324,7 @@ class PathScene:
         scene, surface_depth = self._scene, path_class.surface_depth
         passed = 0.0 if surface_depth is None else surface_depth + 0.5
         scene[attributes.ATTR_SURFACE_DEPTH] = passed
-        # The path class itself ends camera rays; a tail (no upper limit) lets them go on.
+        # The path class itself ends camera rays; without an upper limit they continue.
         stop = surface_depth is not None and path_class.depth_max is not None
         scene[attributes.ATTR_SURFACE_STOP] = passed if stop else 0.0
         # Cycles is told by this of the custom properties, too: writing those from Python tells it
@@ -329,7 +333,7 @@ class PathScene:
         self._view_layer.pass_alpha_threshold = 1.0 if stop else 0.0
 
     def render(self) -> None:
-        """Render and write the passes, but not in the UI; `RenderError` where Cycles failed."""
+        """Render and write the passes (not in the UI); `RenderError` if Cycles fails."""
         joint, whole = self._joint, self._request.region is None
         if joint is not None and whole and joint.begins_at(self._look):
             for camera, look in zip(joint.cameras, joint.looks, strict=True):
@@ -352,14 +356,14 @@ class PathScene:
             raise RenderError("The render was cancelled. Start it again.")
 
     def end(self) -> View:
-        """Read what was rendered."""
+        """Read the result of the render."""
         self.renders += 1
         joint = self._joint
         if joint is not None and joint.has(self._look, self._request):
             return joint.take(self._look)
         if self._request.beyond is not None and self._second is not None:
             first, second = (self._read(suffix, [""])[0] for suffix in self._second.suffixes)
-            # Without it, a render of its own is made.
+            # Without a second view, a separate render is made.
             return dataclasses.replace(first, beyond=second_light(first, second))
         if joint is None or not joint.rendered:
             return self._read("", [""])[0]
@@ -367,7 +371,7 @@ class PathScene:
         return joint.take(self._look)
 
     def _read(self, suffix: str, names: list[str]) -> list[View]:
-        """Read the views of a file, which is removed."""
+        """Read the views of a file and remove the file."""
         groups = (LIGHT_GROUP, MARK_GROUP) if self._request.mark is not None else (LIGHT_GROUP,)
         path = self._folder / f"view{suffix}.exr"
         lights = [f"Combined_{group}" for group in groups]
@@ -384,10 +388,10 @@ def read_views(
     size: tuple[int, int],
     region: Region | None,
 ) -> list[View]:
-    """Read views by their names from a multilayer EXR; the only one has none: "".
+    """Read views by their names from a multilayer EXR file; a single view has the name "".
 
-    `lights` are the passes of the transmitter's light, and of marks if there are any; `size` is the
-    width and height of a view, of which the file has the `region` (None: all). RenderError where a
+    `lights` are the passes of the transmitter's light, and of marks if there are any. `size` is the
+    width and height of a view, of which the file has the `region` (None: all). RenderError if a
     light is missing.
     """
     whole = partial(_whole, size=size, region=region)
@@ -422,10 +426,10 @@ def read_views(
 
 
 def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single]]:
-    """Read the wanted passes of the only view layer in a multilayer EXR, those that are there.
+    """Read those of the wanted passes that a multilayer EXR file has, from its only view layer.
 
-    Pass to component ("R", "X"...) to float32 array (height, width). Of files with several views
-    the names are "pass.view". RenderError where unreadable.
+    Return arrays (height, width) of float32 by pass and component ("R", "X"...). In files with
+    several views the names are "pass.view". RenderError if the file cannot be read.
     """
     kind, module = exr_backend()
     names = set(wanted)
@@ -444,7 +448,7 @@ def read_passes(path: Path, wanted: Iterable[str]) -> dict[str, dict[str, Single
 
 
 def _whole(plane: Single, size: tuple[int, int], region: Region | None) -> Single:
-    """A channel over the whole view: 0 outside the region."""
+    """Return a channel over the whole view, 0 outside the region."""
     width, height = size
     expected = (height, width)
     if region is not None:
@@ -462,7 +466,7 @@ def _whole(plane: Single, size: tuple[int, int], region: Region | None) -> Singl
 
 
 def _wanted(channel: str, names: Collection[str]) -> str:
-    """The wanted pass that a channel is of, "pass" or "pass.view"; empty: none."""
+    """Return the wanted pass of a channel, "pass" or "pass.view"; empty for none."""
     parts = channel.split(".")[:-1]
     found = (".".join(parts[-count:]) for count in (1, 2) if len(parts) > count)
     return next((name for name in found if name in names), "")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Additions to a scene for one path per pixel, each taken back by a `SettingsRestorer`.
+"""Additions to a scene for one path per pixel, each removed by a `SettingsRestorer`.
 
-- `ViewCamera`: a camera of our own that can look at any part of the field of view.
+- `ViewCamera`: a camera that can look at any part of the field of view.
 - `number_objects`, `add_passes`, `set_format`: passes for position and object, in EXR files.
 - `add_encoding_world`: a world volume that carries the range encoding.
 - `ImageLamps`: lamps in the places of the transmitter's images behind mirrors.
-- `add_vertex_marks`: surfaces that shine where paths of one class have their last vertex.
+- `add_vertex_marks`: surfaces that emit light where paths of one class have their last vertex.
 - `EmptyScene`: a scene without objects, from which another one is rendered.
 """
 
@@ -35,7 +35,7 @@ _NAME, _SECOND = "radarsim view (temporary)", "radarsim second view (temporary)"
 LIGHT_GROUP = "radarsim"
 MARK_GROUP = "radarsim_vertices"
 _WORLD = "radarsim range encoding (temporary)"
-#: Properties of the scene that tell materials and transmitter which paths count.
+#: Properties of the scene from which materials and transmitter know which paths count.
 PATH_GATES = (
     attributes.ATTR_ORDER_MIN,
     attributes.ATTR_ORDER_MAX,
@@ -52,7 +52,7 @@ PATH_GATES = (
 )
 #: Settings of Cycles for the number of reflections.
 BOUNCES = ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces")
-#: Colours of a Volume Absorption of density 2/k: what it spares of red, green and blue.
+#: Colours of a Volume Absorption of density 2/k: 1 less its absorption of red, green and blue.
 ENCODING_RED_GREEN = (0.5, 0.0, 1.0, 1.0)
 ENCODING_ALL = (0.5, 0.0, 0.5, 1.0)
 _LAMP = "radarsim image (temporary)"
@@ -61,16 +61,16 @@ _PREFIX = "Vertex mark: "
 _SUM = "with the surface"
 #: Reflections and transparent surfaces are whole numbers; they are equal within this.
 _SAME = 0.25
-#: Objects of the file from which on it is worth another scene.
+#: Number of objects in the file from which the empty scene saves time.
 _MANY = 500
 _EMPTY_NAME = "radarsim empty (temporary)"
 
 
 class ViewCamera:
-    """A camera that a scene renders with from now on, until `restore`.
+    """A camera with which a scene renders from now on, until `restore`.
 
-    `item` is the camera, at the world's origin; `second` is one more, for `SecondView`: Blender
-    sorts all objects when one is added later.
+    `item` is the camera, at the origin of the world. `second` is a further camera, for
+    `SecondView`, because Blender sorts all objects when one is added later.
     """
 
     def __init__(self, scene: bpy.types.Scene) -> None:
@@ -100,7 +100,7 @@ class ViewCamera:
     def number_objects(self) -> None:
         """Number the surfaces of a file that Blender has not evaluated yet.
 
-        Later, `PathScene` would have Blender evaluate each of them again.
+        If `PathScene` did this later, Blender would evaluate each of them again.
         """
         objects = bpy.data.objects
         before = np.zeros(len(objects), dtype=np.int32)
@@ -112,12 +112,12 @@ class ViewCamera:
         objects.foreach_set("pass_index", after)
 
     def restore(self) -> list[str]:
-        """Give the scene its own camera back; what failed. May be called again."""
+        """Restore the scene's own camera; return what failed. May be called again."""
         return self._recorder.restore()
 
 
 def set_border(render: Any, region: Region, width_px: int, height_px: int) -> None:
-    """Set the border of a render; its pixels are bit by bit those of the whole picture."""
+    """Set the border of a render; its pixels have the same bits as in the whole picture."""
     # A quarter of a pixel inside: Blender cuts the product with the width down to a whole number.
     render.border_min_x = (region.left + 0.25) / width_px
     render.border_max_x = min((region.right + 0.25) / width_px, 1.0)
@@ -126,7 +126,9 @@ def set_border(render: Any, region: Region, width_px: int, height_px: int) -> No
 
 
 def keep_changing(recorder: SettingsRestorer, scene: bpy.types.Scene) -> tuple[str, int]:
-    """Remember what changes from render to render; return the user's mode and number of threads."""
+    """Record settings that change from render to render; return the user's mode and number of
+    threads.
+    """
     render = scene.render
     mode = render.threads_mode
     render.threads_mode = "FIXED"  # else `threads` is that of the machine
@@ -148,7 +150,7 @@ def keep_changing(recorder: SettingsRestorer, scene: bpy.types.Scene) -> tuple[s
 
 
 def set_format(recorder: SettingsRestorer, render: Any, path: Path) -> None:
-    """Have renders written as multilayer EXR files that are read back at once."""
+    """Make renders write multilayer EXR files that can be read quickly."""
     # The measuring settings remember the user's format; ours replaces theirs within it.
     image, put = render.image_settings, recorder.set
     if hasattr(image, "media_type"):
@@ -171,9 +173,10 @@ def numbered_objects() -> list[Any]:
 def number_objects(
     recorder: SettingsRestorer,
 ) -> tuple[list[str], frozenset[int], frozenset[int]]:
-    """Give every surface a number that its pixels carry.
+    """Give each surface a number that its pixels carry.
 
-    Return the names, and the numbers of those that let nothing through, and that are not rendered.
+    Return the names, and the numbers of the surfaces that let nothing through and of those that are
+    not rendered.
     """
     opaque, hidden = set(), set()
     opaque_material = cache(lambda material: read_surface(material).is_opaque)
@@ -209,7 +212,7 @@ def add_passes(
 def add_light_group(
     recorder: SettingsRestorer, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, name: str
 ) -> None:
-    """Add a light group; the active one changes as it is taken back."""
+    """Add a light group. The active light group is restored with it."""
     # The operator would have Blender sort all objects of the scene twice. The new camera does once.
     if name not in view_layer.lightgroups:
         view_layer.lightgroups.add(name=name)
@@ -225,9 +228,9 @@ def _remove_light_group(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer,
 
 
 def add_encoding_world(recorder: SettingsRestorer, scene: bpy.types.Scene) -> Any:
-    """Add a black world whose volume carries the range encoding; return the volume's node.
+    """Add a black world whose volume carries the range encoding; return the node of the volume.
 
-    It attenuates red by 1/k and green by 2/k per unit, and blue by 1/k where the scene is coloured.
+    Per unit of length, red decays by 1/k, green by 2/k, and blue by 1/k if the scene is coloured.
     """
     world = bpy.data.worlds.new(_WORLD)
     recorder.on_restore(_WORLD, lambda: bpy.data.worlds.remove(world))
@@ -257,7 +260,7 @@ def add_encoding_world(recorder: SettingsRestorer, scene: bpy.types.Scene) -> An
 
 
 def _is_opaque(item: bpy.types.Object, opaque_material: Callable[[Any], bool]) -> bool:
-    """Whether an object is known to let nothing through; geometry nodes may set any material."""
+    """Return whether an object surely lets nothing through; geometry nodes may set any material."""
     if has_no_faces(item):
         return True
     slots = item.material_slots
@@ -267,12 +270,13 @@ def _is_opaque(item: bpy.types.Object, opaque_material: Callable[[Any], bool]) -
 
 
 class ImageLamps:
-    """The transmitter of a scene, and lamps in the places of its images: one of all shines.
+    """The transmitter of a scene, and lamps in the places of its images. One of them is on.
 
-    An image lamp has the transmitter's own light data. Nothing blocks it: what lies between a
-    surface and the place behind a mirror is no obstacle, and what is one is found in numpy. Light
-    linking does this with a blocker collection that holds one empty mesh; an empty collection would
-    block everything. Both range encodings stay right, because the ray goes straight to the image.
+    An image lamp shares the transmitter's light data. Nothing blocks its light: what lies between a
+    surface and a place behind a mirror is no obstacle, and real obstacles are found by rays on the
+    meshes. Light linking does this with a blocker collection that holds one empty mesh; an empty
+    collection would block everything. Both range encodings stay correct, because the ray goes
+    straight to the image.
     """
 
     def __init__(
@@ -284,7 +288,7 @@ class ImageLamps:
         self._shining = 0
 
     def place(self, places: Real) -> None:
-        """Put a lamp at each place, (n, 3) [Blender units]; the transmitter shines."""
+        """Put a lamp at each place, (n, 3) [Blender units], and turn the transmitter on."""
         while len(self._lamps) < len(places):
             self._add()
         for lamp, place in zip(self._lamps, places, strict=False):
@@ -292,7 +296,7 @@ class ImageLamps:
         self.shine(0)
 
     def shine(self, number: int) -> None:
-        """Let the transmitter shine, 0, or an image, from 1; all others are off."""
+        """Turn on the transmitter, 0, or an image, from 1; all others are off."""
         if number == self._shining:
             return
         self._shining = number
@@ -326,13 +330,13 @@ class ImageLamps:
 def add_vertex_marks(
     recorder: SettingsRestorer, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
 ) -> None:
-    """Give all Radar Materials the light of `VertexMark`, and their objects its light group.
+    """Add the light of `VertexMark` to all Radar Materials, and its light group to their objects.
 
-    A render tells where the last vertex is by colours of light. The transmitter's own would have to
-    be another render. Light of the surfaces is a light group of its own, so each render has both.
-    Cycles does not sample it like a lamp (emission sampling "NONE"), so it leaves all paths as they
-    are. A surface that shines is shaded where the last ray of a path ends, which other runs do
-    without.
+    Colours of light give the place of the last vertex. Colours of the transmitter would need a
+    separate render. The light of the surfaces is a light group, so each render has both. Cycles
+    does not sample it like a lamp (emission sampling "NONE"), so no path changes. Cycles must shade
+    a surface that emits light where the last ray of a path ends, which runs without marks do not
+    need.
     """
     add_light_group(recorder, scene, view_layer, MARK_GROUP)
     for item in numbered_objects():
@@ -383,11 +387,11 @@ def _surface_output(tree: bpy.types.NodeTree) -> Any:
 
 
 class EmptyScene:
-    """A scene without objects, which is made where it is first worth it.
+    """A scene without objects, which is made when it first saves time.
 
-    An operator that Python calls first evaluates the scene of the context, all objects of it: 10 ms
-    for 1000 objects, before each render. The render evaluates objects of its own, and reads none of
-    these.
+    An operator that Python calls first evaluates all objects of the context's scene: 10 ms for 1000
+    objects, before each render. The render evaluates the objects again and does not use the first
+    result.
     """
 
     def __init__(self, recorder: SettingsRestorer) -> None:
@@ -397,9 +401,10 @@ class EmptyScene:
 
     @contextlib.contextmanager
     def entered(self, rendered: Any) -> Iterator[None]:
-        """Call the operator that renders a scene, which it is told, from the empty one.
+        """Make the empty scene the context of a `with` block, in which another scene is rendered.
 
-        From the user's, where there are few objects, or scripts may read which scene is active.
+        The context stays the user's if there are few objects, or if scripts may read the active
+        scene.
         """
         if self._useful is None:
             self._useful = len(bpy.data.objects) >= _MANY and not reads_context()

@@ -465,10 +465,10 @@ def os_equivalent(mean: float, variance: float, rank: float) -> tuple[float, flo
     return low, mean / os_moments(low, rank)[0]
 
 
-def drawn_statistic(covariance: Complex, k: int, seed: int = 0) -> Real:
+def drawn_statistic(covariance: Complex, k: int) -> Real:
     """Draw the k-th smallest power of cells with a covariance (n, n) at random, (draws,)."""
     mixing = _root(covariance) / math.sqrt(2)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     white = rng.standard_normal((_DRAWS, 2, mixing.shape[0]))
     power = np.abs(np.einsum("ij,jk->ik", white[:, 0] + 1j * white[:, 1], mixing)) ** 2
     return np.asarray(np.partition(power, k - 1, axis=1)[:, k - 1])

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The path table: one row per pixel with an echo, and the surface that each row stands for.
+"""The path table: one row for each pixel with an echo, and the surface that a row stands for.
 
-In: the table of a frame, or lengths and powers of your own. Out: `Paths` (path lengths [m],
-radiances [W/m^2/sr], solid angles [sr]) and the table's rows.
+In: the table of a frame, or your own lengths and powers. Out: `Paths` (path lengths [m], radiances
+[W/m^2/sr], solid angles [sr]) and the rows of the table.
 
-`table` has the rows as columns, and their file; `table_files` opens the table of a frame, checked,
-and gives lengths, geometry and motion of its rows. `paths` has the paths in memory, their
-selection, power, and lengths between displaced antenna elements. A path stands for all that its
-pixel covers: `footprints` spreads it over points between the neighbouring rays, `table_footprints`
-does that with places in space and for range bins. `replicates` has the sub-pixel offsets of a grid
-and the error that its edges leave, `triangles` finds in float64 where rays hit a mesh.
+`table` has the rows as columns, and their file. `table_files` opens and checks the table of a
+frame, and computes lengths, geometry and motion of its rows. `paths` has the paths in memory: their
+selection, power, and lengths between displaced antenna elements. A path stands for the whole
+surface in its pixel. `footprints` spreads it over points between the neighbouring rays;
+`table_footprints` does this with places in space, and for range bins. `replicates` has the
+sub-pixel offsets of a pixel grid, and the error at edges along the grid. `triangles` finds in
+float64 where rays hit a mesh.
 """
 
 from .footprints import (

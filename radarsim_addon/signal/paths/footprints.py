@@ -1,23 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The part of range, range rate and place that a pixel's surface covers, from its neighbours.
+"""Range, range rate and place over the surface of a pixel, from its neighbours.
 
-A path stands for all that its pixel sees. A surface at grazing incidence extends over many range
-bins in one pixel; single paths would have an echo in one of them and none in the others. Between
-the rays of one object lengths follow a parabola: from its own ray a pixel reaches half-way to its
-neighbours. Its power, which it keeps, is spread over that according to the neighbours' powers.
-Expected powers and the echoes of rough surfaces are formed of the same points (`table_footprints`);
-where pixels add up in phase, single paths stay as they are.
+A path stands for the whole surface in its pixel. A surface at grazing incidence extends over many
+range bins in one pixel. A single path would put its whole echo into one bin and leave the others
+empty. Between the rays of one object, lengths follow a parabola, and a pixel reaches half-way to
+the neighbouring rays. The power of a pixel is spread over this interval in proportion to the
+neighbours' powers; its sum stays the same. Expected powers and the echoes of rough surfaces use the
+same points (`table_footprints`). Where pixels add up in phase, single paths are used.
 
-Nothing is spread at orders above 1 (which are random), where the ranges to both sides contradict
-each other (the nearest point of a sphere, a protruding edge), and beyond the last ray of an object
-where it comes nearer (a strong one would lend power to ranges before it); where it recedes (a limb,
-a horizon) it continues for half a pixel. Where the steps to both sides differ too much (a step in
-the surface), the smaller one counts.
+A path is not spread in these cases:
 
-In order: `grid_places` finds column and row of each ray's pixel from the directions, `steps_of`
-the differences to the rays around it, `spread` the points, a grid of lines across and up in each
-pixel. Values change along both axes independently, so changes are computed line by line, of which
-there are fewer than points.
+- orders above 1, whose paths are random
+- ranges to both sides that contradict each other: the nearest point of a sphere, a protruding edge
+- beyond the last ray of an object that comes nearer: a strong ray would add power at shorter ranges
+
+Beyond the last ray of an object that recedes (a limb, a horizon), it is spread over half a pixel.
+Where the steps to both sides differ too much (a step in the surface), the smaller one is used.
+
+`grid_places` finds column and row of each ray's pixel from the directions. `steps_of` computes the
+differences from the neighbouring rays. `spread` makes the points, a grid of lines across and up in
+each pixel. Values change along both axes independently, so changes are computed for each line, and
+there are fewer lines than points.
 """
 
 from __future__ import annotations
@@ -37,17 +40,18 @@ from .table_files import usable
 #: Angles between rays of a sphere that are rounding, as a fraction of a pixel's side, and those of
 #: tables in which directions and pose are of two float32 matrices [rad].
 _SAME, _SAME_RAD = 1e-3, 3e-7
-#: Most pixels of an image. Tiles are smaller; a table that was put together otherwise may not be.
+#: Most pixels of an image. Tiles are smaller; a table from elsewhere may have larger ones.
 _MOST_PX = 1 << 25
 #: Paths whose places are kept: 16 bytes each.
 _MOST_KEPT = 1 << 20
-#: Pixels from one path to the next that is no neighbour of it, nor of a neighbour.
+#: Least distance of paths that are neither neighbours nor have one in common [pixels].
 _GAP = 3
 
 
 def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
-    """Return which rows have a known pixel, (n,). For parallel rays it follows from their end, for
-    others from their direction.
+    """Return which rows have a known pixel, (n,).
+
+    For parallel rays it follows from the end of the ray, for others from the direction.
     """
     if receiver.kind == "orthographic":
         return are_finite(rows["first_scatterer_m"])
@@ -58,13 +62,13 @@ def placed(rows: PathRows, receiver: ReceiverRecord) -> NDArray[np.bool_]:
 
 
 def grid_places(rows: PathRows, receiver: ReceiverRecord, count: int) -> tuple[Integers, Integers]:
-    """Return column and row of each path's pixel, counted from the first pixel in use, (n,).
+    """Return column and row of each path's pixel, counted from the first used pixel, (n,).
 
-    The rows are of one tile at one of `count` replicates. There is at least one row, and all are
-    `placed`.
+    The rows are of one tile at one of `count` replicates. There is at least one row, and all rows
+    are `placed`.
     """
     pose = np.array(receiver.matrix_world, dtype=np.float64)
-    # No BLAS, whose threads wait for one another longer than three columns take.
+    # Not by BLAS: its threads wait for one another longer than three columns take.
     local = np.einsum("ni,ij->nj", np.array(rows["direction"]), pose[:3, :3])
     area = count * rows["solid_angle_sr"]
     if receiver.kind == "equirectangular":
@@ -93,8 +97,8 @@ def joined_places(
 ) -> tuple[Integers, Integers]:
     """Return `grid_places` for the rows of several views.
 
-    The grids of the views lie next to each other with a gap, so that paths of different views are
-    not neighbours.
+    The grids of the views lie next to each other, with a gap between them, so that paths of
+    different views are not neighbours.
     """
     limits = zip(*view_limits(rows), strict=True)
     return _side_by_side([grid_places(rows[a:b], receiver, count) for a, b in limits])
@@ -113,16 +117,16 @@ Places = Callable[[PathRows, ReceiverRecord, int], tuple[Integers, Integers]]
 
 
 class GridPlaces:
-    """Places of a table's views in their grids, found once for two users."""
+    """Places of a table's views in their grids, computed once for two users."""
 
     def __init__(self) -> None:
         self._kept: dict[int, tuple[Integers, Integers]] = {}
 
     def of_views(self, number: Indices) -> Places:
-        """Return a `Places` for rows of one view or of several, whose rows have the numbers
-        `number` in the table, (n,).
+        """Return a `Places` for rows of one or several views, with these numbers in the table,
+        (n,).
 
-        It keeps the places of all rows of a view until they are used once more.
+        It keeps the places of all rows of a view until they are used a second time.
         """
 
         def places(
@@ -150,7 +154,7 @@ class GridPlaces:
 
 
 def _from_widest_gap(angle: Real) -> Real:
-    """Return angles from 0 to 2 pi that begin where most of the circle is empty."""
+    """Return angles from 0 to 2 pi, counted from the end of the widest empty part of the circle."""
     ordered = np.sort(angle)
     gaps = np.diff(ordered, append=ordered[0] + 2 * math.pi)
     widest = int(np.argmax(gaps))
@@ -180,9 +184,9 @@ def _least_step(places: Real, same: float) -> float:
 
 
 def _bounded(col: Integers, row: Integers) -> tuple[Integers, Integers]:
-    """Return places in an image that is not too large, with the same neighbours.
+    """Return places with the same neighbours in an image of limited size.
 
-    If the image would be too large, empty columns and rows between paths are left out. If that is
+    If the image would be too large, empty columns and rows between paths are removed. If that is
     not enough, no path has a neighbour.
     """
     if _pixels(col, row) > _MOST_PX:
@@ -197,13 +201,13 @@ def _pixels(col: Integers, row: Integers) -> float:
 
 
 def _without_gaps(places: Integers) -> Integers:
-    """Return numbers without gaps: neighbours stay adjacent, and others stay apart."""
+    """Return numbers without gaps: neighbours stay adjacent, others stay apart."""
     found, number = np.unique(places, return_inverse=True)
     return np.asarray(np.cumsum(np.minimum(np.diff(found, prepend=found[0]), _GAP))[number])
 
 
-#: Largest step of power that is followed, as a fraction of it: half of it along two axes is less
-#: than all there is.
+#: Largest step of power that is used, as a fraction of the power: half of it along two axes is
+#: less than the whole power.
 _LARGEST_STEP = 0.9
 #: Points that rows are spread over: so many times the rows of a view, or so many at least.
 _POINTS_A_ROW, _LEAST_POINTS = 16, 1 << 17
@@ -214,8 +218,9 @@ _CHUNK, _RAYS_AT_ONCE = 1 << 15, 1 << 13
 
 @dataclass(frozen=True)
 class Steps:
-    """Changes from ray to ray of n rows, (n, 2, 2): by axis (across, up) and side (before, after),
-    counted along the axis; 0 where unknown.
+    """Changes from ray to ray of n rows, (n, 2, 2); 0 where unknown.
+
+    They are by axis (across, up) and by side (before, after), and counted along the axis.
     """
 
     length_m: Real
@@ -240,7 +245,7 @@ class Steps:
 
 @dataclass(frozen=True)
 class Points:
-    """Points that the rows of a tile replicate are spread over."""
+    """Points over which the rows of a tile replicate are spread."""
 
     #: Row that each point belongs to, (points,).
     row: Indices
@@ -254,8 +259,9 @@ class Points:
 def steps_of(
     rows: PathRows, receiver: ReceiverRecord, count: int, grid: Places = grid_places
 ) -> Steps:
-    """Compute the differences between neighbouring rays of a tile at one of `count` replicates;
-    with `joined_places` of several.
+    """Compute the differences between neighbouring rays of a tile at one of `count` replicates.
+
+    With `joined_places` the rows may be of several tiles.
     """
     own = np.arange(rows.size)
     between = np.broadcast_to(own[:, None, None, None], (rows.size, 2, 2, 2)).copy()
@@ -284,7 +290,7 @@ def steps_of(
 
 
 def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
-    """Return the steps of power over the rays' own, (n, 2, 2), as `Steps` has them."""
+    """Return the steps of power as fractions of the power of each ray, (n, 2, 2), as in `Steps`."""
     own_w = own_w[:, None, None]
     steps = _differences(power_w, between)
     with np.errstate(over="ignore"):  # next to a power of 1e-215 W, say: clipped below
@@ -293,9 +299,7 @@ def power_steps(power_w: Real, between: Indices, own_w: Real) -> Real:
 
 
 def _differences(values: Real, between: Indices) -> Real:
-    """Return the steps of values; 0 to or from one that is not finite, which is refused where it is
-    used.
-    """
+    """Return the steps of values; 0 next to a value that is not finite (refused later)."""
     with np.errstate(invalid="ignore"):
         steps = values.take(between[..., 1]) - values.take(between[..., 0])
     known = np.isfinite(steps)
@@ -305,10 +309,10 @@ def _differences(values: Real, between: Indices) -> Real:
 def _chains(
     col: Integers, row: Integers, owner: NDArray[np.int64]
 ) -> Iterator[tuple[int, Indices]]:
-    """Yield five rays in a line across (0), and up (1): two before each, itself, two after it, (5,
-    m), for some rays at a time.
+    """Yield five rays in a line, across (0) and up (1), (5, m), for some rays at a time.
 
-    Where another owner begins, the last ray of the own one stands for all that follow.
+    They are the two rays before each ray, the ray, and the two rays after it. Where another owner
+    begins, the last ray of the own one replaces all rays that follow.
     """
     # two empty pixels all around: nothing wraps, and every ray has two on each side
     width = int(np.ptp(col)) + 5
@@ -332,8 +336,9 @@ def _chains(
 
 
 def _counting(length_m: Real, rays: Indices) -> Indices:
-    """Return the rays that the step to each side leads from and to, (n, 2, 2), the ray twice for
-    none, of chains of five rays and their lengths, (5, n).
+    """Return the rays from which and to which the step to each side leads, (n, 2, 2).
+
+    The chains have five rays with their lengths, (5, n). Without a step, both rays are the same.
     """
     step = np.diff(length_m, axis=0)
     size = abs(step)
@@ -350,8 +355,8 @@ def _counting(length_m: Real, rays: Indices) -> Indices:
     smaller = near <= far
     # steps of one smooth surface differ by a smaller factor
     rough = np.maximum(near, far) > 4.0 * np.minimum(near, far)
-    # How far a surface extends beyond the last ray is unknown. Where it comes nearer, that half
-    # stays at the ray; where it recedes (a limb, a horizon), the step before continues.
+    # The extent of a surface beyond the last ray is unknown. Where the surface comes nearer, that
+    # half has the value of the ray; where it recedes (a limb, a horizon), the last step continues.
     monotonic = before * after > 0
     goes = monotonic & (to | (before < 0)), monotonic & (on | (after > 0))
     chosen = np.where(rough & ~smaller, last, first), np.where(rough & smaller, first, last)
@@ -386,8 +391,9 @@ class PixelPoints:
 
     @classmethod
     def of(cls, along: Indices) -> PixelPoints:
-        """Return the points of rows with so many across and up, (rows, 2): line by line, from
-        below, each from left to right.
+        """Return the points of rows with these numbers across and up, (rows, 2).
+
+        They are in order of lines from below, and of places from left to right.
         """
         across, up = along.T
         first, second = (_lines(count) for count in (across, up))
@@ -402,15 +408,16 @@ class PixelPoints:
 
 
 def _lines(count: Indices) -> tuple[Indices, Real]:
-    """Return the row of each of so many lines in pixels, and its place in the pixel, (lines,)."""
+    """Return row and place of each line, (lines,), with these numbers of lines in pixels."""
     row = np.repeat(np.arange(count.size), count)
     number = np.arange(row.size) - (np.cumsum(count) - count).take(row)
     return row, (number + 0.5) / count.take(row) - 0.5
 
 
 def along_steps(steps: Real, points: PixelPoints) -> Real:
-    """Return the change of values, (points,), at points in pixels of rows with these steps, (n, 2,
-    2).
+    """Return the change of values, (points,), at points in the pixels of rows.
+
+    `steps` are those of the rows, (n, 2, 2).
     """
     if not steps.any():
         return np.zeros(points.row.size)
@@ -426,11 +433,12 @@ def along_steps(steps: Real, points: PixelPoints) -> Real:
 
 
 def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
-    """Yield the factors of x, x^2 and |x| by which values change at x in a pixel across, and up,
+    """Yield the factors of x, x^2 and |x| in the change of values at x in a pixel, across and up,
     (n,) each.
 
-    With a step on either side it is the parabola through the three rays, which the neighbours'
-    meets half-way; with one side alone that half is straight, and the other one stays at the ray.
+    With steps on both sides, the change is the parabola through the three rays; it meets the
+    neighbour's parabola half-way. With a step on one side, that half is a straight line, and the
+    other half has the value of the ray.
     """
     for before, after in ((steps[:, axis, 0], steps[:, axis, 1]) for axis in (0, 1)):
         known = (before != 0) & (after != 0)
@@ -439,7 +447,7 @@ def courses(steps: Real) -> Iterator[tuple[Real, Real, Real]]:
 
 
 def shares(power_steps: Real, points: PixelPoints) -> Real:
-    """Return the fraction of its row's power that each point has, (points,); they add up to 1."""
+    """Return the fraction of its row's power that each point has, (points,). They add up to 1."""
     row, share = points.row, along_steps(power_steps, points)
     share += 1
     share /= np.bincount(row, share).take(row)
@@ -449,8 +457,10 @@ def shares(power_steps: Real, points: PixelPoints) -> Real:
 def points_along(
     steps: Steps, cell_m: float, cell_mps: float, most_a_row: int = _POINTS_A_ROW, views: int = 1
 ) -> Indices:
-    """Return how many points stand for each row across and up, (n, 2), see `spread`. In all there
-    are at most `most_a_row` times the rows, or a number for each view that costs nothing.
+    """Return the number of points across and up for each row, (n, 2), see `spread`.
+
+    In all there are at most `most_a_row` points per row, or a minimum for each view that takes no
+    time.
     """
     # by columns: reductions over two are slow
     length_m, rate_mps = abs(steps.length_m), abs(steps.range_rate_mps)
@@ -459,7 +469,7 @@ def points_along(
         extent = np.maximum(extent, np.maximum(rate_mps[..., 0], rate_mps[..., 1]) / cell_mps)
     most = max(most_a_row * len(extent), _LEAST_POINTS * views)
     along = np.clip(np.ceil(extent), 1, 4096).astype(np.intp)
-    # Many rows that reach far overlap one another: coarser points do for those that reach farthest.
+    # Many wide rows overlap one another, so coarser points suffice for the widest ones.
     while int(along[:, 0] @ along[:, 1]) > most:
         along = np.minimum(along, max(int(0.8 * along.max()), 1))
     return along
@@ -473,12 +483,11 @@ def spread(
     border_m: float = 0.0,
     views: int = 1,
 ) -> Iterator[Points]:
-    """Yield points that stand for the rows of some views, no further apart than cells, a part at a
-    time.
+    """Yield points that stand for the rows of some views, at most one cell apart, in parts.
 
-    Cells are `cell_m` of total length and `cell_mps` of range rate; a cell ends at the total length
-    `border_m`. A point that reaches over such a border, or others whole cells away from it, is cut
-    in two there. The fractions of a row add up to 1.
+    Cells are `cell_m` of total length and `cell_mps` of range rate. One cell ends at the total
+    length `border_m`. A point that extends over this border, or over one whole cells away from it,
+    is cut in two there. The fractions of a row add up to 1.
     """
     along = points_along(steps, cell_m, cell_mps, views=views)
     points, covered_m = along[:, 0] * along[:, 1], widths_m(steps, along)
@@ -504,14 +513,16 @@ def spread(
 
 
 def widths_m(steps: Steps, along: Indices) -> Real:
-    """Return the total length that each of so many points covers along the wider axis, (n,) [m]."""
+    """Return the total length that each point covers along the wider axis, (n,) [m]."""
     size_m = abs(steps.length_m)
     covered_m = (size_m[..., 0] + size_m[..., 1]) / 2 / along
     return np.maximum(covered_m[:, 0], covered_m[:, 1])
 
 
 def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: float) -> Points:
-    """Return the points, cut in two where they reach over a border; each is even over its width."""
+    """Return the points, cut in two at borders of cells. The power of a point is even over its
+    width.
+    """
     low_m = points.length_m - width_m / 2
     over_m = low_m + width_m
     low_m -= border_m
@@ -538,7 +549,7 @@ def _cut_at_borders(points: Points, width_m: Real, cell_m: float, border_m: floa
 
 
 def view_limits(table: PathRows) -> tuple[Indices, Indices]:
-    """Return where the views of a table (a tile at one replicate) start and stop, (views,) each."""
+    """Return where each view of a table (a tile at one replicate) begins and ends, (views,)."""
     tile, replicate = np.asarray(table["tile"]), np.asarray(table["replicate"])
     cuts = np.flatnonzero((np.diff(tile) != 0) | (np.diff(replicate) != 0)) + 1
     starts = np.concatenate([[0], cuts])[: table.size].astype(np.intp)
@@ -554,8 +565,9 @@ def tiles_by_replicate(table: PathRows, replicates: int) -> Iterator[Iterator[Pa
 def views_by_replicate(
     table: PathRows, replicates: int
 ) -> Iterator[Iterator[tuple[Indices, PathRows]]]:
-    """Yield, for each replicate, an iterator over the numbers and rows of each tile that have a
-    length. The table has tile by tile, and in each of them replicate by replicate.
+    """Yield, for each replicate, an iterator over the numbers and rows of each tile with a length.
+
+    In the table, tiles follow one another, and in each tile its replicates.
     """
     starts, stops = view_limits(table)
     replicate = np.asarray(table["replicate"])[starts]

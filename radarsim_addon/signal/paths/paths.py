@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders as a table of propagation paths: one row for each pixel with an echo.
+"""Propagation paths of a render: one row for each pixel with an echo.
 
-A pixel of solid angle dOmega that sees radiance L receives L A_e dOmega, A_e = lambda^2 G_r/(4 pi)
-(the radar equation summed over pixels: the return leg's 1/R^2 is in dOmega).
+A pixel of solid angle dOmega that sees the radiance L receives L A_e dOmega, with A_e = lambda^2
+G_r/(4 pi). This is the radar equation summed over pixels: the 1/R^2 of the return leg is in dOmega.
 
-Between the elements of a channel the length of a path is, at every moment and with spherical
+The length of a path between the elements of a channel is, at each moment and with spherical
 wavefronts,
 
     l_ij = l - |rx - P_first| - |P_last - tx| + |rx_j - P_first| + |P_last - tx_i|
 
-The differences are formed without cancellation, so that the length keeps the digits of the path's
-own.
+The differences are computed without cancellation, so l_ij has as many digits as l.
 """
 
 from __future__ import annotations
@@ -137,7 +136,7 @@ class PathCounts:
 
     @classmethod
     def of(cls, flags: Flags, **left_out: int) -> PathCounts:
-        """Count paths by their flags, (n,); `left_out` are the counts that flags do not give."""
+        """Count paths by their flags, (n,). `left_out` are counts that do not follow from flags."""
         flagged = {
             name: int(np.count_nonzero(flags & PATH_FLAGS[name]))
             for name in cls.__dataclass_fields__
@@ -285,10 +284,10 @@ def select_columns(table: Table, rows: Rows) -> Table:
 
 
 def join_columns(tables: Sequence[Table], **joined: object) -> Table:
-    """Return the rows of several tables (one at least) of one type, one behind the other.
+    """Return the rows of one or more tables of the same type, one after another.
 
-    Where a table has None for a column, it is filled with the field's metadata "absent"; without
-    that the result has None, too. `joined` are fields that are no arrays, already joined.
+    If a table has None for a column, the field's metadata "absent" fills it; without that metadata,
+    the result is None. `joined` are fields that are not arrays, already joined.
     """
     kind: Any = type(tables[0])
     for item in dataclasses.fields(kind):
@@ -342,8 +341,8 @@ def make_paths(
     return Paths(radiance_, solid, length, rate, zeros, zeros, zeros, flags, PathCounts.of(flags))
 
 
-#: Fraction of the received power below which paths cause no finding. Where 1 W is received, this
-#: is thermal noise in a bandwidth of 2.5 Hz: no burst shorter than 0.4 s shows weaker echoes.
+#: Fraction of the received power below which paths cause no finding. If 1 W is received, this is
+#: thermal noise in a bandwidth of 2.5 Hz: no burst shorter than 0.4 s shows weaker echoes.
 NEGLIGIBLE_FRACTION = 1e-20
 
 
@@ -404,8 +403,9 @@ class SharedValues:
 class ChannelMotion:
     """`PathMotion` of paths between two elements (`channel`) of the antennas.
 
-    `reference` is between the antennas' origins, whose motion is `antennas`; the vertices at t are
-    (n, 3) [m]; `images` are those over which the paths go.
+    `reference` is the motion of the same paths between the origins of the antennas, and `antennas`
+    that of the origins. The vertices at t are (n, 3) [m]. `images` are those over which the paths
+    go.
     """
 
     reference: PathMotion
@@ -528,7 +528,7 @@ def channel_lengths(
         rows = slice(start, start + part.moving.size)
         first, last = geometry.first_scatterer_m[rows], geometry.last_scatterer_m[rows]
         if isinstance(part, KinematicMotion):
-            # of a surface's speckle the length is over its scatterers
+            # for speckle, the length is that over the scatterers of the surface
             first, last = part.first_scatterer_m, part.last_scatterer_m
         images = None if geometry.images is None else geometry.images.select(rows)
         found.append(

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sub-pixel replicates of a pixel grid, and the error that edges along the grid leave.
+"""Sub-pixel replicates of a pixel grid, and the error at edges along the grid.
 
-The scatter of the replicates gives the error of their mean, except at edges that run along the
-grid: a side of 20.1 pixels mostly contains 20 columns in all replicates, and their scatter shows
-nothing of the tenth of a column. Such an edge lies somewhere between the rays nearest to it. That
-bounds the error from below, run by run of pixels whose edge lies in one line; an oblique edge has
+The scatter of the replicates gives the error of their mean, except at edges along the grid. A side
+of 20.1 pixels mostly covers 20 columns in all replicates, so their scatter does not show the
+missing tenth of a column. Such an edge lies somewhere between the rays nearest to it. This gives a
+lower bound of the error for each run of pixels whose edge lies in one line. An oblique edge has
 short runs and adds little.
 
-A single replicate has no scatter. Its error is that of its edges, and the differences of
+A single replicate has no scatter. Its error is that at its edges, and that from the differences of
 neighbouring pixels of one surface.
 """
 
@@ -32,8 +32,8 @@ _R2 = (0.7548776662466927, 0.5698402909980532)
 def replicate_offset_px(index: int) -> tuple[float, float]:
     """Return the sub-pixel offset of a replicate, across and up [pixels], each from -1/2 to 1/2.
 
-    A low-discrepancy sequence that starts off the pixel centre: a ray exactly on the shared edge of
-    two triangles counts both.
+    It is a low-discrepancy sequence that does not start at the pixel centre: a ray exactly on the
+    shared edge of two triangles counts both.
     """
     u = (0.5 + _R2[0] * (index + 1)) % 1.0 - 0.5
     v = (0.5 + _R2[1] * (index + 1)) % 1.0 - 0.5
@@ -69,10 +69,10 @@ def edge_variances(
     count: int,
     grid: Places = grid_places,
 ) -> Real:
-    """Compute the least variance of the mean value of each label, by its edges along the grid.
+    """Compute the least variance of the mean value of each label, from its edges along the grid.
 
     The rows are of one tile at one of `count` replicates. Each has a label from 1 (0: none) and a
-    value such as the power of the replicate alone, (n,). Gives (labels + 1,), by label from 0.
+    value, such as the power of the replicate alone, (n,). Return (labels + 1,), by label from 0.
     """
     total = np.zeros((1, int(label.max(initial=0)) + 1))
     label = np.where(placed(rows, receiver), label, 0)
@@ -88,15 +88,16 @@ def lone_variances(
     receiver: ReceiverRecord,
     grid: Places = grid_places,
 ) -> Real:
-    """Compute the variance of the value of each label where there is one replicate alone.
+    """Compute the variance of the value of each label if there is only one replicate.
 
-    To the part of the edges comes the difference within a surface: a grid of rays samples it
-    systematically, and neighbours of one surface and path class have the same expectation except
-    for the change from one pixel to the next. Half the mean squared difference of two is therefore
-    the variance of one, or more (successive differences: Wolter, Introduction to Variance
-    Estimation, 2007, ch. 8). A pixel without neighbours may be wrong by all of itself.
+    It is the variance at edges, and that from differences within a surface. A grid of rays samples
+    a surface systematically, and neighbours of one surface and path class have the same expectation
+    except for the change from one pixel to the next. Half the mean squared difference of two pixels
+    is therefore the variance of one, or more (successive differences: Wolter, Introduction to
+    Variance Estimation, 2007, ch. 8). The error of a pixel without neighbours may be its whole
+    value.
 
-    Arguments are as for `edge_variances`; values (sets, n) give (sets, labels + 1).
+    Arguments are those of `edge_variances`; values (sets, n) give (sets, labels + 1).
     """
     sets, size = np.atleast_2d(value), int(label.max(initial=0)) + 1
     known = placed(rows, receiver)
@@ -117,8 +118,9 @@ def _images(
     count: int,
     grid: Places = grid_places,
 ) -> Iterator[tuple[Integers, Real]]:
-    """Yield labels, and values (sets, n), on the grid of pixels, path class by path class, with an
-    empty rim. Rows of label 0 are left out.
+    """Yield labels and values (sets, n) on the pixel grid, one path class after another.
+
+    The border of the grid is empty. Rows of label 0 are left out.
     """
     kept = np.flatnonzero(label > 0)
     if kept.size == 0:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The table of propagation paths: one row per path, kept as columns.
+"""The table of propagation paths: one row per path, stored in columns.
 
-In memory, `PathRows` has a column for each quantity. On disk a table is a ``.npz`` archive without
-compression, one ``.npy`` member for each column, which follow one another: ``numpy.load`` opens it,
-and `open_table` maps its columns into memory. Nothing is pickled. Tables are written in parts that
-are never all in memory, so a run may be larger than the machine. Each column has its own digest.
+In memory, `PathRows` has a column for each quantity. On disk, a table is a ``.npz`` archive without
+compression, with one ``.npy`` member after another for the columns. ``numpy.load`` opens it, and
+`open_table` maps its columns into memory. Nothing is pickled. Tables are written in parts, of which
+only one is in memory, so a run may be larger than the memory of the machine. Each column has its
+own digest.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ CURVED_IMAGE_DTYPE = _dtype(
 
 
 def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
-    """Return the column groups of a table with these columns, by name."""
+    """Return the column groups of a table, by name, from the names of its columns."""
     if "transmitter_image" not in columns:
         return COLUMN_GROUPS
     # the end vertices of version 2 are seen over mirrors
@@ -127,7 +128,7 @@ def column_groups(columns: Collection[str]) -> dict[str, ColumnGroupRecord]:
 
 
 class Digest(Protocol):
-    """A hash that data are added to."""
+    """A hash to which data are added."""
 
     def update(self, data: bytes | memoryview, /) -> None: ...
 
@@ -135,9 +136,9 @@ class Digest(Protocol):
 class PathRows:
     """Rows of paths, as columns by name, (n,), or (n, k) with contiguous components.
 
-    A slice is a view: what is written to its columns is in these rows, too. Other rows, by numbers
-    or a mask, are copies. Those of a table on disk are read when a column is first asked for. One
-    row, by its number, is a read-only mapping.
+    A slice is a view: writing to its columns changes these rows, too. A choice by numbers or by a
+    mask is a copy. Columns of a table on disk are read when they are first used. One row, by its
+    number, is a read-only mapping.
     """
 
     def __init__(
@@ -226,14 +227,14 @@ class PathRows:
         raise TypeError("Rows of paths are no array: take a column, or copy().")
 
     def copy(self, *names: str) -> PathRows:
-        """Return the same rows, of these columns alone [all], in arrays of their own."""
+        """Return a copy of the rows with their own arrays, with the given columns only [all]."""
         names = names or self.names
         return PathRows({name: np.array(self[name].T, order="C").T for name in names})
 
     def chosen(self, rows: Indices, *names: str) -> PathRows:
-        """Return some rows, by numbers that rise, of these columns alone [all].
+        """Return some rows, by rising numbers, with the given columns only [all].
 
-        Of all rows, the columns are views.
+        If all rows are chosen, the columns are views.
         """
         columns = {name: self[name] for name in names or self.names}
         if rows.size < self.size:
@@ -241,7 +242,7 @@ class PathRows:
         return PathRows(columns)
 
     def replaced(self, **columns: NDArray[Any]) -> PathRows:
-        """Return the same rows with other columns in place of some."""
+        """Return the same rows, in which some columns are replaced by others."""
         if self._source is not None:
             return PathRows({**self._columns, **columns}, self._source, self._rows)
         if self._is_on_disk:
@@ -249,14 +250,14 @@ class PathRows:
         return PathRows({**self._columns, **columns})
 
     def widened(self, dtype: np.dtype[np.void]) -> PathRows:
-        """Return the rows with the further columns of a type, which are 0."""
+        """Return the rows with the additional columns of a type, which are 0."""
         columns = {name: self[name] for name in self.names}
         if more := [name for name in dtype.names or () if name not in columns]:
             columns |= PathRows.zeros(self.size, dtype[more])._columns
         return PathRows(columns)
 
     def write(self, stream: IO[bytes], digest: Digest) -> None:
-        """Write the rows to a file of parts, for `read`."""
+        """Write the rows to a file of parts, from which `read` returns them."""
         count = np.array([self.size], dtype="<u8")
         for column in (count, *(self[name].T for name in self.names)):
             data = _bytes_of(column)
@@ -278,20 +279,20 @@ class PathRows:
         return cls(columns)
 
     def equals(self, other: PathRows) -> bool:
-        """Whether the columns have the same names and bytes."""
+        """Return whether the columns have the same names and bytes."""
         return self.dtype == other.dtype and self.tobytes() == other.tobytes()
 
     def tobytes(self) -> bytes:
-        """Return the bytes of all columns, one behind the other."""
+        """Return the bytes of all columns, one after another."""
         return b"".join(self[name].tobytes() for name in self.names)
 
 
-#: Rows on disk of which fewer than one in so many are wanted are read one by one.
+#: If fewer than one row in so many is wanted from the disk, rows are read one by one.
 _SPARSE = 64
 
 
 def _taken(column: NDArray[Any], rows: Indices) -> NDArray[Any]:
-    """Return some rows of a column on disk: of rows near one another, as one piece."""
+    """Return some rows of a column on disk. Rows close together are read as one piece."""
     first, stop = (int(rows.min()), int(rows.max()) + 1) if rows.size else (0, 0)
     if stop - first > _SPARSE * rows.size:
         return np.asarray(column[rows])
@@ -317,7 +318,7 @@ def has_curved_images(rows: PathRows) -> bool:
 
 
 def scatterer_rows(rows: PathRows) -> PathRows:
-    """Return rows whose order leaves out the mirrors of images."""
+    """Return rows whose order does not count the mirrors of images."""
     if not has_images(rows) or not rows["mirrors"].any():
         return rows
     return rows.replaced(order=rows["order"] - rows["mirrors"])
@@ -327,7 +328,7 @@ def scatterer_rows(rows: PathRows) -> PathRows:
 
 #: Refuse headers that claim more rows than this: 5e9 rows are about a terabyte.
 MAX_ROWS = 5_000_000_000
-#: Bytes of a large table after which the disk begins to take them, while others are computed.
+#: Bytes after which a large table is sent to the disk, while more rows are computed.
 _SYNC_EVERY = 1 << 27
 #: Data of columns begin at multiples of so many bytes.
 _ALIGNED = 64
@@ -337,7 +338,7 @@ _DATE = 0x21
 
 @dataclass(frozen=True)
 class TableFile:
-    """A table that was written: number of rows, and digests by column."""
+    """A table that was written: its number of rows, and a digest for each column."""
 
     rows: int
     column_sha256: dict[str, str]
@@ -396,7 +397,7 @@ def _members(dtype: np.dtype[np.void], rows: int) -> list[_Member]:
 
 
 def _write_directory(stream: IO[bytes], members: Sequence[_Member], crcs: Sequence[int]) -> None:
-    """Write checksums into the headers, and the archive's directory behind the columns."""
+    """Write checksums into the headers, and the archive's directory after the columns."""
     for member, crc in zip(members, crcs, strict=True):
         stream.seek(member.offset + 14)
         stream.write(struct.pack("<L", crc))
@@ -414,9 +415,10 @@ def _write_directory(stream: IO[bytes], members: Sequence[_Member], crcs: Sequen
 def write_table(
     path: Path, parts: Iterable[PathRows], rows: int, dtype: np.dtype[np.void] = PATH_DTYPE
 ) -> TableFile:
-    """Write parts of so many rows in all as one file under a temporary name, then rename.
+    """Write parts with `rows` rows in total as one file, under a temporary name that is then
+    changed.
 
-    `dtype` has the columns of all parts, of which only one is in memory at a time.
+    `dtype` has the columns of all parts. Only one part is in memory at a time.
     """
     members, found, unsynced = _members(dtype, rows), 0, 0
     digests = [hashlib.sha256() for _ in members]
@@ -460,10 +462,10 @@ def open_table(
     listed: Mapping[str, ColumnGroupRecord] | None = None,
     needed: Collection[str] = tuple(COLUMN_GROUPS),
 ) -> PathRows:
-    """Open a table memory-mapped, with the columns of the groups that this version knows.
+    """Open a memory-mapped table, with the columns of the groups that this version supports.
 
-    `listed` are its groups by its sidecar (empty or None: from the columns alone); without one
-    of the `needed` groups the table is refused.
+    `listed` are the groups that its sidecar names (empty or None: they follow from the columns). A
+    table without one of the `needed` groups is refused.
     """
     try:
         columns = _map_columns(path)
@@ -510,7 +512,7 @@ def _map_columns(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def has_digests(table: PathRows, column_sha256: Mapping[str, str]) -> bool:
-    """Whether the columns of a table are those of which these are the digests."""
+    """Return whether these are the digests of the columns of a table."""
     return all(
         hashlib.sha256(_bytes_of(table[name])).hexdigest() == column_sha256.get(name)
         for name in table.names
@@ -523,7 +525,7 @@ def _known_columns(
     listed: Mapping[str, ColumnGroupRecord] | None,
     needed: Collection[str],
 ) -> list[str]:
-    """Return the columns of the known groups."""
+    """Return the columns of the supported groups."""
     found: list[str] = []
     # Without the columns of images, the ends of their paths would be misread.
     images = not listed or listed.get("geometry", COLUMN_GROUPS["geometry"]).version != 1
@@ -544,7 +546,7 @@ def _fault(
     columns: Mapping[str, NDArray[Any]],
     listed: ColumnGroupRecord | None,
 ) -> str:
-    """Return why a group cannot be read; empty where it can."""
+    """Return the reason why a group cannot be read; empty if it can."""
     if listed is None:
         return "its sidecar does not list it"
     if listed.version != group.version:
@@ -572,8 +574,9 @@ def unrendered_record(
     objects: Sequence[str],
     replicates: int = 1,
 ) -> PathsRecord:
-    """Return the record of a table of single reflections that no render has made, of frame 0: only
-    the arguments are known. Rows number the objects from 1.
+    """Return the record of a table of single reflections that was not rendered, of frame 0.
+
+    Only the arguments are known. Rows number the objects from 1.
     """
     return PathsRecord(
         frame=0,

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The table of a radar frame, opened and checked: lengths, vertices, images and motion of its rows.
 
-The rows are compared with the sidecar and the files of motion by their digests, and their numbers
-with bounds within which they can be summed. The digest of all rows is compared in
-`open_frame_table` and nowhere else: open a table once and hand it on.
+The rows are compared with the digests in the sidecar, and so are the files of motion. Their numbers
+must be within bounds, so that sums are finite. Only `open_frame_table` computes the digest of all
+rows: open a table once and pass it on.
 """
 
 from __future__ import annotations
@@ -41,6 +41,7 @@ _BOUNDS = {
 
 def read_paths_record(folder: Path, frame: int, run_fingerprint: str = "") -> PathsRecord:
     """Read the sidecar of a frame's table, which must be of this frame and run (empty: any run).
+
     Records of older versions name no run.
     """
     record = read_record(folder / PATHS_FILE, PathsRecord)
@@ -56,7 +57,7 @@ def read_paths_record(folder: Path, frame: int, run_fingerprint: str = "") -> Pa
 def open_frame_table(
     folder: Path, frame: int, run_fingerprint: str = ""
 ) -> tuple[PathsRecord, PathRows]:
-    """Open the sidecar and the mapped table of a frame, and check them against each other."""
+    """Open the sidecar and the mapped table of a frame, and compare them."""
     record = read_paths_record(folder, frame, run_fingerprint)
     path = folder / PATHS_TABLE
     table = open_table(path, record.column_groups)
@@ -75,9 +76,9 @@ def open_frame_table(
 
 
 def _check_numbers(path: Path, table: PathRows, record: PathsRecord) -> None:
-    """Check that each row names what the sidecar has, and that its quantities can be summed.
+    """Check that each row refers to entries of the sidecar, and that its quantities can be summed.
 
-    Raise a SchemaError for the former, a PathDataError for the latter.
+    Raises SchemaError for the former, PathDataError for the latter.
     """
     most = {"replicate": record.replicates - 1}
     most |= dict.fromkeys(("first_object", "last_object"), len(record.objects))
@@ -123,7 +124,7 @@ def usable(rows: PathRows) -> Mask:
 
 
 def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
-    """Read the motion of the bodies that the paths of a table touch; None: the run has none."""
+    """Read the motion of the bodies that the paths of a table touch; None if the run has none."""
     if not record.motion_file:
         return None
     if record.motion_file != MOTION_FILE:
@@ -136,8 +137,8 @@ def frame_motion(folder: Path, record: PathsRecord) -> FrameMotion | None:
 
 
 def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
-    """Return the radiance of rows, (n,) [W m^-2 sr^-1]: power over solid angle and an isotropic
-    receiver's effective area.
+    """Return the radiance of rows, (n,) [W m^-2 sr^-1]: the power over the solid angle and the
+    effective area of an isotropic receiver.
     """
     wavelength_m = SPEED_OF_LIGHT_MPS / record.carrier_hz
     area_m2 = float(effective_area_m2(wavelength_m))
@@ -145,7 +146,7 @@ def radiance_of(rows: PathRows, record: PathsRecord) -> Real:
 
 
 def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | None:
-    """Return the images over which rows go, from those in the table's sidecar; None: no images."""
+    """Return the images over which rows go, from the table's sidecar; None without images."""
     curved = has_curved_images(rows)
     if not (curved or (images and has_images(rows))):
         return None
@@ -161,8 +162,9 @@ def images_of(rows: PathRows, images: Sequence[ImageRecord]) -> PathImages | Non
 
 
 def planes_of(rows: PathRows) -> Real | None:
-    """Return normals and offsets of the planes of images in curved mirrors, of receiver and
-    transmitter, (n, 2, 4) [m]; None without the columns.
+    """Return normals and offsets of the planes of images in curved mirrors, (n, 2, 4) [m].
+
+    They are for receiver and transmitter; None without these columns.
     """
     if not has_curved_images(rows):
         return None
@@ -170,7 +172,7 @@ def planes_of(rows: PathRows) -> Real | None:
 
 
 def geometry_of(rows: PathRows, images: Sequence[ImageRecord] = ()) -> PathGeometry:
-    """Return the vertices and directions of rows; `images` are those that the rows name."""
+    """Return the vertices and directions of rows; `images` are those to which the rows refer."""
     return PathGeometry(
         order=rows["order"].astype(np.int32),
         transparent_depth=rows["transparent_depth"].astype(np.int32),

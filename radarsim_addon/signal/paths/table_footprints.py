@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rows of a table as the points that they are spread over, for echoes of rough surfaces.
+"""Rows of a table as the points over which they are spread, for echoes of rough surfaces.
 
-The points are those of expected power, see `footprints`, with their places in space: as a pixel
-reaches half-way to the rays around it, a point lies between their vertices. Its length is the one
-over its place, so that speckle, which belongs to places on the surface, stays where it is.
+The points are those of the expected power, see `footprints`, with their places in space. A pixel
+reaches half-way to the neighbouring rays, so a point lies between their vertices. Its length is the
+one over its place. Speckle belongs to places on the surface, so it does not move.
 
-`power_of_range_bins` sums the same points over range bins. They are never all in memory: rows of as
-many points across and up are treated together, as many as the processor's cache holds.
+`power_of_range_bins` sums the same points over range bins. The points are never all in memory: rows
+with equal numbers of points across and up are processed together, as many as fit into the
+processor's cache.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ _KEPT_ROWS = 1 << 20
 
 
 class _Split(NamedTuple):
-    """Rows that have several points, in rising order."""
+    """Rows that have several points, by rising number."""
 
     #: Numbers in the table, (n,).
     rows: Indices
@@ -58,7 +59,7 @@ _NONE = _Split(np.zeros(0, np.intp), np.zeros((0, 2, 2, 2), np.int32), np.zeros(
 
 
 class TableFootprints:
-    """Points that rows of a table are spread over; all other rows are points of their own.
+    """Points over which rows of a table are spread; any other row is its own point.
 
     Points are at most `cell_m` of total length and `cell_mps` of range rate apart.
     """
@@ -76,8 +77,9 @@ class TableFootprints:
         self._kept: dict[int, tuple[Indices, tuple[Indices, PathRows]]] = {}
 
     def take(self, number: Indices, rows: PathRows, steps: Steps) -> None:
-        """Take the steps of whole views, one after another, that somebody else needed too; the rows
-        (n,) are those with a length, `number` in the table.
+        """Use steps of whole views, one after another, that other code has computed, too.
+
+        The rows (n,) are those with a length; `number` are their numbers in the table.
         """
         if number.size and _placed(rows).all():
             first, last = (np.searchsorted(self._starts, number[[0, -1]], "right") - 1).tolist()
@@ -85,7 +87,7 @@ class TableFootprints:
             self._add(first, number, steps, last + 1 - first)
 
     def _add(self, view: int, number: Indices, steps: Steps, views: int = 1) -> None:
-        """Add the rows of several views as those of the first one."""
+        """Add the rows of several views as if they were of the first one."""
         along = points_along(steps, *self._cell, _POINTS_A_ROW, views)
         several = np.flatnonzero(along.max(axis=1, initial=1) > 1)
         # 44 bytes per row, for half of the rows of a scene: numbers as short as they can be
@@ -95,7 +97,7 @@ class TableFootprints:
 
     @functools.cached_property
     def _split(self) -> _Split:
-        """The rows of all views in rising order; here the views without given steps get them."""
+        """Return the rows of all views by rising number. Missing steps are computed here."""
         record = self._record
         for view, (start, stop) in enumerate(zip(self._starts, self._stops, strict=True)):
             if view not in self._views:
@@ -107,8 +109,10 @@ class TableFootprints:
         return _Split(*map(np.concatenate, zip(_NONE, *parts, strict=True)))
 
     def points(self, numbers: Indices) -> tuple[Indices, PathRows]:
-        """Return the points of some rows, themselves as rows of a table with their parts of power
-        and solid angle, and the index in `numbers` that each belongs to, (points,) each.
+        """Return the points of some rows, as rows of a table with their parts of power and solid
+        angle.
+
+        Also return the index in `numbers` of each point's row, (points,).
         """
         first = int(numbers[0]) if numbers.size else -1
         kept = self._kept.pop(first, None)
@@ -178,11 +182,12 @@ _POINTS_AT_ONCE = 1 << 14
 def power_of_range_bins(
     rows: PathRows, steps: Steps, bin_m: float, bins: int, view: Indices, views: int
 ) -> Real:
-    """Compute the power of each range bin [W], (views, bins + 1): the last bin holds all that is
+    """Compute the power of each range bin [W], (views, bins + 1). The last bin has all power
     beyond.
 
-    The rows are of tiles at one replicate each, the views, with the number of each row's view,
-    (n,). Points lie at most half a bin apart. One that reaches over a border is cut in two there.
+    The rows are of the views, which are tiles at one replicate each; `view` has the number of each
+    row's view, (n,). Points lie at most half a bin apart. A point that extends over a border is cut
+    in two there.
     """
     total = np.zeros((views, bins + 1))
     along = points_along(steps, bin_m, math.inf, views=views)
@@ -208,7 +213,7 @@ def power_of_range_bins(
 
 
 def _alike(along: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:
-    """Yield numbers of points along both axes, and rows that have them, some at a time."""
+    """Yield numbers of points along both axes, and some rows that have these numbers."""
     key = along[:, 0] << 32 | along[:, 1]
     order = np.argsort(key, kind="stable")
     key = key[order]
@@ -222,7 +227,9 @@ def _alike(along: Indices) -> Iterator[tuple[tuple[int, int], Indices]]:
 
 class _Courses:
     """Changes of values within pixels with these steps, (values, n, 2, 2), see
-    `footprints.courses`. The first axis is up where a row is `swapped`, (n,), else across.
+    `footprints.courses`.
+
+    The first axis is up where a row is `swapped`, (n,), otherwise across.
     """
 
     def __init__(self, steps: Real, swapped: Mask) -> None:
@@ -235,8 +242,9 @@ class _Courses:
             self._axes.append(np.stack(factors).reshape(len(factors), values, rows))
 
     def at_places(self, count: tuple[int, int], rows: Indices) -> Real:
-        """Return changes at so many points along both axes in pixels of rows, (values, second axis,
-        first axis, rows).
+        """Return the changes at `count` points along both axes in the pixels of rows.
+
+        The result is (values, second axis, first axis, rows).
         """
         changes = []
         for number, factors in zip(count, self._axes, strict=True):
@@ -251,8 +259,9 @@ class _Courses:
 
 
 def _add(total: Real, points: list[tuple[Real, ...]], bin_m: float) -> None:
-    """Add groups of points (total length, power, width, view) to the range bins of views; the power
-    of a point is even over its width.
+    """Add groups of points (total length, power, width, view) to the range bins of views.
+
+    The power of a point is even over its width.
     """
     at_m, power_w, width_m, view = (
         np.concatenate([own.ravel() for own in each]) for each in zip(*points, strict=True)

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rays that are known to hit a triangle mesh near a point: where exactly, in float64.
+"""Where rays that are known to hit a triangle mesh near a point hit it exactly, in float64.
 
-Renders give hit points to float32. The ray and the mesh are known better, and the point selects the
-triangles that may have been hit. Triangles lie in grids of cells, one grid for each power of two of
-their extent, so that no triangle is in more than eight cells and no cell has many. Neighbouring
-pixels mostly see the same triangle: one ray of many looks for its triangle in the cells, and the
-others, more and more of them, try those of the rays next to them first.
+Renders give hit points in float32. The ray and the mesh are known better, and the point selects the
+triangles that the ray may have hit. Triangles lie in grids of cells, with one grid for each power
+of two of their extent. So no triangle is in more than eight cells, and no cell has many triangles.
+Neighbouring pixels mostly see the same triangle. Therefore only one ray of many searches the cells;
+the others first test the triangles of the rays next to them.
 
-Many small meshes are parts of one, so that their rays are treated together; a ray meets its own
-part only, and each part may have axes of its own.
+Many small meshes are parts of one mesh, so that their rays are processed together. A ray meets only
+its own part, and each part may have its own axes.
 
 Arrays of n vectors are (n, 3) with contiguous columns.
 """
@@ -28,9 +28,9 @@ _SPREAD, _SPREAD_PARTS = (73856093, 19349663, 83492791), 2654435761
 
 
 class CellLevel:
-    """Triangles of about one extent, by the cells that their boxes touch.
+    """Triangles of similar extent, by the cells that their boxes touch.
 
-    Cells share buckets by chance: callers compare boxes of the candidates.
+    Several cells may share a bucket, so callers compare the boxes of the candidates.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class CellLevel:
         self._triangles = owner[sorted_places(bucket, 1 << bits)]
 
     def _bucket(self, cells: NDArray[np.int64], part: Indices) -> NDArray[np.int64]:
-        """Return the number of the bucket of each cell, from (3, n), of a part."""
+        """Return the number of the bucket of each cell, (3, n), of a part."""
         x, y, z = (one * factor for one, factor in zip(cells, _SPREAD, strict=True))
         return np.asarray((x ^ y ^ z ^ (part * _SPREAD_PARTS)) & self._mask)
 
@@ -79,10 +79,10 @@ def sorted_places(bucket: NDArray[np.int64], count: int) -> Indices:
 
 #: Rays that are treated at once: a few megabytes of arrays.
 _BLOCK = 1 << 14
-#: One ray of the first number looks for its triangle in the cells; one of each further number tries
-#: the triangles of the rays before.
+#: One ray in the first number searches the cells; one in each further number tests the triangles
+#: of the rays before it.
 _EVERY = 64, 8, 1
-#: Fraction of the others that must hit a neighbour's triangle for the next block to try, too.
+#: Least fraction of the others that hit a neighbour's triangle, for the next block to test them.
 _WORTHWHILE = 0.3
 #: Least reach as a fraction of the mesh's extent: boxes are kept in float32.
 _LEAST_REACH = 1e-6
@@ -141,15 +141,15 @@ class TriangleMesh:
     ) -> tuple[Real, Real]:
         """Return where rays hit the mesh near known points.
 
-        The ray parameter t of each hit, origin + t * direction, (n,), is NaN where no triangle was
-        found; next to it is the normal of the triangle, of any length, (n, 3). It is fastest where
-        rays that follow one another hit the same triangle.
+        The ray parameter t of each hit, origin + t * direction, (n,), is NaN if no triangle was
+        found. The second result is the normal of the triangle, of any length, (n, 3). This is
+        fastest if consecutive rays hit the same triangle.
 
         Origins are (n, 3) or (3,), directions of any length (n, 3). `near` are points near the
-        hits, (n, 3), and `reach` the largest error of them, (n,) or one for all: a ray that passes
-        an edge within it counts as a hit. `parts` are the parts that rays meet (None: the first).
-        `spaces` lead from the space of origins, directions and points into the mesh's own, in which
-        `reach` is (None: they are the same).
+        hits, (n, 3), and `reach` is their largest error, (n,) or one for all: a ray that passes an
+        edge at a smaller distance counts as a hit. `parts` are the parts that rays meet (None: the
+        first one). `spaces` transform origins, directions and points into the mesh's own space, in
+        which `reach` is (None: they are the same).
         """
         way, normals = np.full(len(near), np.nan), np.full((3, len(near)), np.nan)
         if not len(self):
@@ -173,9 +173,9 @@ class TriangleMesh:
         return way, normals.T
 
     def _prepare(self, reach: Real) -> None:
-        """Sort the triangles into cells; again where points are less well known than before.
+        """Sort the triangles into cells; again if points are less accurate than before.
 
-        `reach` is the largest of the points on each part.
+        `reach` is the largest one of the points on each part.
         """
         if np.all(reach <= self._reach):
             return
@@ -193,8 +193,9 @@ class TriangleMesh:
             self._levels.append(CellLevel(2.0 ** int(size), *boxes, self._part[here], here))
 
     def _find(self, rays: _Rays, best: _Best, follow: bool) -> bool:
-        """Find what all rays hit; with `follow`, most try their neighbours' triangles first. Return
-        whether neighbours are worth a try.
+        """Find what all rays hit. With `follow`, most rays first test their neighbours' triangles.
+
+        Return whether neighbours are worth a test in the next block.
         """
         every = np.arange(len(rays.ahead))
         first, *further = _EVERY
@@ -214,7 +215,7 @@ class TriangleMesh:
         return worthwhile
 
     def _missed(self, rays: _Rays, best: _Best, chosen: Indices, triangles: Indices) -> Indices:
-        """Try one triangle for each chosen ray; return the rays that do not surely hit it."""
+        """Test one triangle for each chosen ray; return the rays that do not surely hit it."""
         outside, off_plane, way = self._intersect(rays, chosen, triangles)
         with np.errstate(invalid="ignore"):
             hit = (outside == 0) & (off_plane <= _SURE * rays.reach.take(chosen))
@@ -250,7 +251,9 @@ class TriangleMesh:
         self._search_along(rays, best, chosen[touched[chosen] & best.passed[chosen]])
 
     def _search_along(self, rays: _Rays, best: _Best, lost: Indices) -> None:
-        """Look further along rays that miss what their points lie on: past the limb of a body."""
+        """Search further along rays that miss the surface on which their points lie: beyond the
+        limb of a body.
+        """
         if not lost.size:
             return
         along, part = take_rows(rays.along, lost), rays.part[lost]
@@ -266,9 +269,7 @@ class TriangleMesh:
                 best.offer(points, cost, way, triangles, ~met)
 
     def _candidates(self, level: CellLevel, near: Real, part: Indices) -> tuple[Indices, Indices]:
-        """Return pairs of points and of triangles of their parts that may be near, ordered by
-        point.
-        """
+        """Return pairs of points and of triangles of their parts nearby, ordered by point."""
         points, triangles = level.candidates(near, part)
         if self._count == 1:
             return points, triangles
@@ -278,8 +279,8 @@ class TriangleMesh:
     def _intersect(
         self, rays: _Rays, chosen: Indices, triangles: Indices
     ) -> tuple[Real, Real, Real]:
-        """Return how far rays pass by triangles, how far points are off their planes, the way to
-        these.
+        """Return distances of rays from triangles, of points from their planes, and the ways along
+        the rays.
 
         One triangle for each chosen ray. NaN or infinite where a ray is parallel to the plane.
         """
@@ -301,7 +302,7 @@ class TriangleMesh:
 
 @dataclass(frozen=True)
 class Spaces:
-    """Ways into the spaces of meshes: turn @ (x - place)."""
+    """Transformations into the spaces of meshes: turn @ (x - place)."""
 
     #: Of each space, shapes (k, 3, 3) and (k, 3).
     turn: Real
@@ -310,7 +311,7 @@ class Spaces:
     each: Indices
 
     def of(self, some: slice) -> tuple[Real, Real]:
-        """Return turn and place of some rays, one per ray if they differ, (3, 3, n) and (n, 3)."""
+        """Return turn and place for some rays: (3, 3, n) and (n, 3) if they differ."""
         each = self.each[some]
         if each.size and np.all(each == each[0]):  # much faster
             return self.turn[each[0]], self.place[each[0]]
@@ -343,7 +344,7 @@ class _Rays:
         part: Indices,
         space: tuple[Real, Real] | None,
     ) -> _Rays:
-        """Make rays of any directions from origins, (n, 3) or (3,)."""
+        """Make rays from origins, (n, 3) or (3,), along directions of any length."""
         # From the foot on all numbers are small, and what rounding a pose's inverse does to the
         # place of all points alike has no arm to act on.
         away = near - origins
@@ -360,7 +361,7 @@ class _Rays:
 
 
 class _Best:
-    """The candidate of least cost of each ray."""
+    """The candidate with the least cost for each ray."""
 
     def __init__(self, count: int) -> None:
         self._cost = np.full(count, np.inf)
@@ -371,7 +372,7 @@ class _Best:
         self.passed = np.ones(count, dtype=bool)
 
     def take(self, rays: Indices, way: Real, triangles: Indices) -> None:
-        """Set the hits of these rays, whatever they were offered."""
+        """Set the hits of these rays, whatever their candidates are."""
         self.way[rays], self.triangle[rays], self.passed[rays] = way, triangles, False
 
     def offer(self, rays: Indices, cost: Real, way: Real, triangles: Indices, passed: Mask) -> None:

@@ -169,6 +169,15 @@ class RayMesh:
             rays, least = rays[met], way[met] + CLEAR
             yield rays, face[met], way[met] / size[rays]
 
+    def holds(self, points: Real, direction: Real, most: int) -> Mask:
+        """Return whether points (n, 3) are inside: a ray from each along a direction (3,) passes an
+        odd number of faces, of which `most` are counted.
+        """
+        inside = np.zeros(len(points), dtype=bool)
+        for rays, _, _ in self.crossings(points, np.tile(direction, (len(points), 1)), most):
+            inside[rays] ^= True
+        return inside
+
     def _moved(self, origins: Real, directions: Real) -> tuple[Real, Real, Real]:
         """Return rays in the cube: origins, unit vectors, and the lengths of the directions."""
         away = directions / self._scale

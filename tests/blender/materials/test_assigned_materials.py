@@ -41,7 +41,9 @@ from tests.blender.materials.material_ways import (
     geometry_nodes,
     index_of,
     link,
+    linked_instance,
     nested,
+    nested_exposed,
     soil,
     the_material,
     wall,
@@ -92,8 +94,10 @@ def test_mesh_checks_see_it(way: Callable[[Path], None], tmp_path: Path) -> None
     assert "Touching" in pair and WALL in pair
 
 
-@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
-@pytest.mark.parametrize("code", ["materials", "world"])
+@pytest.mark.parametrize(
+    ("way", "code"),
+    [*((way, "materials") for way in WAYS), (linked_instance, "world"), (nested_exposed, "world")],
+)
 def test_run_through_it(way: Callable[[Path], None], code: str, tmp_path: Path) -> None:
     """A rough plate behind the wall: power and range by the closed form at the run's carrier."""
     rs.new_scene()

@@ -105,7 +105,7 @@ def check(run: ph.PathRun, triangles: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("origin", ["radar", "object"])
-@pytest.mark.parametrize("range_m", [10.0, 100.0, 1e3, 1e4])
+@pytest.mark.parametrize("range_m", [10.0, 1e3, 1e4])
 @pytest.mark.parametrize("shape", ["plate", "sphere", "smooth sphere"])
 def test_far_targets(tmp_path: Path, shape: str, range_m: float, origin: str) -> None:
     """Flat, of facets to their limb, and smooth: there Cycles lifts the start of shadow rays."""

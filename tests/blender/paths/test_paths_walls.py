@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.blender, pytest.mark.slow]
 CARRIER_HZ = 5.3e9
 WAVELENGTH_M = ph.C0_MPS / CARRIER_HZ
 BOUND_DB = 0.02
-EQUAL = [4.2 + 0j] * 4
+EQUAL = [4.2 + 0j] * 2
 MIXED = [5.24 + 0.57j, 6.31 + 0.11j, 1.99 + 0.09j, 2.7 + 0.05j]
 
 
@@ -90,10 +90,10 @@ def through(
 
 
 @pytest.mark.parametrize("angle_deg", [37.0, 58.0, 70.0])
-@pytest.mark.parametrize(("media", "count"), [(EQUAL, 1), (EQUAL, 2), (EQUAL, 4), (MIXED, 4)])
-def test_walls_in_a_row(tmp_path: Path, media: list[complex], count: int, angle_deg: float) -> None:
+@pytest.mark.parametrize("media", [EQUAL, MIXED])
+def test_walls_in_a_row(tmp_path: Path, media: list[complex], angle_deg: float) -> None:
     walls, powers, longer_m = [], np.ones(2), 0.0
-    for number, eps in enumerate(media[:count]):
+    for number, eps in enumerate(media):
         thickness_m = 0.05 + 0.01 * number
         walls.append((20.0 + 12 * number, thickness_m, lambda eps=eps: medium("Wall", eps)))
         once, more_m = passage(eps, thickness_m, angle_deg)

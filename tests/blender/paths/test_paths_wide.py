@@ -193,9 +193,7 @@ def test_tiles_agree_with_a_dense_frame(tmp_path: Path) -> None:
     assert len(run.table()) < 0.05 * len(dense.table()) * (1024 / 128) * (512 / 128)
 
 
-def test_order_of_tiles_and_repetition_change_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_order_of_tiles_changes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Bit by bit, with refinement and a target on seam and borders."""
     options = OPTIONS | {"tile_px": 16, "replicates": 2}
 
@@ -213,11 +211,10 @@ def test_order_of_tiles_and_repetition_change_nothing(
         keys = [part for n in rows.names for part in np.atleast_2d(rows[n].T)]
         return rows[np.lexsort(keys)]
 
-    first, again = run("a"), run("b")
-    assert first.tobytes() == again.tobytes()
+    first = run("a")
     split = Tile.split
     monkeypatch.setattr(path_tiles.Tile, "split", lambda tile, most: split(tile, most)[::-1])
-    reverse = run("c")
+    reverse = run("b")
     assert reverse.tobytes() != first.tobytes()
     assert ordered(first).equals(ordered(reverse))
 

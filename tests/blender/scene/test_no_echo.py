@@ -7,9 +7,10 @@ import bpy
 import numpy as np
 import pytest
 
-from radarsim_addon.blender.scene.view_checks import surrounds
+from radarsim_addon.blender.scene.view_checks import surrounded
 from radarsim_addon.findings import Finding
 from radarsim_addon.signal import FrameResult, ProcessOptions, process_run
+from radarsim_addon.signal.scene import RayMesh
 from tests.blender import path_helpers as ph
 from tests.blender import radar_scenes as rs
 
@@ -85,8 +86,8 @@ def test_a_point_is_inside_a_cube_or_not() -> None:
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], dtype="i4")
     points = np.random.default_rng(0).uniform(-0.5, 1.5, (200, 3))
-    inside = [surrounds(corners, triangles, point) for point in points]
+    inside = surrounded(RayMesh(corners, triangles), points)
     expected = ((points > 0) & (points < 1)).all(axis=1)
     np.testing.assert_array_equal(inside, expected)
     # without a face it surrounds nothing
-    assert not surrounds(corners, triangles[2:], np.array([0.5, 0.5, 0.5]))
+    assert not surrounded(RayMesh(corners, triangles[2:]), np.array([[0.5, 0.5, 0.5]])).any()

