@@ -341,7 +341,7 @@ def frame_lines(result: FrameResult) -> list[str]:
     """Return a text about the echoes, targets and files of a frame."""
     counts, digits = result.statistics.counts, map_digits(result.rd_map)
     unit = level_unit(result.echoes.amplitude_model)
-    lines = [f"frame {result.frame}: t = {result.time_s:g} s, {counts.paths} paths"]
+    lines = [f"frame {result.frame}: t = {result.time_s:g} s, {counts.text}"]
     lines += [
         f"  leading edge  {digits.range_text(edge.range_m)}   level {edge.level_db:z8.2f} {unit}"
         for edge in result.edges

@@ -33,6 +33,9 @@ def measured(folder: Path) -> list[int]:
     size = {"width_px": 16, "height_px": 16}
     run = ph.run_paths(folder, options=options, frames=(1, 2, 5, 6), **size)
     assert run.job.done == run.job.total
+    assert run.job.summary.startswith(
+        f"frame 6: {run.record(6).path_count:,} paths, standard error"
+    )
     return [run.record(frame).renders for frame in (1, 2, 5, 6)]
 
 
