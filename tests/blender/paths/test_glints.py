@@ -191,7 +191,7 @@ def test_uncertain_power_is_a_caution_in_lists_and_pictures(
     assert [line for line in result.budget.lines() if "%, uncertain" in line]
     assert result.budget.uncertain_text == "power of Ball uncertain"
     (ball,) = result.budget.objects
-    two = [ball, dataclasses.replace(ball, name="Other", power_error=0.9999)]
+    two = [ball, dataclasses.replace(ball, name="Other", power_error_w=0.9999 * ball.power_w)]
     both = dataclasses.replace(result.budget, objects=two)
     assert both.uncertain_text == "power of 2 objects uncertain"  # whichever a finding names first
     assert "+- 100 %, uncertain" in "\n".join(both.lines())
