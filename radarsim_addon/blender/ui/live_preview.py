@@ -19,7 +19,7 @@ from bpy.app.handlers import persistent
 from ...errors import RadarSimError
 from ...messages import Message
 from ...signal.draft import DRAFT, LEVELS
-from ..state import Snapshot, take_snapshot
+from ..state import Snapshot, part_of_snapshot
 from .fields import is_refused, may_write_at_need, tr
 from .live_picture import draw_live, forget_drawing
 from .live_scene import LiveReader, LiveScene
@@ -93,7 +93,10 @@ class LivePreview:
             self.pause()
             return _SETTINGS_S
         self._receive(context)
-        snapshot = take_snapshot(context.evaluated_depsgraph_get())
+        depsgraph = context.evaluated_depsgraph_get()
+        while (snapshot := part_of_snapshot(depsgraph)) is None:
+            if time.perf_counter() > deadline_s:
+                return _SOON_S
         if self._reading is not None and snapshot is not self._snapshot:
             self._reading = None  # what was read is of a scene that is no more
         due = time.monotonic() - self._read_s > _SETTINGS_S

@@ -70,7 +70,7 @@ from ..scene import (
     sizes_in_parts,
     visibility_in_parts,
 )
-from ..state import Shape, Snapshot, take_snapshot, watch_evaluations
+from ..state import Shape, Snapshot, part_of_snapshot, take_snapshot, watch_evaluations
 from .fields import is_refused, may_write_at_need
 
 #: Time after the last change at which a scene is read again, and from slice to slice [s].
@@ -152,7 +152,7 @@ def scene_record(context: bpy.types.Context) -> SceneRecord | None:
 
 def read_now(context: bpy.types.Context) -> None:
     """Read all of the scene at once, if it has changed, for `scene_record`."""
-    if _begin(context):
+    if _begin(context, take_snapshot(context.evaluated_depsgraph_get())):
         while not _read_part(context.scene):
             pass
 
@@ -171,7 +171,11 @@ def _read_slice() -> float | None:
         return calm_in_s
     context, end_s = bpy.context, time.perf_counter() + _SLICE_S
     try:
-        ended = not _begin(context) or _read_part(context.scene)
+        depsgraph = context.evaluated_depsgraph_get()
+        while (snapshot := part_of_snapshot(depsgraph)) is None:
+            if time.perf_counter() >= end_s:
+                return _PAUSE_S
+        ended = not _begin(context, snapshot) or _read_part(context.scene)
         while not ended and time.perf_counter() < end_s:
             ended = _read_part(context.scene)
     except ReferenceError:  # an object was removed while it was read
@@ -185,12 +189,12 @@ def _read_slice() -> float | None:
     return None if ended else _PAUSE_S
 
 
-def _begin(context: bpy.types.Context) -> bool:
+def _begin(context: bpy.types.Context, snapshot: Snapshot) -> bool:
     """Begin to read the scene if it has changed; return whether there is something to be read."""
     scene = context.scene
     if current_measurement(scene)[0] is None:
         return False  # the panels say what is wrong
-    now = take_snapshot(context.evaluated_depsgraph_get()), _key(scene)
+    now = snapshot, _key(scene)
     if _reader.of is None or _reader.of[0] is not now[0] or _reader.of[1] != now[1]:
         _reader.of, _reader.reading = now, _read(scene, now[0])
     _reader.changed = False
