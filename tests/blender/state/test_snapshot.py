@@ -379,7 +379,7 @@ def test_a_walk_is_made_in_parts() -> None:
     assert parts > 300 // snapshot._ROWS
     assert checked() is found and part_of_snapshot(depsgraph) is found
     kept = set(map(id, first.shapes)) & set(map(id, found.shapes))
-    assert len(kept) == len(first.shapes) - 1, "shapes of unchanged objects are kept, with their meshes"
+    assert len(kept) == len(first.shapes) - 1, "unchanged shapes are kept, with their meshes"
 
 
 def test_a_walk_that_an_edit_interrupts_begins_again_and_ends() -> None:
