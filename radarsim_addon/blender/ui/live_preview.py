@@ -19,6 +19,7 @@ from bpy.app.handlers import persistent
 from ...errors import RadarSimError
 from ...messages import Message
 from ...signal.draft import DRAFT, LEVELS
+from ..rig_settings import TEXT_CONTEXT
 from ..state import Snapshot, part_of_snapshot
 from .fields import is_refused, may_write_at_need, tr
 from .live_picture import draw_live, forget_drawing
@@ -306,6 +307,7 @@ def register_live() -> None:
         get=_is_on,
         set=_switch,
         options={"SKIP_SAVE"},
+        translation_context=TEXT_CONTEXT,
         description="Draw a draft of profile and map in the 3D view while you move things. The "
         "draft has paths of one reflection only: no multipath, nothing inside or behind walls, no "
         "mirrors, no random noise. Velocities come from keyframes only",
