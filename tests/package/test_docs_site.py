@@ -149,12 +149,10 @@ def test_no_rule_hides_single_head_cells_of_a_table() -> None:
 
 
 def test_code_of_the_pages_fits_80_columns() -> None:
-    """Outputs of programs may be wider."""
+    """Outputs, too; the table of benchmarks is wider."""
     pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), ROOT / "blend_examples" / "README.md"]
-    code = {page: page.read_text("utf-8") for page in pages}
-    fence = re.compile(
-        r"^```(?:python|sh|json|(?=\nradarsim ))\n(.*?)^```", re.DOTALL | re.MULTILINE
-    )
+    code = {page: page.read_text("utf-8") for page in pages if page.name != "benchmarks.md"}
+    fence = re.compile(r"^```(?:python|sh|json|text|(?=\n))\n(.*?)^```", re.DOTALL | re.MULTILINE)
     found = {page: "\n".join(fence.findall(text)) for page, text in code.items()}
     for page in ROOT.glob("docs/notebooks/*.ipynb"):
         cells = json.loads(page.read_text("utf-8"))["cells"]

@@ -32,7 +32,7 @@ from ...errors import ConfigError, FrameFileError, OutputError, SchemaError
 from ...findings import Finding, finding_lines, frames_text, from_json, merge, percent_text
 from ...options import CommandParser
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...terminal import printable
+from ...terminal import printable, wrapped
 from ...typed_json import check_digest, file_sha256, read_json, write_record
 from ..decoding import open_frame
 from ..detection import (
@@ -255,7 +255,7 @@ def print_objects(
         total_w = sum(echo.power_w for echo in echoes)
         print(f"frame {frame.number}: t = {frame.time_s:g} s")
         for line in BudgetReport(total_w, None, echoes).lines():
-            print(f"  {line}")
+            print("\n".join(wrapped(f"  {line}")))
         for echo in echoes:
             if echo.multi_object_power_w > 0.01 * echo.power_w:
                 print(
