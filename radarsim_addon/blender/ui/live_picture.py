@@ -453,7 +453,8 @@ def place_live(context: Any, draft: Message, lines: int) -> tuple[Box, float]:
     scale = fitting_scale(display * placement.size, room, resolved, lines)
     width, height = (scale * side for side in _panel_size(resolved, lines))
     right = corner[0] - min(max(placement.left * display, 0.0), room[0] - width)
-    bottom = corner[1] + min(max(placement.up * display, 0.0), room[1] - height)
+    up = max(placement.up * display, _above_hud_px(context, right - width) - corner[1], 0.0)
+    bottom = corner[1] + min(up, room[1] - height)
     return Box(right - width, bottom, right, bottom + height), scale
 
 
@@ -488,6 +489,24 @@ def _over_px(context: Any, side: str, *kinds: str) -> int:
         return 0
     regions = (region for region in context.area.regions if region.type in kinds)
     return sum(getattr(region, side) for region in regions if min(region.width, region.height) > 1)
+
+
+def _above_hud_px(context: Any, left: float) -> float:
+    """Return the top of the settings of the last operator, which Blender shows in the lower left
+    corner, if they reach beyond `left` [px].
+    """
+    if not context.preferences.system.use_region_overlap:
+        return 0.0
+    margin = _MARGIN_PX * context.preferences.system.ui_scale / 2
+    found = [one for one in context.area.regions if one.type == "HUD"]
+    return max(
+        (
+            one.y + one.height - context.region.y + margin
+            for one in found
+            if min(one.width, one.height) > 1 and one.x + one.width - context.region.x > left
+        ),
+        default=0.0,
+    )
 
 
 def _room_px(context: Any, corner: tuple[float, float]) -> tuple[float, float]:

@@ -187,11 +187,13 @@ def test_the_picture_fits_into_the_view(room_px: tuple[float, float], scale: flo
     assert fitting_scale(2.0, (200.0, 1400.0), True, len(LINES)) == 0.0
 
 
-def view(width: int = 1200, height: int = 900, ui_scale: float = 2.0) -> Any:
-    """A 3D view without anything that overlaps it."""
-    system = SimpleNamespace(ui_scale=ui_scale, use_region_overlap=False)
+def view(hud_px: int = 1) -> Any:
+    """A 3D view with settings of the last operator that are so wide, and nothing else over it."""
+    system = SimpleNamespace(ui_scale=2.0, use_region_overlap=True)
+    hud = SimpleNamespace(type="HUD", x=30, y=20, width=hud_px, height=60)
     return SimpleNamespace(
-        region=SimpleNamespace(width=width, height=height),
+        region=SimpleNamespace(x=10, y=10, width=1200, height=900),
+        area=SimpleNamespace(regions=[hud]),
         preferences=SimpleNamespace(system=system),
     )
 
@@ -235,3 +237,13 @@ def test_the_picture_is_resized_by_its_upper_left_corner(placed: Placement) -> N
     assert place_live(view(), message, len(LINES))[0].top == pytest.approx(900.0)
     forget_drawing()
     assert placement == Placement()
+
+
+def test_the_settings_of_the_last_operator_cover_no_axis(placed: Placement) -> None:
+    message = Message({}, draft())
+    placement.size = 0.5
+    alone, _ = place_live(view(), message, len(LINES))
+    assert place_live(view(200), message, len(LINES))[0] == alone
+    above, _ = place_live(view(900), message, len(LINES))
+    assert above.bottom == pytest.approx(20 + 60 - 10 + 12)
+    assert (above.left, above.right) == (alone.left, alone.right)
