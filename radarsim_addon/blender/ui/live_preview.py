@@ -72,7 +72,7 @@ class LivePreview:
         Blender allows it.
         """
         try:
-            pause_s = self._step(context, time.perf_counter() + _SLICE_S)
+            pause_s = self._step(context)
             self._refused = False
         except (RadarSimError, AttributeError, RuntimeError) as error:  # the latter are Blender's
             self.pause()
@@ -89,12 +89,13 @@ class LivePreview:
         self.statistics.slices += 1
         return pause_s
 
-    def _step(self, context: bpy.types.Context, deadline_s: float) -> float:
+    def _step(self, context: bpy.types.Context) -> float:
         if bpy.app.is_job_running("RENDER"):
             self.pause()
             return _SETTINGS_S
         self._receive(context)
         depsgraph = context.evaluated_depsgraph_get()
+        deadline_s = time.perf_counter() + _SLICE_S  # to evaluate an edit may take longer
         while (snapshot := part_of_snapshot(depsgraph)) is None:
             if time.perf_counter() > deadline_s:
                 return _SOON_S

@@ -169,9 +169,10 @@ def _read_slice() -> float | None:
     calm_in_s = _reader.changed_s + _CALM_S - time.monotonic()
     if _reader.changed and calm_in_s > 0:
         return calm_in_s
-    context, end_s = bpy.context, time.perf_counter() + _SLICE_S
+    context = bpy.context
     try:
         depsgraph = context.evaluated_depsgraph_get()
+        end_s = time.perf_counter() + _SLICE_S  # to evaluate an edit may take longer
         while (snapshot := part_of_snapshot(depsgraph)) is None:
             if time.perf_counter() >= end_s:
                 return _PAUSE_S
