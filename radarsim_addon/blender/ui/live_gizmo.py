@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
 
 import bpy
 
@@ -34,7 +34,7 @@ class RADARSIM_GT_live(bpy.types.Gizmo):
     def draw(self, context: bpy.types.Context) -> None:
         pass
 
-    def test_select(self, context: bpy.types.Context, location: Any) -> int:
+    def test_select(self, context: bpy.types.Context, location: Sequence[float]) -> int:
         """Return what lies under the mouse."""
         shown, (x, y) = _shown(context), location
         if shown is None:
@@ -54,7 +54,7 @@ class RADARSIM_GT_live(bpy.types.Gizmo):
         self._start = dataclasses.replace(placement), shown[0], *place, grip
         return {"RUNNING_MODAL"}
 
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event, tweak: Any) -> set[str]:
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event, tweak: object) -> set[str]:
         start, panel, x, y, grip = self._start
         by_px = event.mouse_region_x - x, event.mouse_region_y - y
         drag_live(context, start, panel, by_px, grip)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import blf
+import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
@@ -396,7 +397,7 @@ _LARGEST = 3.0
 _last: dict[str, Any] = {}
 
 
-def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
+def draw_live(context: bpy.types.Context, draft: Message | None, lines: list[str]) -> None:
     """Draw a draft and its lines of text. Without a draft, draw the lines only."""
     scale, corner = _free_corner(context)
     gpu.state.blend_set("ALPHA")
@@ -443,7 +444,7 @@ class Placement:
 placement = Placement()
 
 
-def place_live(context: Any, draft: Message, lines: int) -> tuple[Box, float]:
+def place_live(context: bpy.types.Context, draft: Message, lines: int) -> tuple[Box, float]:
     """Return where a draft with so many lines of text is in a view [px], and its scale.
 
     It stays within the free part of the view. The scale is 0 if there is no room.
@@ -459,7 +460,11 @@ def place_live(context: Any, draft: Message, lines: int) -> tuple[Box, float]:
 
 
 def drag_live(
-    context: Any, start: Placement, panel: Box, by_px: tuple[float, float], resize: bool
+    context: bpy.types.Context,
+    start: Placement,
+    panel: Box,
+    by_px: tuple[float, float],
+    resize: bool,
 ) -> None:
     """Move the picture, which was at `panel` when the user pressed the mouse, or its upper left
     corner.
@@ -476,14 +481,14 @@ def drag_live(
         placement.up = max(panel.bottom + up - corner[1], 0.0) / display
 
 
-def _free_corner(context: Any) -> tuple[float, tuple[float, float]]:
+def _free_corner(context: bpy.types.Context) -> tuple[float, tuple[float, float]]:
     """Return the scale of the display, and the lower right corner that nothing overlaps [px]."""
     scale = float(context.preferences.system.ui_scale)
     beside = _over_px(context, "width", "UI")
     return scale, (context.region.width - beside - _MARGIN_PX * scale, _MARGIN_PX * scale)
 
 
-def _over_px(context: Any, side: str, *kinds: str) -> int:
+def _over_px(context: bpy.types.Context, side: str, *kinds: str) -> int:
     """Return the width or the height of the regions that overlap the view [px]."""
     if not context.preferences.system.use_region_overlap:
         return 0
@@ -491,7 +496,7 @@ def _over_px(context: Any, side: str, *kinds: str) -> int:
     return sum(getattr(region, side) for region in regions if min(region.width, region.height) > 1)
 
 
-def _above_hud_px(context: Any, left: float) -> float:
+def _above_hud_px(context: bpy.types.Context, left: float) -> float:
     """Return the top of the settings of the last operator, which Blender shows in the lower left
     corner, if they reach beyond `left` [px].
     """
@@ -509,7 +514,7 @@ def _above_hud_px(context: Any, left: float) -> float:
     )
 
 
-def _room_px(context: Any, corner: tuple[float, float]) -> tuple[float, float]:
+def _room_px(context: bpy.types.Context, corner: tuple[float, float]) -> tuple[float, float]:
     """Return the free width and height between the tools, the headers and the corner [px]."""
     above = _over_px(context, "height", "HEADER", "TOOL_HEADER")
     left = _over_px(context, "width", "TOOLS")
