@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from typing import TextIO
 
@@ -22,6 +23,27 @@ def printable(text: str) -> str:
         else character
         for character in text
     )
+
+
+#: Width of a terminal and of a page, and of what is before the second part of a line.
+_COLUMNS, _INDENT = 80, 16
+#: Between two values of a line.
+_SEPARATOR = re.compile(r"(?<! )   (?! )")
+
+
+def wrapped(line: str) -> list[str]:
+    """Return a line in lines that fit into a terminal, broken between values where there are three
+    spaces. All but the first one are indented.
+    """
+    lines = []
+    while len(line) > _COLUMNS:
+        places = [one for one in _SEPARATOR.finditer(line) if one.start() > _INDENT]
+        fitting = [one for one in places if one.start() <= _COLUMNS] or places[:1]
+        if not fitting:
+            break
+        lines.append(line[: fitting[-1].start()])
+        line = " " * _INDENT + line[fitting[-1].end() :]
+    return [*lines, line]
 
 
 def error_line(error: Exception) -> str:

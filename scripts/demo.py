@@ -207,7 +207,7 @@ def print_table(summary: dict[str, Any], out: Path) -> None:
         )
         print(
             f"{'':28}{target['doppler_hz']:>+9.1f} Hz"
-            f"    {target['level_above_background_db']:.0f} dB above its surroundings, no noise"
+            f"   {target['level_above_background_db']:.0f} dB above surroundings, no noise"
         )
     else:
         print("Target: nothing moves in the map")

@@ -44,6 +44,16 @@ _COMMANDS = (
 )  # fmt: skip
 #: What a search shows first: what there is and is not; names of functions after explanations.
 _BOOST = {"explanation/limits": 4, "reference/api-": 0.2}
+#: Links that work in the repository, and the made page that takes their place.
+_MADE = (
+    (re.compile(r"\(\.\./blend_examples/README\.md"), f"({EXAMPLES_PAGE}"),
+    (re.compile(r"(\([^()\s]*notebooks/\w+)\.ipynb\)"), r"\1.md)"),
+    (re.compile(r"`radarsim --help`"), f"[Commands]({COMMANDS_PAGE})"),
+    (
+        re.compile(r"`radarsim (\w+) --help`"),
+        rf"[`radarsim \1 --help`]({COMMANDS_PAGE}#radarsim-\1)",
+    ),
+)
 #: Links from a page of ``docs`` itself to a file of the repository that is not in the site.
 _OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")
 _HEAD = """# Commands
@@ -79,10 +89,13 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
-    """Expand marks; name files outside of ``docs`` by their paths, without a link."""
+    """Expand marks; link made pages; name files outside of ``docs`` by their paths."""
     boost = next((one for start, one in _BOOST.items() if page.file.src_uri.startswith(start)), 1)
     page.meta["search"] = {"boost": boost}
     markdown = expand(markdown)
+    up = "../" * page.file.src_uri.count("/")
+    for link, made in _MADE:
+        markdown = link.sub(made.replace(f"({COMMANDS_PAGE}", f"({up}{COMMANDS_PAGE}"), markdown)
     return markdown if "/" in page.file.src_uri else _OUTSIDE.sub(r"\1 (`\2`)", markdown)
 
 

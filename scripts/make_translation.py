@@ -62,10 +62,13 @@ def declared_texts() -> set[str]:
     import bpy
 
     from radarsim_addon.blender import addon
+    from radarsim_addon.blender.ui.live_preview import LIVE_PROPERTY
     from radarsim_addon.blender.ui.scene_panel import title_of
     from radarsim_addon.findings.catalogue import CATALOGUE
 
     found: set[str] = {title_of(code) for code in CATALOGUE}
+    live = bpy.types.WindowManager.bl_rna.properties[LIVE_PROPERTY]
+    found.update((live.name, live.description))
     bases = (bpy.types.Operator, bpy.types.PropertyGroup)
     of_blender = {item.identifier for base in bases for item in base.bl_rna.properties}
 

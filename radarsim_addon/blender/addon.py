@@ -11,6 +11,7 @@ from .headless.session import session_folder
 from .state import follow_evaluations, ignore_evaluations
 from .ui import (
     fields,
+    live_gizmo,
     live_preview,
     material_panel,
     measuring,
@@ -45,6 +46,7 @@ CLASSES: tuple[type, ...] = (
     *material_panel.CLUTTER_CLASSES,
     *material_panel.ASSET_CLASSES,
     *menus.CLASSES,
+    *live_gizmo.CLASSES,
 )
 
 
@@ -63,12 +65,16 @@ def register() -> None:
     results_panel.register_results()
     live_preview.register_live()
     for item in CLASSES:
-        if not getattr(item, "is_registered", False):
+        if not _is_registered(item):
             bpy.utils.register_class(item)
     overlays.show_overlays()
     picture_images.follow_zoom()
     results_panel.follow_clicks()
     menus.show_menus()
+
+
+def _is_registered(kind: type) -> bool:
+    return "bl_rna" in vars(kind)  # gizmos have no is_registered
 
 
 def unregister() -> None:
@@ -81,7 +87,7 @@ def unregister() -> None:
     overlays.hide_overlays()
     material_panel.forget_plots()
     for item in reversed(CLASSES):
-        if getattr(item, "is_registered", False):
+        if _is_registered(item):
             bpy.utils.unregister_class(item)
     results_panel.unregister_results()
     ignore_evaluations()

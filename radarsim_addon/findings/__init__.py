@@ -21,6 +21,7 @@ from .records import (
     from_json,
     length_text,
     merge,
+    percent_text,
     to_json,
 )
 
@@ -37,5 +38,6 @@ __all__ = [
     "from_json",
     "length_text",
     "merge",
+    "percent_text",
     "to_json",
 ]

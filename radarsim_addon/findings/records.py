@@ -74,6 +74,11 @@ def length_text(metres: float) -> str:
     return _TEXT.format_field(metres, "length")
 
 
+def percent_text(fraction: float) -> str:
+    """Return a fraction in percent, with two digits below 10 %."""
+    return _TEXT.format_field(fraction, "percent")
+
+
 def frequency_text(hertz: float) -> str:
     """Return a frequency with a unit that suits it."""
     return _TEXT.format_field(hertz, "frequency")

@@ -41,6 +41,19 @@ def test_the_preview_follows_a_moving_object(live: dict[str, Any]):
     assert live["editing"]["first_drafts"] >= 2  # the changed mesh is read again
 
 
+def test_the_preview_is_moved_and_resized_with_the_mouse(live: dict[str, Any]):
+    """The lower right corner stays where it is when the upper left one is dragged."""
+    first, moved, resized = live["placed"]
+    assert moved == pytest.approx(
+        [first[0] - 150, first[1] + 60, first[2] - 150, first[3] + 60], abs=3
+    )
+    assert resized[1:3] == pytest.approx(moved[1:3], abs=1)
+    heights = [top - bottom for _, bottom, _, top in (moved, resized)]
+    assert heights[1] == pytest.approx(heights[0] - 40, abs=3)  # the smaller change of both
+    ratio = [(right - left) / (top - bottom) for left, bottom, right, top in (moved, resized)]
+    assert ratio[0] == pytest.approx(ratio[1], rel=1e-3)
+
+
 def test_the_preview_survives_edits_and_undo_and_ends(live: dict[str, Any]):
     assert live["fault"] == ""
     assert live["left"] == []

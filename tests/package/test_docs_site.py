@@ -107,6 +107,40 @@ def test_pages_work_from_the_disk(site: Path) -> None:
         assert word in limits, word
 
 
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub makes them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    titles = re.findall(r"^#+ +(.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def test_links_work_in_the_repository() -> None:
+    """A reader of the plain files has no made pages."""
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "blend_examples" / "README.md"]
+    dead, checked = [], 0
+    for page in pages:
+        text = re.sub(r"^```.*?^```", "", page.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+        for link in re.findall(r"\]\(([^)\s]+)\)", text):
+            if link.startswith(("http", "mailto:")):
+                continue
+            checked += 1
+            name, _, anchor = link.partition("#")
+            target = page.parent / name if name else page
+            there = target.exists() and (not anchor or anchor in anchors(target))
+            if not there:
+                dead.append(f"{page.relative_to(ROOT)}: {link}")
+    assert checked > 200 and not dead, "\n".join(dead)
+
+
+def test_made_pages_are_linked_where_the_repository_has_others(site: Path) -> None:
+    index = (site / "index.html").read_text("utf-8")
+    for link in ("examples.html#streetblend", "notebooks/micro_doppler.html"):
+        assert f'href="{link}"' in index, link
+    assert 'href="reference/commands.html"' in index.split("<main")[1].split("</main>")[0]
+    tutorial = (site / "tutorials" / "first-map-python.html").read_text("utf-8")
+    assert 'href="../reference/commands.html#radarsim-process"' in tutorial
+
+
 def test_no_rule_hides_single_head_cells_of_a_table() -> None:
     """Others would move to the left, over the wrong columns. A head without any text may go."""
     style = re.sub(r"/\*.*?\*/", "", (ROOT / "docs/stylesheets/site.css").read_text("utf-8"))
@@ -115,12 +149,10 @@ def test_no_rule_hides_single_head_cells_of_a_table() -> None:
 
 
 def test_code_of_the_pages_fits_80_columns() -> None:
-    """Outputs of programs may be wider."""
+    """Outputs, too; the table of benchmarks is wider."""
     pages = [ROOT / "README.md", *ROOT.glob("docs/**/*.md"), ROOT / "blend_examples" / "README.md"]
-    code = {page: page.read_text("utf-8") for page in pages}
-    fence = re.compile(
-        r"^```(?:python|sh|json|(?=\nradarsim ))\n(.*?)^```", re.DOTALL | re.MULTILINE
-    )
+    code = {page: page.read_text("utf-8") for page in pages if page.name != "benchmarks.md"}
+    fence = re.compile(r"^```(?:python|sh|json|text|(?=\n))\n(.*?)^```", re.DOTALL | re.MULTILINE)
     found = {page: "\n".join(fence.findall(text)) for page, text in code.items()}
     for page in ROOT.glob("docs/notebooks/*.ipynb"):
         cells = json.loads(page.read_text("utf-8"))["cells"]

@@ -81,6 +81,8 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
             limit_threads()
         job.prepare()
         try:
+            for line in _change_lines(job):
+                print(f"radarsim: {line}", file=stream, flush=True)
             _print_findings(job.run_findings, job.frames, stream)
             if arguments.plan_only:
                 return 0
@@ -119,6 +121,14 @@ def measure(arguments: argparse.Namespace, stop: _StopRequest) -> int:
             text = f"`radarsim info {job.folder}` gives causes and remedies"
             print(f"radarsim: {text}", file=stream, flush=True)
         return max(done, exit_code(found, job.own_frames))
+
+
+def _change_lines(job: MeasurementJob) -> list[str]:
+    """Return lines about settings that differ from those of the run that was in the folder."""
+    return job.changes and [
+        "changed since the run in this folder:",
+        *("  " + c for c in job.changes),
+    ]
 
 
 def _done_frames(job: MeasurementJob) -> list[int]:
@@ -192,7 +202,7 @@ class FrameRenderer:
     def about(self) -> dict[str, Any]:
         """Return the frames, the folder, and findings of the run."""
         job = self._job
-        lines = finding_lines(job.run_findings, job.frames)
+        lines = [*_change_lines(job), *finding_lines(job.run_findings, job.frames)]
         return {"frames": list(job.frames), "folder": str(job.folder), "lines": lines}
 
     def do(self, frame: int) -> dict[str, Any]:

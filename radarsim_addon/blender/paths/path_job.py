@@ -24,7 +24,7 @@ import bpy
 from ... import contract
 from ...contract import MotionRecord
 from ...errors import RadarSimError
-from ...findings import Finding, finding
+from ...findings import Finding, finding, percent_text
 from ...signal.motion import read_motion
 from ...signal.paths import has_digests, open_table
 from ...signal.scene import Mesh
@@ -390,11 +390,14 @@ class PathJob(MeasurementJob):
         self._still.keep(render, record, motion.record)
         self.done += 1
         self.frame_findings += record.findings
-        known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
+        if render:  # the other commands, too, tell of the first render of a burst
+            return
+        known = percent_text(record.relative_error) if record.path_count else "unknown"
         for item in record.findings:
             if item.code == "power-uncertain":
                 known += f" (caution: uncertain power of {', '.join(item.subjects[:3])})"
-        self.summary = f"{record.path_count:,} paths, standard error {known}"
+        where = f"frame {frame}: " if len(self.frames) > 1 else ""
+        self.summary = f"{where}{record.path_count:,} paths, standard error {known}"
         if record.length_sigma_wavelengths >= _SAID_WAVELENGTHS:
             self.summary += f", lengths within {record.length_sigma_wavelengths:.2g} wavelengths"
         if self.options.refines:

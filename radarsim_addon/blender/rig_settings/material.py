@@ -21,7 +21,7 @@ from ..materials import clutter as cm
 from ..materials import physical_materials as pm
 from ..materials.clutter import PREFIX as FLUCTUATION
 from ..plan import shortest_decimal
-from .radar import beyond_band, carrier_hz
+from .radar import TEXT_CONTEXT, beyond_band, carrier_hz
 
 _CLUTTER = (
     (cm.NO_CLUTTER, "None", "What medium and roughness return is all"),
@@ -56,7 +56,12 @@ def _choice(key: str, name: str, description: str, items: tuple[tuple[str, str, 
                 material[other] = value
 
     return bpy.props.EnumProperty(
-        name=name, description=description, items=items, get=read, set=write
+        name=name,
+        description=description,
+        items=items,
+        get=read,
+        set=write,
+        translation_context=TEXT_CONTEXT,
     )
 
 
@@ -224,6 +229,7 @@ class MaterialSettings(bpy.types.PropertyGroup):
 
     medium: bpy.props.EnumProperty(
         name="Medium",
+        translation_context=TEXT_CONTEXT,
         items=_MEDIA,
         get=_get_medium,
         set=_set_medium,

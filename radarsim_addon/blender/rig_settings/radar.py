@@ -130,7 +130,9 @@ def property_group(
 def _property(item: Declared, change: Change | None) -> Any:
     """Return a field of the window."""
     of = item.of
-    common: dict[str, Any] = {"name": item.shown_label, "description": of.help}
+    common: dict[str, Any] = {
+        "name": item.shown_label, "description": of.help, "translation_context": TEXT_CONTEXT,
+    }  # fmt: skip
     if change is not None:  # not called by keyframes, which may change nothing else
         common["update"] = lambda group, _: change(group)
     if item.kind is bool:
@@ -278,6 +280,8 @@ class Settings:
 
 
 RADAR_PROPERTY = "radarsim"
+#: Blender translates many words otherwise: power as an exponent, a waveform as a curve.
+TEXT_CONTEXT = "Radar"
 #: Kinds of waveforms with settings; samples of an arbitrary one come from a file.
 WAVEFORMS = {name: kind for name, kind in WAVEFORM_KINDS.items() if name != "arbitrary"}
 RADAR_SETTINGS = merged(
@@ -419,6 +423,7 @@ RadarGroup = property_group(
             ),
             get=_quality,
             set=_set_quality,
+            translation_context=TEXT_CONTEXT,
             description="Set replicates and refinement; Advanced has the single settings",
         ),
         "transmitter": bpy.props.PointerProperty(

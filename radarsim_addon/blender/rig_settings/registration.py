@@ -15,6 +15,7 @@ from .material import MATERIAL_PROPERTY, MaterialSettings
 from .radar import (
     EIRP_PROPERTY,
     RADAR_PROPERTY,
+    TEXT_CONTEXT,
     AntennaGroup,
     RadarGroup,
     active_radar_property,
@@ -66,6 +67,7 @@ class RadarProgress(bpy.types.PropertyGroup):
     )
     overlay_view: bpy.props.BoolProperty(
         name="Field of View",
+        translation_context=TEXT_CONTEXT,
         default=True,
         options={"SKIP_SAVE"},
         description="Draw the edges of the receiver's view up to the range limit",

@@ -147,6 +147,8 @@ class MeasurementJob:
         #: Findings before the first render, and on the frames that are done.
         self.early_findings: list[Finding] = []
         self.run_findings: list[Finding] = []
+        #: Settings that differ from those of the run that was in the folder, one text each.
+        self.changes: list[str] = []
         self.frame_findings: list[Finding] = []
         self.summary = ""
         self.unrestored: list[str] = []
@@ -211,7 +213,7 @@ class MeasurementJob:
                 *self._config_findings(),
             ]
             record = self._record(self.run_findings)
-            self._shared.open(record, self.overwrite)
+            self.changes = self._shared.open(record, self.overwrite)
         self.fingerprint = record.fingerprint
         self.take(self.own_frames)
 

@@ -38,7 +38,7 @@ from ...atomic_files import (
 )
 from ...errors import OutputError, RadarSimError
 from ...processes import identity, is_gone
-from ...signal.runs import shared_plan
+from ...signal.runs import plan_changes, shared_plan
 from ...typed_json import file_sha256, read_record, write_record
 from ..plan import Task
 
@@ -102,8 +102,9 @@ def earlier_run(folder: Path) -> contract.RunRecord | None:
         ) from error
 
 
-def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> None:
+def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> list[str]:
     """Prepare the folder for a run. Keep its own frames; remove or refuse those of another run.
+    Return the settings that have changed since the earlier run.
 
     `overwrite` removes the frames of an earlier run. Without it, they are removed only if `record`
     is of a scene in memory and the earlier run is of the same file and scene.
@@ -122,6 +123,7 @@ def open_folder(folder: Path, record: contract.RunRecord, overwrite: bool) -> No
     remove_temporaries(folder)  # which a killed run has left half written
     for frame_folder in (folder / contract.FRAMES_DIR).glob("frame_*"):
         _clear_partial(frame_folder, remove_temporaries)
+    return [] if earlier is None else plan_changes(earlier, record)
 
 
 def _check_replaceable(
@@ -452,18 +454,19 @@ class SharedFolder:
         self._fingerprint = ""
         self._ours: tuple[int, ...] = ()
 
-    def open(self, record: contract.RunRecord, overwrite: bool) -> None:
+    def open(self, record: contract.RunRecord, overwrite: bool) -> list[str]:
         """Write the plan of a run, or join the processes that measure it.
 
-        With `overwrite`, the frames in the folder are removed.
+        With `overwrite`, the frames in the folder are removed. Return what has changed since the
+        earlier run of the folder.
         """
         self._plan, self._fingerprint = shared_plan(record), record.fingerprint
         with self._opening_lease():
             others = self.workers()
             if others:
                 self._refuse_another_run(" and ".join(others))
-                return
-            open_folder(self._folder, record, overwrite)
+                return []
+            changes = open_folder(self._folder, record, overwrite)
             write_record(self._folder / contract.RUN_FILE, record)
             make_folder(self._folder / contract.FRAMES_DIR, within=self._folder)
             for left in self._folder.glob("*.lease"):  # of processes that are gone
@@ -471,6 +474,7 @@ class SharedFolder:
                 if self._leases.holder(left.name.split(".")[0]) is None:
                     with contextlib.suppress(OSError):
                         left.unlink()
+            return changes
 
     def join(self, record: contract.RunRecord) -> None:
         """Check that the plan in the folder is the one of this process; OutputError if not.

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator
+import itertools
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -120,6 +121,10 @@ def box_spheres(corners: Real) -> Real:
 _NUMBERS = 8
 #: Snapshots keep what has moved apart from the rest up to one in so many rows.
 _FEW = 8
+#: Rows of a part of a walk, and most parts.
+_ROWS, _MOST_PARTS = 128, 40
+#: Walks that evaluations may end early in a row; the next one is made at once.
+_RESTARTS = 3
 #: Settings of an object that decide on instances.
 _DECIDING = (
     "instance_type",
@@ -379,43 +384,52 @@ def slot_materials(item: bpy.types.Object) -> tuple[Any, ...]:
 
 
 def walk(
-    depsgraph: bpy.types.Depsgraph, last: Snapshot | None = None, changed: Any = ()
-) -> Snapshot:
-    """Read all objects and instances. Shapes of the last snapshot are reused, except those of
-    `changed` objects.
+    depsgraph: bpy.types.Depsgraph, last: Snapshot | None, changed: Any
+) -> Generator[None, None, Snapshot]:
+    """Read all objects and instances, and yield after parts, between which Blender must evaluate
+    nothing. Shapes of the last snapshot are reused, except those of `changed` objects.
     """
     instances = depsgraph.object_instances
     count = len(instances)
+    yield
     matrices = read_numbers(instances, "matrix_world", 16, np.float32, count)
+    yield
     numbers = read_numbers(instances, "persistent_id", _NUMBERS, np.int32, count)
+    yield
     visible = read_numbers(instances, "show_self", 1, np.bool_, count)
+    yield
     repeated = read_numbers(instances, "is_instance", 1, np.bool_, count)
     known = () if last is None else last.shapes
+    yield
     old = {(one.original, one.address): one for one in known if one.original not in changed}
     shapes: dict[Any, int] = {}
     found: list[Shape] = []
     instancers: dict[Any, int] = {}
     row_of: dict[Any, int] = {}
     shape, instancer = np.empty(count, dtype=np.intp), np.full(count, -1, dtype=np.intp)
-    for row, item in enumerate(instances):
-        one = item.object
-        original, data = one.original, one.data
-        index = shapes.get((original, data))
-        if index is None:
-            index = shapes[original, data] = len(found)
+    for start, stop in _parts_of(count):
+        yield
+        # Blender frees what an iterator gave, so that none is kept from part to part.
+        for row, item in enumerate(itertools.islice(instances, start, stop), start):
+            one = item.object
+            original, data = one.original, one.data
             address = 0 if data is None else data.as_pointer()
-            before = old.get((original, address))
-            if before is None:
-                own = data == original.evaluated_get(depsgraph).data
-                before = _shape(one, original, address, own, row)
+            index = shapes.get((original, address))
+            if index is None:
+                index = shapes[original, address] = len(found)
+                before = old.get((original, address))
+                if before is None:
+                    own = data == original.evaluated_get(depsgraph).data
+                    before = _shape(one, original, address, own, row)
+                else:
+                    before.first = row
+                found.append(before)
+            shape[row] = index
+            if repeated[row]:
+                instancer[row] = instancers.setdefault(item.parent.original, len(instancers))
             else:
-                before.first = row
-            found.append(before)
-        shape[row] = index
-        if repeated[row]:
-            instancer[row] = instancers.setdefault(item.parent.original, len(instancers))
-        else:
-            row_of[original] = row
+                row_of[original] = row
+    yield
     having = {found[index].original for index in np.unique(shape[instancer >= 0]).tolist()}
     layout = Layout(
         shape,
@@ -427,11 +441,22 @@ def walk(
         row_of,
         _instancing([*having, *instancers]),
     )
+    yield
     if last is not None and _same(last, layout, found):
         layout = last.layout
+    yield
     # Blender has the columns of a matrix one after another.
     matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
     return _walked(depsgraph, layout, found, np.ascontiguousarray(matrices))
+
+
+def _parts_of(count: int) -> Iterator[tuple[int, int]]:
+    """Yield start and stop of the parts of a walk. An iterator passes all rows before `start`, so
+    that there are few parts.
+    """
+    rows = max(_ROWS, count // _MOST_PARTS)
+    for start in range(0, count, rows):
+        yield start, min(start + rows, count)
 
 
 def _walked(
@@ -517,8 +542,13 @@ class _Latest:
         #: Objects that may have other materials.
         self.shaded: set[Any] = set()
         self.layout_changed = self.scene_changed = self.evaluated = False
+        #: A walk that is under way, and its depsgraph; how many were given up since the last one.
+        self.walking: tuple[Generator[None, None, Snapshot], bpy.types.Depsgraph] | None = None
+        self.restarts = 0
 
     def note(self, depsgraph: bpy.types.Depsgraph) -> None:
+        if self.walking is not None and self.walking[1] == depsgraph:
+            self.walking, self.restarts = None, self.restarts + 1
         if self.snapshot is None or self.snapshot.depsgraph != depsgraph:
             return
         layout = self.snapshot.layout
@@ -542,30 +572,54 @@ class _Latest:
                 self.scene_changed |= item in layout.instanced or item not in layout.row_of
 
     def take(self, depsgraph: bpy.types.Depsgraph) -> Snapshot:
-        last = self.snapshot
-        found: Snapshot | None = None
-        followed = follow_evaluations()
-        if last is not None and last.depsgraph == depsgraph and followed:
-            with contextlib.suppress(ReferenceError):  # an object was removed
-                found = self._brought_up_to_date(last)
-        found = walk(depsgraph) if found is None else found
-        self.snapshot, self.changed, self.shaded = found, {}, set()
-        self.layout_changed = self.scene_changed = self.evaluated = False
+        found = self.take_part(depsgraph)
+        while found is None:
+            found = self.take_part(depsgraph)
         return found
 
-    def _brought_up_to_date(self, last: Snapshot) -> Snapshot:
+    def take_part(self, depsgraph: bpy.types.Depsgraph) -> Snapshot | None:
+        """Do a part of what the next snapshot needs; return the snapshot after the last part."""
+        followed = follow_evaluations()
+        if self.walking is None or self.walking[1] != depsgraph or not followed:
+            last, found = self.snapshot, None
+            if last is not None and last.depsgraph == depsgraph and followed:
+                try:
+                    found = self._brought_up_to_date(last)
+                except ReferenceError:  # an object was removed
+                    last = None
+            else:
+                last = None
+            if found is not None:
+                return self._finish(found)
+            self.walking = walk(depsgraph, last, self.changed), depsgraph
+        walking, self.walking = self.walking, None  # it is over where it fails
+        try:
+            next(walking[0])
+            while self.restarts > _RESTARTS:
+                next(walking[0])
+        except StopIteration as end:
+            return self._finish(end.value)
+        self.walking = walking
+        return None
+
+    def _finish(self, found: Snapshot) -> Snapshot:
+        self.snapshot, self.changed, self.shaded = found, {}, set()
+        self.layout_changed = self.scene_changed = self.evaluated = False
+        self.restarts = 0
+        return found
+
+    def _brought_up_to_date(self, last: Snapshot) -> Snapshot | None:
+        """Return the snapshot after changes of objects; None where all have to be read."""
         if not self.evaluated:
             return last
         for shape in last.shapes if self.shaded else ():
             if shape.own and shape.original in self.shaded:
                 shape.materials = slot_materials(shape.original.evaluated_get(last.depsgraph))
         moved = self.scene_changed and not is_there(last.layout, last.depsgraph)
-        if self.layout_changed or moved:
-            return walk(last.depsgraph, last, self.changed)
-        return read_again(last, self.changed)
+        return None if self.layout_changed or moved else read_again(last, self.changed)
 
     def forget(self) -> None:
-        self.snapshot = None
+        self.snapshot = self.walking = None
 
 
 _latest = _Latest()
@@ -659,6 +713,13 @@ def take_snapshot(depsgraph: bpy.types.Depsgraph) -> Snapshot:
 def latest_snapshot(view_layer: bpy.types.ViewLayer) -> Snapshot:
     """Return all objects and instances of a view layer, which must be up to date."""
     return take_snapshot(view_layer.depsgraph)
+
+
+def part_of_snapshot(context: bpy.types.Context) -> Snapshot | None:
+    """Do a part of the work of `context_snapshot`; return its snapshot after the last part. The
+    first part evaluates an edit.
+    """
+    return _latest.take_part(context.evaluated_depsgraph_get())
 
 
 def evaluated_snapshot(view_layer: bpy.types.ViewLayer) -> Snapshot:

@@ -17,7 +17,7 @@ import bpy
 from ...errors import ConfigError, RadarSimError, SceneError
 from ...findings import Finding, finding_lines, from_json, merge, to_json
 from ...options import Declared
-from ..rig_settings import RADAR_PROPERTY, RADAR_SETTINGS, Settings, field_of
+from ..rig_settings import RADAR_PROPERTY, RADAR_SETTINGS, TEXT_CONTEXT, Settings, field_of
 from ..scene import active_radar
 
 # -------------------------------------------------------------------------------------------------
@@ -31,21 +31,21 @@ from ..scene import active_radar
 
 
 LOCALES = Path(__file__).with_name("locales")
-#: Contexts in which Blender looks texts up: of labels and settings, of operators' buttons.
-_CONTEXTS = ("*", "Operator")
+#: Contexts in which Blender looks texts up: of labels, of operators' buttons, and of our words.
+_CONTEXTS = ("*", "Operator", TEXT_CONTEXT)
 _OWNER = __name__
 
 
 def tr(text: str, /, **values: Any) -> str:
     """Return a text in the user's language, with values in place of its {names}."""
-    return str(bpy.app.translations.pgettext_iface(text)).format(**values)
+    return translated(text).format(**values)
 
 
 def translated(text: str) -> str:
     """Return a text that is not a constant in the user's language, if the dictionaries
     contain it.
     """
-    return str(bpy.app.translations.pgettext_iface(text))
+    return str(bpy.app.translations.pgettext_iface(text, TEXT_CONTEXT))
 
 
 def read_dictionaries(folder: Path = LOCALES) -> dict[str, dict[tuple[str, str], str]]:
@@ -144,7 +144,7 @@ def read_findings(text: str) -> list[Finding]:
 #: Letters of a line that a narrow sidebar holds, and letters that the rest of a header takes.
 _NARROW, _HEADER = 40, 4
 #: Parts of the width that names take: Blender's own, and for names of more letters than `_SHORT`.
-_NAMES, _LONG_NAMES, _SHORT = 0.4, 0.55, 15
+_NAMES, _LONG_NAMES, _SHORT = 0.4, 0.55, 14
 
 
 def active_group(scene: bpy.types.Scene) -> Any:
@@ -161,6 +161,7 @@ class RadarPanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Radar"
+    bl_translation_context = TEXT_CONTEXT
 
 
 class ActiveRadarPanel(RadarPanel):
@@ -183,11 +184,17 @@ def draw_number(layout: bpy.types.UILayout, name: str, text: str) -> None:
 
     The name takes more of the width if it is longer than the names of fields.
     """
-    parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
+    _named(layout, name).label(text=text, translate=False)
+
+
+def _named(layout: bpy.types.UILayout, name: str) -> bpy.types.UILayout:
+    """Draw a name like that of a field; return the layout of what is on its right."""
+    shown = translated(name) if name else ""
+    parts = layout.split(factor=_NAMES if len(shown) <= _SHORT else _LONG_NAMES)
     names = parts.row()
     names.alignment = "RIGHT"
-    names.label(text=name)
-    parts.label(text=text, translate=False)
+    names.label(text=shown, translate=False)
+    return parts
 
 
 def misfit(group: Any, item: Declared) -> str:
@@ -216,11 +223,7 @@ def draw_quantity(layout: bpy.types.UILayout, owner: Any, prop: str, name: str, 
     """Draw a number with its unit after it. In brackets after the name, a narrow sidebar would cut
     the unit off.
     """
-    parts = layout.split(factor=_NAMES if len(name) <= _SHORT else _LONG_NAMES)
-    names = parts.row()
-    names.alignment = "RIGHT"
-    names.label(text=name)
-    fields = parts.split(factor=0.68, align=True)
+    fields = _named(layout, name).split(factor=0.68, align=True)
     fields.prop(owner, prop, text="")
     fields.label(text=unit, translate=False)
 
@@ -229,7 +232,7 @@ def draw_state(panel: Any, text: str) -> None:
     """Draw the state of a panel at the right end of its header, cut to the width that the name
     leaves.
     """
-    room = letters_across(bpy.context) - len(panel.bl_label) - _HEADER
+    room = letters_across(bpy.context) - len(translated(panel.bl_label)) - _HEADER
     if room < len(text):
         text = f"{text[: room - 1].rstrip()}\u2026" if room > _SHORT // 2 else ""
     row = panel.layout.row()
@@ -267,6 +270,8 @@ def draw_fields(
         label = labels.get(name, label_of(item))
         if unit:
             draw_quantity(field, group, prop, label, unit)
+        elif len(translated(label)) > _SHORT and item.kind is not bool:
+            _named(field, label).prop(group, prop, text="")
         else:
             field.prop(group, prop, text=label)
         if wrong:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import blf
+import bpy
 import gpu
 import numpy as np
 from gpu_extras.batch import batch_for_shader
@@ -257,6 +258,7 @@ def level_colours(power: Real, top_db: float) -> Single:
 
 BACK = (0.07, 0.07, 0.07, 0.86)
 _GRID, _CURVE, _PEAK = (1.0, 1.0, 1.0, 0.13), (0.34, 0.71, 0.91, 1.0), (0.90, 0.62, 0.0, 1.0)
+_GRIP = (1.0, 1.0, 1.0, 0.5)
 #: Widths of the curve and of the ring, and the ring's radius, at scale 1 [px].
 _CURVE_PX, _RING_PX, _RADIUS_PX = 1.6, 1.4, 4.0
 #: Steps of what a line covers of a pixel.
@@ -288,6 +290,9 @@ def picture_quads(picture: LivePicture, scale: float) -> Quads:
         parts.append(_curve_quads(picture.curve, picture.profile, scale))
     if picture.mark is not None:
         parts.append(_ring(picture.mark, scale))
+    left, top, grip = picture.panel.left, picture.panel.top, GRIP_PX * scale
+    corner = [(left, top), (left + grip, top), (left, top - grip), (left, top)]
+    parts.append(_lines(np.array(corner), _GRIP, 2 * scale))
     return _joined(parts)
 
 
@@ -384,19 +389,21 @@ def _covered(cover: NDArray[np.floating], colour: tuple[float, ...]) -> Single:
 
 _BRIGHT, _DIM = (1.0, 1.0, 1.0, 1.0), (0.82, 0.82, 0.82, 1.0)
 _FONT_PX, _MARGIN_PX = 11, 12
+#: Length of the lines that mark the corner by which the picture is resized, at scale 1 [px].
+GRIP_PX = 14
+#: Largest part of the display's scale.
+_LARGEST = 3.0
 #: The last draft as rectangles, by what they were made from: views are drawn all the time.
 _last: dict[str, Any] = {}
 
 
-def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
+def draw_live(context: bpy.types.Context, draft: Message | None, lines: list[str]) -> None:
     """Draw a draft and its lines of text. Without a draft, draw the lines only."""
-    scale = float(context.preferences.system.ui_scale)
-    beside = _over_px(context, "width", "UI")
-    corner = (context.region.width - beside - _MARGIN_PX * scale, _MARGIN_PX * scale)
+    scale, corner = _free_corner(context)
     gpu.state.blend_set("ALPHA")
     if draft is not None:
-        room = _room_px(context, corner)
-        scale = fitting_scale(scale, room, draft.arrays["velocity_mps"].size > 1, len(lines))
+        panel, scale = place_live(context, draft, len(lines))
+        corner = panel.right, panel.bottom
     blf.size(0, _FONT_PX * scale)
     if draft is None:
         width = max(blf.dimensions(0, line)[0] for line in lines) + 20 * scale
@@ -418,11 +425,70 @@ def draw_live(context: Any, draft: Message | None, lines: list[str]) -> None:
 
 
 def forget_drawing() -> None:
-    """Free the rectangles of the last draft."""
+    """Free the rectangles of the last draft, and put the next one into the corner."""
     _last.clear()
+    vars(placement).update(vars(Placement()))
 
 
-def _over_px(context: Any, side: str, *kinds: str) -> int:
+@dataclass
+class Placement:
+    """Where the user has put the picture: to the left of the free corner and above it, in pixels at
+    scale 1, and the part of the display's scale at which it is drawn.
+    """
+
+    left: float = 0.0
+    up: float = 0.0
+    size: float = 1.0
+
+
+placement = Placement()
+
+
+def place_live(context: bpy.types.Context, draft: Message, lines: int) -> tuple[Box, float]:
+    """Return where a draft with so many lines of text is in a view [px], and its scale.
+
+    It stays within the free part of the view. The scale is 0 if there is no room.
+    """
+    display, corner = _free_corner(context)
+    room, resolved = _room_px(context, corner), draft.arrays["velocity_mps"].size > 1
+    scale = fitting_scale(display * placement.size, room, resolved, lines)
+    width, height = (scale * side for side in _panel_size(resolved, lines))
+    right = corner[0] - min(max(placement.left * display, 0.0), room[0] - width)
+    up = max(placement.up * display, _above_hud_px(context, right - width) - corner[1], 0.0)
+    bottom = corner[1] + min(up, room[1] - height)
+    return Box(right - width, bottom, right, bottom + height), scale
+
+
+def drag_live(
+    context: bpy.types.Context,
+    start: Placement,
+    panel: Box,
+    by_px: tuple[float, float],
+    resize: bool,
+) -> None:
+    """Move the picture, which was at `panel` when the user pressed the mouse, or its upper left
+    corner.
+    """
+    display, (right, up) = float(context.preferences.system.ui_scale), by_px
+    if resize:
+        wider = (panel.right - panel.left - right) / (panel.right - panel.left)
+        higher = (panel.top - panel.bottom + up) / (panel.top - panel.bottom)
+        size = start.size * max(wider, higher)
+        placement.size = min(max(size, _LEAST_SCALE / display), _LARGEST)
+    else:
+        corner = _free_corner(context)[1]
+        placement.left = max(corner[0] - panel.right - right, 0.0) / display
+        placement.up = max(panel.bottom + up - corner[1], 0.0) / display
+
+
+def _free_corner(context: bpy.types.Context) -> tuple[float, tuple[float, float]]:
+    """Return the scale of the display, and the lower right corner that nothing overlaps [px]."""
+    scale = float(context.preferences.system.ui_scale)
+    beside = _over_px(context, "width", "UI")
+    return scale, (context.region.width - beside - _MARGIN_PX * scale, _MARGIN_PX * scale)
+
+
+def _over_px(context: bpy.types.Context, side: str, *kinds: str) -> int:
     """Return the width or the height of the regions that overlap the view [px]."""
     if not context.preferences.system.use_region_overlap:
         return 0
@@ -430,7 +496,25 @@ def _over_px(context: Any, side: str, *kinds: str) -> int:
     return sum(getattr(region, side) for region in regions if min(region.width, region.height) > 1)
 
 
-def _room_px(context: Any, corner: tuple[float, float]) -> tuple[float, float]:
+def _above_hud_px(context: bpy.types.Context, left: float) -> float:
+    """Return the top of the settings of the last operator, which Blender shows in the lower left
+    corner, if they reach beyond `left` [px].
+    """
+    if not context.preferences.system.use_region_overlap:
+        return 0.0
+    margin = _MARGIN_PX * context.preferences.system.ui_scale / 2
+    found = [one for one in context.area.regions if one.type == "HUD"]
+    return max(
+        (
+            one.y + one.height - context.region.y + margin
+            for one in found
+            if min(one.width, one.height) > 1 and one.x + one.width - context.region.x > left
+        ),
+        default=0.0,
+    )
+
+
+def _room_px(context: bpy.types.Context, corner: tuple[float, float]) -> tuple[float, float]:
     """Return the free width and height between the tools, the headers and the corner [px]."""
     above = _over_px(context, "height", "HEADER", "TOOL_HEADER")
     left = _over_px(context, "width", "TOOLS")

@@ -19,7 +19,8 @@ from bpy.app.handlers import persistent
 from ...errors import RadarSimError
 from ...messages import Message
 from ...signal.draft import DRAFT, LEVELS
-from ..state import Snapshot, context_snapshot
+from ..rig_settings import TEXT_CONTEXT
+from ..state import Snapshot, part_of_snapshot
 from .fields import is_refused, may_write_at_need, tr
 from .live_picture import draw_live, forget_drawing
 from .live_scene import LiveReader, LiveScene
@@ -71,7 +72,7 @@ class LivePreview:
         Blender allows it.
         """
         try:
-            pause_s = self._step(context, time.perf_counter() + _SLICE_S)
+            pause_s = self._step(context)
             self._refused = False
         except (RadarSimError, AttributeError, RuntimeError) as error:  # the latter are Blender's
             self.pause()
@@ -88,12 +89,17 @@ class LivePreview:
         self.statistics.slices += 1
         return pause_s
 
-    def _step(self, context: bpy.types.Context, deadline_s: float) -> float:
+    def _step(self, context: bpy.types.Context) -> float:
         if bpy.app.is_job_running("RENDER"):
             self.pause()
             return _SETTINGS_S
         self._receive(context)
-        snapshot = context_snapshot(context)
+        snapshot = part_of_snapshot(context)  # evaluates an edit, which may take longer
+        deadline_s = time.perf_counter() + _SLICE_S
+        while snapshot is None:
+            if time.perf_counter() > deadline_s:
+                return _SOON_S
+            snapshot = part_of_snapshot(context)
         if self._reading is not None and snapshot is not self._snapshot:
             self._reading = None  # what was read is of a scene that is no more
         due = time.monotonic() - self._read_s > _SETTINGS_S
@@ -303,6 +309,7 @@ def register_live() -> None:
         get=_is_on,
         set=_switch,
         options={"SKIP_SAVE"},
+        translation_context=TEXT_CONTEXT,
         description="Draw a draft of profile and map in the 3D view while you move things. The "
         "draft has paths of one reflection only: no multipath, nothing inside or behind walls, no "
         "mirrors, no random noise. Velocities come from keyframes only",

@@ -7,7 +7,7 @@ its mesh and its F-curves are all that counts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
@@ -54,6 +54,8 @@ _NONE = np.empty(0, dtype=np.int32)
 _EMPTY = Mesh(np.empty((0, 3)), _NONE, _NONE, _NONE, _NONE)
 #: Objects whose F-curves are read in one part.
 _OWNERS = 64
+#: Objects that are compared in one part.
+_COMPARED = 256
 #: What Blender fills unused numbers of instances with.
 _UNUSED = 2**31 - 1
 
@@ -127,12 +129,16 @@ class _Objects:
         ]
         return np.concatenate([np.zeros((0, 3)), *corners])
 
-    def count_other(self, render: bpy.types.RenderSettings) -> int:
-        """Return the number of objects whose settings in the viewport differ from those for
-        renders.
+    def count_other(self, render: bpy.types.RenderSettings) -> Generator[None, None, int]:
+        """Yield after parts; return the number of objects whose settings in the viewport differ
+        from those for renders.
         """
-        items = {*self.snapshot.layout.instancers, *(one.original for one in self.shapes)}
-        return sum(differs_in_viewport(item, render) for item in items)
+        items = [*{*self.snapshot.layout.instancers, *(one.original for one in self.shapes)}]
+        found = 0
+        for start in range(0, len(items), _COMPARED):
+            yield
+            found += sum(differs_in_viewport(o, render) for o in items[start : start + _COMPARED])
+        return found
 
 
 class LiveReader:
@@ -152,13 +158,16 @@ class LiveReader:
         """
         scene, snapshot = context.scene, context_snapshot(context)
         rendered = rendered_objects(snapshot.view_layer)
+        yield None
         rows = rendered_rows(snapshot, rendered)
+        yield None
         meshless = snapshot.of_shapes([shape.kind in _MESHLESS for shape in snapshot.shapes])[rows]
         poses = {
             item: _unevaluated(item, scene.frame_current_final)
             for item in hidden_objects(snapshot, rendered)
         }
         known = {item: worlds for item, worlds in poses.items() if worlds is not None}
+        yield None
         lost = len(poses) - len(known) + len(hidden_members(snapshot))
         objects = _Objects(snapshot, rows[~meshless], known, int(meshless.sum()), lost)
         for shape in dict.fromkeys(objects.shapes):
@@ -180,6 +189,7 @@ class LiveReader:
         self._keys = WeakKeyDictionary({shape: self._keys[shape] for shape in objects.shapes})
         stamps = [_mesh_stamp(item) for item in known]
         self._hidden_keys = {stamp: self._hidden_keys[stamp] for stamp in stamps}
+        yield None
         keys = [self._keys[shape] for shape in objects.shapes]
         keys += [self._hidden_keys[stamp] for stamp in stamps]
         yield from _scene(scene, radar, rig, objects, motion, keys)
@@ -207,7 +217,7 @@ def _scene(
     seen, lit, may_echo = objects.flags
     yield None
     matrices, moves = objects.matrices, motion.moves()
-    other = objects.count_other(render)
+    other = yield from objects.count_other(render)
     yield None
     start_m, stop_m = measurement.range_start_m, measurement.range_stop_m
     if not stop_m:

@@ -20,6 +20,7 @@ from ..rig_settings import (
     PROGRESS_PROPERTY,
     RADAR_PROPERTY,
     RADAR_SETTINGS,
+    TEXT_CONTEXT,
     WAVEFORMS,
     apply_preset,
     load_preset,
@@ -193,7 +194,7 @@ class RADARSIM_PT_rig(RadarPanel, bpy.types.Panel):
             draw_fields(column, group, RADAR_SETTINGS, "carrier_hz")
         camera = rig.camera.data
         if camera.type == "PERSP":
-            column.prop(camera, "angle", text="Field of View")
+            column.prop(camera, "angle", text="Field of View", text_ctxt=TEXT_CONTEXT)
             draw_number(column, "Width by Height", _field_of_view(camera, group))
         draw_fields(column, group, RADAR_SETTINGS, "range_start_m", "range_stop_m")
         if not group.use_link_budget:

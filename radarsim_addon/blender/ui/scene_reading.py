@@ -70,7 +70,7 @@ from ..scene import (
     sizes_in_parts,
     visibility_in_parts,
 )
-from ..state import Shape, Snapshot, context_snapshot, watch_evaluations
+from ..state import Shape, Snapshot, context_snapshot, part_of_snapshot, watch_evaluations
 from .fields import is_refused, may_write_at_need
 
 #: Time after the last change at which a scene is read again, and from slice to slice [s].
@@ -152,7 +152,7 @@ def scene_record(context: bpy.types.Context) -> SceneRecord | None:
 
 def read_now(context: bpy.types.Context) -> None:
     """Read all of the scene at once, if it has changed, for `scene_record`."""
-    if _begin(context):
+    if _begin(context, context_snapshot(context)):
         while not _read_part(context.scene):
             pass
 
@@ -169,9 +169,15 @@ def _read_slice() -> float | None:
     calm_in_s = _reader.changed_s + _CALM_S - time.monotonic()
     if _reader.changed and calm_in_s > 0:
         return calm_in_s
-    context, end_s = bpy.context, time.perf_counter() + _SLICE_S
+    context = bpy.context
     try:
-        ended = not _begin(context) or _read_part(context.scene)
+        snapshot = part_of_snapshot(context)  # evaluates an edit, which may take longer
+        end_s = time.perf_counter() + _SLICE_S
+        while snapshot is None:
+            if time.perf_counter() >= end_s:
+                return _PAUSE_S
+            snapshot = part_of_snapshot(context)
+        ended = not _begin(context, snapshot) or _read_part(context.scene)
         while not ended and time.perf_counter() < end_s:
             ended = _read_part(context.scene)
     except ReferenceError:  # an object was removed while it was read
@@ -185,12 +191,12 @@ def _read_slice() -> float | None:
     return None if ended else _PAUSE_S
 
 
-def _begin(context: bpy.types.Context) -> bool:
+def _begin(context: bpy.types.Context, snapshot: Snapshot) -> bool:
     """Begin to read the scene if it has changed; return whether there is something to be read."""
     scene = context.scene
     if current_measurement(scene)[0] is None:
         return False  # the panels say what is wrong
-    now = context_snapshot(context), _key(scene)
+    now = snapshot, _key(scene)
     if _reader.of is None or _reader.of[0] is not now[0] or _reader.of[1] != now[1]:
         _reader.of, _reader.reading = now, _read(scene, now[0])
     _reader.changed = False

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...contract import LinkBudget
-from ...findings import Finding, finding, finding_about
+from ...findings import Finding, finding, finding_about, percent_text
 from ...physics.radar_equation import SnrPrediction, predict_snr
 from ...terminal import printable
 from ..decoding import FrameInput
@@ -140,8 +140,8 @@ class BudgetReport:
         names = [printable(echo.name) for echo in self.objects if echo.uncertain]
         if not names:
             return ""
-        more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-        return f"power of {names[0]:.24}{more} uncertain"
+        # Of several, the finding names others first.
+        return f"power of {f'{len(names)} objects' if len(names) > 1 else names[0][:24]} uncertain"
 
     def lines(self) -> list[str]:
         """Return text for people, one object per line."""
@@ -159,7 +159,7 @@ class BudgetReport:
                 f"{_text(_dbm(echo.power_w))} dBm   RCS {_text(ratio_db(echo.rcs_m2, 1.0))} dBsm"
             )
             if echo.power_w > 0:
-                line += f" +- {100 * echo.power_error:.2g} %{', uncertain' * echo.uncertain}"
+                line += f" +- {percent_text(echo.power_error)}{', uncertain' * echo.uncertain}"
             if echo.name in self.snr:
                 line += f"   SNR in the map {self.snr[echo.name].burst_db:.1f} dB (as a point)"
             line += self._clutter_text(echo.name)

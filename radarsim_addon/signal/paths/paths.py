@@ -134,6 +134,13 @@ class PathCounts:
     def __add__(self, other: PathCounts) -> PathCounts:
         return PathCounts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
+    @property
+    def text(self) -> str:
+        """The number of all paths, as a measurement counts them, and of those without a length."""
+        without = self.range_encoding_underflow + self.no_range_encoding
+        more = f", {without:,} of them without a length" if without else ""
+        return f"{self.paths + without:,} paths{more}"
+
     @classmethod
     def of(cls, flags: Flags, **left_out: int) -> PathCounts:
         """Count paths by their flags, (n,). `left_out` are counts that do not follow from flags."""

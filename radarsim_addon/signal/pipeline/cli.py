@@ -21,7 +21,7 @@ from ...coordinator import Reply, run_frames
 from ...errors import ConfigError, RadarSimError
 from ...findings import Finding, exit_code, finding_lines, from_json, to_json
 from ...options import CommandParser, add_arguments, add_share_arguments, declared, given, share_of
-from ...terminal import error_line, printable
+from ...terminal import error_line, printable, wrapped
 from ..detection import (
     Cfar,
     Detection,
@@ -345,7 +345,7 @@ def frame_lines(result: FrameResult) -> list[str]:
     """Return a text about the echoes, targets and files of a frame."""
     counts, digits = result.statistics.counts, map_digits(result.rd_map)
     unit = level_unit(result.echoes.amplitude_model)
-    lines = [f"frame {result.frame}: t = {result.time_s:g} s, {counts.paths} paths"]
+    lines = [f"frame {result.frame}: t = {result.time_s:g} s, {counts.text}"]
     lines += [
         f"  leading edge  {digits.range_text(edge.range_m)}   level {edge.level_db:z8.2f} {unit}"
         for edge in result.edges
@@ -369,7 +369,7 @@ def frame_lines(result: FrameResult) -> list[str]:
     lines += [f"  {line}" for line in result.budget.lines()]
     if result.files:
         lines.append(f"  {len(result.files)} files in {result.files[0].parent}")
-    return lines
+    return [part for line in lines for part in wrapped(line)]
 
 
 def kept_lines(kept: KeptFrame) -> list[str]:

@@ -29,10 +29,10 @@ from ...contract import (
     frame_dir,
 )
 from ...errors import ConfigError, FrameFileError, OutputError, SchemaError
-from ...findings import Finding, finding_lines, frames_text, from_json, merge
+from ...findings import Finding, finding_lines, frames_text, from_json, merge, percent_text
 from ...options import CommandParser
 from ...physics.constants import SPEED_OF_LIGHT_MPS
-from ...terminal import printable
+from ...terminal import printable, wrapped
 from ...typed_json import check_digest, file_sha256, read_json, write_record
 from ..decoding import open_frame
 from ..detection import (
@@ -107,7 +107,7 @@ def print_run(folder: str) -> int:
         statistics = frame_statistics(frame_input, radar)
         counts = statistics.counts
         print(f"frame {whole.number}:")
-        print(f"  paths            {counts.paths}")
+        print(f"  {counts.text}")
         if statistics.nearest_m is not None and statistics.farthest_m is not None:
             print(f"  ranges           {statistics.nearest_m:g} to {statistics.farthest_m:g} m")
         print(f"  mixed pixels     {100 * statistics.mixed_power_fraction:.2f} % of the power")
@@ -172,7 +172,7 @@ def _print_quality(record: PathsRecord) -> None:
         )
     print(f"  refined until    {record.stop_reason}")
     over = {"ranges": "range bins", "objects": "objects"}
-    known = f"{100 * record.relative_error:.2g} %" if record.path_count else "unknown"
+    known = percent_text(record.relative_error) if record.path_count else "unknown"
     print(
         f"  standard error   {known} (over "
         f"{over.get(record.error_scope, 'range bins and objects')})"
@@ -186,17 +186,17 @@ def _print_quality(record: PathsRecord) -> None:
         f"{record.length_sigma_wavelengths:.2g} wavelengths"
     )
     upper = record.truncated_reflections_upper
-    bound = "" if upper is None else f", at most {100 * upper:.2g} %"
+    bound = "" if upper is None else f", at most {percent_text(upper)}"
     print(
-        f"  power left out   {100 * record.truncated_reflections_fraction:.2g} % after more "
+        f"  power left out   {percent_text(record.truncated_reflections_fraction)} after more "
         "reflections (standard "
-        f"error {100 * record.truncated_reflections_stderr:.1g} %{bound}), "
-        f"{100 * record.truncated_transparency_fraction:.2g} % behind more transparent surfaces"
+        f"error {percent_text(record.truncated_reflections_stderr)}{bound}), "
+        f"{percent_text(record.truncated_transparency_fraction)} behind more transparent surfaces"
     )
-    unranged = round(100 * record.unranged_power_fraction, 4)
+    unranged = round(record.unranged_power_fraction, 6)
     print(
-        f"  without a range  {unranged:.2g} % of the power; mixed "
-        f"{100 * record.mixed_power_fraction:.2g} %, range bias at most "
+        f"  without a range  {percent_text(unranged)} of the power; mixed "
+        f"{percent_text(record.mixed_power_fraction)}, range bias at most "
         f"{record.mixed_bias_bound_m:.2g} m"
     )
 
@@ -256,7 +256,7 @@ def print_objects(
         total_w = sum(echo.power_w for echo in echoes)
         print(f"frame {frame.number}: t = {frame.time_s:g} s")
         for line in BudgetReport(total_w, None, echoes).lines():
-            print(f"  {line}")
+            print("\n".join(wrapped(f"  {line}")))
         for echo in echoes:
             if echo.multi_object_power_w > 0.01 * echo.power_w:
                 print(

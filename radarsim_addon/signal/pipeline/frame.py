@@ -201,6 +201,7 @@ def frame_steps(
     if array is None:
         detections = _detections(options, received, first_map, recording, folds)
     else:
+        yield f"frame {number}: echoes and maps of {len(radar.channels)} channels"
         detections = _array_detections(options, received, rd_map, compressed, folds, array)
     if frame_input.tables and (moving or (detections is not None and detections.targets)):
         finder = PathFinder(frame_input, budget.link)
@@ -240,7 +241,7 @@ def frame_steps(
         spectrogram=_spectrogram(frame_input, options, compressed),
         edges_left_out=max(len(edges) - MAX_EDGES, 0),
     )
-    yield f"frame {number}: echoes, map"
+    yield f"frame {number}: {'echoes, map' if array is None else 'directions'}"
     return result
 
 

@@ -15,7 +15,7 @@ from ..decoding import MAX_RANGE_RATE_MPS, FrameInput, open_frame
 from ..detection import Cfar
 from ..echoes import EchoOptions, Receiver, check_window, window_samples
 from ..maps import SpectrogramOptions
-from ..radar import WINDOW_NAMES, Radar, Weather, read_system
+from ..radar import WAVEFORM_KINDS, WINDOW_NAMES, Burst, Radar, Weather, read_system
 from ..runs import RadarFrame, Run
 from ..spectrum import TOLERANCE, Backend, Method
 
@@ -217,11 +217,22 @@ def _hint(name: str, options: list[str]) -> str:
         "receiver": Receiver, "link_budget": LinkBudget, "weather": Weather, "cfar": Cfar,
         "spectrogram": SpectrogramOptions,
     }  # fmt: skip
+    ways: dict[str, str] = {}
     for option, kind in parts.items():
-        if name in declared(kind):
-            return f"it is one of {option}={kind.__name__}({name}=...)."
+        for field, item in declared(kind).items():
+            way = f"{option}=signal.{kind.__name__}({field}=...)"
+            for word in (item.flag.lstrip("-").replace("-", "_"), field, f"{option}_{field}"):
+                ways.setdefault(word, way)
+    of_radar = ["waveform", "burst", "channels", "array"]
+    of_radar += [field for kind in (Burst, *WAVEFORM_KINDS.values()) for field in declared(kind)]
+    ways |= dict.fromkeys(of_radar, "radar=signal.Radar(...)")
+    ways |= {word: f"the argument {word} of the function" for word in ("out", "frames")}
+    if name in ways:
+        return f"give {ways[name]}."
     near = difflib.get_close_matches(name, options, 2, 0.6)
-    return f"did you mean {' or '.join(near)}?" if near else "docs/signal.md lists them."
+    near = near or [ways[word] for word in difflib.get_close_matches(name, ways, 2, 0.6)]
+    found = " or ".join(dict.fromkeys(near))
+    return f"did you mean {found}?" if near else "docs/signal.md lists them."
 
 
 @documented

@@ -23,6 +23,7 @@ import importlib.metadata
 import json
 import os
 import re
+import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,7 +83,7 @@ class Progress:
     done, total
         Steps that are done, and all steps of the whole run.
     text
-        What the step did.
+        What the step did, and the time that it took.
     finding
         Why a frame was skipped.
     file
@@ -162,7 +163,9 @@ def process_run(
 def _process_frames(
     products: Products, chosen: Sequence[RadarFrame]
 ) -> Generator[Progress | FrameResult, None, None]:
-    steps = products.run.record.rings + _STEPS_AFTER_RINGS
+    record, several = products.run.record, len(products.options.radar.channels) > 1
+    rings = record.rings if record.sampling_mode == "rings" else 0
+    steps = rings + _STEPS_AFTER_RINGS + several  # directions are a step of their own
     total, finished = steps * len(chosen), 0
     maps: list[MapFile] = []
     for frame in chosen:
@@ -177,13 +180,16 @@ def _process_frames(
             maps.append(kept.map)
             yield Progress(finished, total, f"frame {frame.number} kept", kept=kept)
             continue
-        for event in products.process(frame):
+        start_s = time.monotonic()
+        for step, event in enumerate(products.process(frame), 1):
             if isinstance(event, FrameResult):
                 maps.append(map_file(event, products.folder))
                 yield event
             else:
-                finished += 1
-                yield Progress(finished, total, event)
+                text = f"{event} ({time.monotonic() - start_s:.1f} s)"
+                yield Progress(finished + step, total, text)
+                start_s = time.monotonic()
+        finished += steps
     path = products.draw_common(maps)
     if path is not None:
         yield Progress(total, total, f"animation: {path}", file=path)

@@ -15,6 +15,7 @@ from .run import (
     done_before_text,
     frame_findings,
     open_run,
+    plan_changes,
     shared_plan,
 )
 
@@ -30,6 +31,7 @@ __all__ = [
     "exr_backend",
     "frame_findings",
     "open_run",
+    "plan_changes",
     "read_exr",
     "read_header",
     "shared_plan",

@@ -35,7 +35,7 @@ from ...contract import (
     render_stem,
 )
 from ...errors import ConfigError, FrameFileError, SchemaError
-from ...findings import Finding, frames_text, merge
+from ...findings import Finding, frames_text, merge, percent_text
 from ...typed_json import check_run, file_sha256, from_json, read_record
 from ..radar import Radar, Weather, burst_from_dict, channels_from_dict, waveform_from_dict
 from .exr import read_exr
@@ -387,6 +387,44 @@ def shared_plan(record: RunRecord) -> dict[str, Any]:
     return found
 
 
+#: Fields of a plan that no setting gives alone: they follow from the scene and from other fields.
+_NO_SETTINGS = ("frame_times_s", "versions", "range_encoding_length_m")
+#: Characters of the longest value that a change shows.
+_LONGEST = 40
+
+
+def plan_changes(earlier: RunRecord, now: RunRecord) -> list[str]:
+    """Return the settings in which two plans differ, one text each: "array: 3x4 -> none"."""
+    unset = set(_NO_SETTINGS)
+    if earlier.sampling_mode == now.sampling_mode == "paths":
+        unset |= {"rings", "ring_step_m"}  # they say how far the scene reaches
+    pair = (shared_plan(record) for record in (earlier, now))
+    before, after = ({k: v for k, v in plan.items() if k not in unset} for plan in pair)
+    return list(_changes(before, after))
+
+
+def _changes(before: dict[str, Any], after: dict[str, Any], within: str = "") -> Iterator[str]:
+    for name in dict.fromkeys([*before, *after]):
+        old, new = before.get(name), after.get(name)
+        if isinstance(old, dict) and isinstance(new, dict) and old and new:
+            yield from _changes(old, new, f"{name}.")
+        elif old != new:
+            shown = [_value_text(name, value) for value in (old, new)]
+            text = " -> ".join(shown) if shown[0] != shown[1] else "other values"
+            yield f"{within}{'array' if name == 'channels' else name}: {text}"
+
+
+def _value_text(name: str, value: Any) -> str:
+    if value in (None, "", [], {}):
+        return "none"
+    if name == "channels":
+        return "x".join(str(len({str(one[end]) for one in value})) for end in ("tx", "rx"))
+    if name == "frames":
+        return frames_text(value, value).split(" ", 1)[1].replace(".0", "")
+    text = f"{value:.12g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= _LONGEST else "set"
+
+
 def frame_findings(folder: Path, frames: Iterable[int]) -> list[Finding]:
     """Return the findings in the records of these frames, as far as the frames are done. Frames of
     rings have no such findings.
@@ -409,7 +447,7 @@ def done_before_text(run: Run, frames: Sequence[int]) -> str:
     records = [read_record(run.frame(frame).path / PATHS_FILE, PathsRecord) for frame in frames]
     paths = sum(record.path_count for record in records)
     errors = sorted(record.relative_error for record in records if record.path_count)
-    texts = [f"{100 * error:.2g} %" for error in (*errors[:1], *errors[-1:])]
+    texts = [percent_text(error) for error in (*errors[:1], *errors[-1:])]
     known = " to ".join(dict.fromkeys(texts)) or "unknown"
     count = len(merge(item for record in records for item in record.findings))
     return (

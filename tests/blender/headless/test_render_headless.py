@@ -164,6 +164,13 @@ def test_options_override_the_file(here: Command, blend: Path, tmp_path: Path) -
     }
     assert run.burst == {"prf_hz": 4000.0, "pulses": 64}
     assert (tmp_path / "run" / "products" / "frame_0004_map.npz").is_file()
+    assert "changed" not in done.stdout
+    again = here(blend, "--out", tmp_path / "run", *words.replace("--prf-hz 4000", "").split())
+    assert again.returncode == 0, again.stderr
+    assert (
+        "radarsim: changed since the run in this folder:\nradarsim:   burst.prf_hz: 4000 -> 2000\n"
+    ) in again.stdout
+    assert "frames 2, 4: done before" in again.stdout
 
 
 def test_the_installed_command_renders_too(here: Command, blend: Path, tmp_path: Path) -> None:

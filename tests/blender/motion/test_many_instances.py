@@ -17,8 +17,7 @@ from radarsim_addon.blender.paths.path_job import StillFrames
 from radarsim_addon.blender.plan import Extent
 from radarsim_addon.blender.run import run_job
 from radarsim_addon.blender.scene.ground_truth import Boxes, extent_of_boxes
-from radarsim_addon.blender.state import Snapshot, take_snapshot
-from radarsim_addon.blender.state.snapshot import walk
+from radarsim_addon.blender.state import Snapshot, forget_snapshot, take_snapshot
 from radarsim_addon.contract import MOTION_FILE, STILL_BODIES_FILE, MotionRecord, frame_dir
 from radarsim_addon.signal.motion import FrameMotion, read_motion
 from radarsim_addon.signal.radar import Burst
@@ -74,7 +73,8 @@ def alike(one: ph.PathRun, other: ph.PathRun) -> None:
 def walk_again(view_layer: bpy.types.ViewLayer) -> Snapshot:
     """The snapshot of a view layer, of which nothing is known from before."""
     view_layer.update()
-    return walk(view_layer.depsgraph)
+    forget_snapshot()
+    return take_snapshot(view_layer.depsgraph)
 
 
 @pytest.mark.parametrize("instances_move", [False, True])

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -189,3 +190,8 @@ def test_uncertain_power_is_a_caution_in_lists_and_pictures(
     assert "power-uncertain" in [one.code for one in result.findings]
     assert [line for line in result.budget.lines() if "%, uncertain" in line]
     assert result.budget.uncertain_text == "power of Ball uncertain"
+    (ball,) = result.budget.objects
+    two = [ball, dataclasses.replace(ball, name="Other", power_error_w=0.9999 * ball.power_w)]
+    both = dataclasses.replace(result.budget, objects=two)
+    assert both.uncertain_text == "power of 2 objects uncertain"  # whichever a finding names first
+    assert "+- 100 %, uncertain" in "\n".join(both.lines())

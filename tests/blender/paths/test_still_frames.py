@@ -33,6 +33,8 @@ def measured(folder: Path) -> list[int]:
     size = {"width_px": 16, "height_px": 16}
     run = ph.run_paths(folder, options=options, frames=(1, 2, 5, 6), **size)
     assert run.job.done == run.job.total
+    frame = int(run.job.summary.split(":")[0].removeprefix("frame "))  # rendered last
+    assert f": {run.record(frame).path_count:,} paths, standard error" in run.job.summary
     return [run.record(frame).renders for frame in (1, 2, 5, 6)]
 
 

@@ -15,6 +15,7 @@ from radarsim_addon.blender.state import (
     Snapshot,
     evaluated_mesh,
     evaluated_objects,
+    part_of_snapshot,
     read_numbers,
     snapshot,
     take_snapshot,
@@ -362,3 +363,38 @@ def test_an_object_that_changed_and_was_removed_is_gone() -> None:
     found = checked()
     assert len(found.shapes) == len(first.shapes) - 1
     assert kept in [shape.original for shape in found.shapes]
+
+
+def test_a_walk_is_made_in_parts() -> None:
+    """A redrawn panel or a timer asks for one part after the other; all ask for the same walk."""
+    rs.new_scene()
+    cubes = [box(f"Cube {number}", (3.0 * number, 0.0, 0.0)) for number in range(300)]
+    first = checked()
+    box("New", (0.0, 5.0, 0.0))
+    bpy.data.objects.remove(cubes[7])
+    parts = 1
+    while (found := part_of_snapshot(bpy.context)) is None:
+        parts += 1
+    assert parts > 300 // snapshot._ROWS
+    assert checked() is found and part_of_snapshot(bpy.context) is found
+    kept = set(map(id, first.shapes)) & set(map(id, found.shapes))
+    assert len(kept) == len(first.shapes) - 1, "unchanged shapes are kept, with their meshes"
+
+
+def test_a_walk_that_an_edit_interrupts_begins_again_and_ends() -> None:
+    rs.new_scene()
+    cubes = [box(f"Cube {number}", (3.0 * number, 0.0, 0.0)) for number in range(200)]
+    checked()
+    for number in range(10):
+        box(f"New {number}", (0.0, 5.0 + number, 0.0))
+        found = part_of_snapshot(bpy.context)
+        if found is not None:
+            break
+        part_of_snapshot(bpy.context)
+        cubes[3].location.z += 1.0
+    assert found is not None and number == snapshot._RESTARTS + 1
+    assert checked() is found
+    # half way, the whole is asked for
+    bpy.data.objects.remove(cubes[5])
+    assert part_of_snapshot(bpy.context) is None
+    assert len(checked().shapes) == len(found.shapes) - 1

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,15 +17,21 @@ from radarsim_addon.blender.ui.live_picture import (
     SPAN_DB,
     Box,
     LivePicture,
+    Placement,
     Quads,
+    drag_live,
     filled,
     fitting_scale,
+    forget_drawing,
     lay_out_draft,
     level_colours,
     picture_quads,
     pixels,
+    place_live,
+    placement,
 )
 from radarsim_addon.blender.ui.small_drawings import viridis
+from radarsim_addon.messages import Message
 
 RANGE_M = np.arange(0.0, 100.5, 0.5)
 RATES = np.linspace(-20.0, 19.0, 40)
@@ -177,3 +185,65 @@ def test_the_picture_fits_into_the_view(room_px: tuple[float, float], scale: flo
     assert panel.right - panel.left <= room_px[0] * (1 + 1e-9)
     assert panel.top - panel.bottom <= room_px[1] * (1 + 1e-9)
     assert fitting_scale(2.0, (200.0, 1400.0), True, len(LINES)) == 0.0
+
+
+def view(hud_px: int = 1) -> Any:
+    """A 3D view with settings of the last operator that are so wide, and nothing else over it."""
+    system = SimpleNamespace(ui_scale=2.0, use_region_overlap=True)
+    hud = SimpleNamespace(type="HUD", x=30, y=20, width=hud_px, height=60)
+    return SimpleNamespace(
+        region=SimpleNamespace(x=10, y=10, width=1200, height=900),
+        area=SimpleNamespace(regions=[hud]),
+        preferences=SimpleNamespace(system=system),
+    )
+
+
+@pytest.fixture
+def placed() -> Iterator[Placement]:
+    """Where the picture is, at first in its corner."""
+    forget_drawing()
+    yield placement
+    forget_drawing()
+
+
+def test_the_picture_is_moved_within_the_view(placed: Placement) -> None:
+    message = Message({}, draft())
+    first, scale = place_live(view(), message, len(LINES))
+    placement.size = 0.5
+    small, half = place_live(view(), message, len(LINES))
+    assert half == pytest.approx(1.0) and (small.right, small.bottom) == (first.right, first.bottom)
+    drag_live(view(), Placement(size=0.5), small, (-100.0, 40.0), resize=False)
+    moved, _ = place_live(view(), message, len(LINES))
+    assert np.subtract(moved, small) == pytest.approx([-100, 40, -100, 40])
+    drag_live(view(), Placement(size=0.5), small, (-5000.0, 5000.0), resize=False)
+    held, _ = place_live(view(), message, len(LINES))
+    assert held.left == pytest.approx(0.0) and held.top == pytest.approx(900.0)
+    drag_live(view(), Placement(size=0.5), small, (5000.0, -5000.0), resize=False)
+    assert place_live(view(), message, len(LINES))[0] == pytest.approx(small)
+    assert scale > half
+
+
+def test_the_picture_is_resized_by_its_upper_left_corner(placed: Placement) -> None:
+    message, start = Message({}, draft()), Placement(size=0.5)
+    placement.size = 0.5
+    small, _ = place_live(view(), message, len(LINES))
+    drag_live(view(), start, small, (-0.25 * (small.right - small.left), 0.0), resize=True)
+    large, scale = place_live(view(), message, len(LINES))
+    assert scale == pytest.approx(1.25)
+    assert (large.right, large.bottom) == (small.right, small.bottom)
+    drag_live(view(), start, small, (5000.0, -5000.0), resize=True)
+    assert place_live(view(), message, len(LINES))[1] == pytest.approx(0.6), "still readable"
+    drag_live(view(), start, small, (-5000.0, 5000.0), resize=True)
+    assert place_live(view(), message, len(LINES))[0].top == pytest.approx(900.0)
+    forget_drawing()
+    assert placement == Placement()
+
+
+def test_the_settings_of_the_last_operator_cover_no_axis(placed: Placement) -> None:
+    message = Message({}, draft())
+    placement.size = 0.5
+    alone, _ = place_live(view(), message, len(LINES))
+    assert place_live(view(200), message, len(LINES))[0] == alone
+    above, _ = place_live(view(900), message, len(LINES))
+    assert above.bottom == pytest.approx(20 + 60 - 10 + 12)
+    assert (above.left, above.right) == (alone.left, alone.right)

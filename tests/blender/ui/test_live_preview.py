@@ -364,7 +364,7 @@ def test_a_refusal_is_shown_only_where_the_update_is_refused_too(
     preview = switched_on()
     refusals = 1
 
-    def step(self: Any, context: Any, deadline_s: float) -> float:
+    def step(self: Any, context: Any) -> float:
         nonlocal refusals
         refusals -= 1
         if refusals >= 0:

@@ -302,7 +302,7 @@ def test_the_state_in_a_header_leaves_room_for_the_name(
         region=SimpleNamespace(width=width),
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
     )
-    monkeypatch.setattr(fields, "bpy", SimpleNamespace(context=given))
+    monkeypatch.setattr(fields, "bpy", SimpleNamespace(context=given, app=bpy.app))
     panel = SimpleNamespace(layout=recording.Layout(), bl_label="Measure")
     fields.draw_state(panel, "about 3.4 min")
     assert panel.layout.texts == [expected]

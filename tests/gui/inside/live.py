@@ -74,6 +74,15 @@ class Drawing(bpy.types.Panel):
         bpy.context.scene.frame_start = bpy.context.scene.frame_start
 
 
+def placed(robot: Robot, preview: Any) -> tuple[float, ...]:
+    """Where the preview is in the window: left, bottom, right, top [px]."""
+    region = next(one for one in robot.view.regions if one.type == "WINDOW")
+    picture = sys.modules[module().__name__.replace("live_preview", "live_picture")]
+    with bpy.context.temp_override(window=robot.window, area=robot.view, region=region):
+        box, _ = picture.place_live(bpy.context, preview.draft, len(preview.lines()))
+    return box.left + region.x, box.bottom + region.y, box.right + region.x, box.top + region.y
+
+
 def reset(found: Any) -> None:
     """Count from now on."""
     found.__init__()
@@ -115,6 +124,14 @@ def script(robot: Robot) -> Any:
     result["moving"] = {**robot.stop_watching(), **vars(found)}
     yield from robot.shot("live_moving")
     yield 1.0
+    # The user drags the picture, then its upper left corner.
+    result["placed"] = [placed(robot, preview)]
+    for grip, by_px in ((False, (-150, 60)), (True, (90, -40))):
+        left, bottom, right, top = placed(robot, preview)
+        start = (left + 5, top - 5) if grip else ((left + right) / 2, (bottom + top) / 2)
+        yield from robot.drag(start, (start[0] + by_px[0], start[1] + by_px[1]))
+        result["placed"].append(placed(robot, preview))
+    yield from robot.shot("live_dragged")
     # A mesh that changes is read again.
     reset(found)
     for number in range(100):  # drafts take longer where other work is done

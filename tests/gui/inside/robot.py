@@ -337,6 +337,21 @@ class Robot:
         self._pointer.click(1)
         yield 0.3
 
+    def drag(self, start: tuple[float, float], stop: tuple[float, float]) -> Steps:
+        """Move the mouse from one place of the window to another with the left button pressed.
+
+        Blender gives no event to the script meanwhile, so that another process drags.
+        """
+        yield from self.go(round(start[0]), round(start[1]))
+        yield 0.3
+        words = ["xdotool", "mousedown", "1", "sleep", "0.2"]
+        for part in range(1, 11):
+            x, y = (round(a + part / 10 * (b - a)) for a, b in zip(start, stop, strict=True))
+            words += ["mousemove", str(x), str(self.window.height - y), "sleep", "0.05"]
+        dragging = subprocess.Popen([*words, "sleep", "0.2", "mouseup", "1"])
+        yield from self.wait(lambda: dragging.poll() is not None, "the drag", 20)
+        yield 0.3
+
     def _leave_sidebar(self) -> Steps:
         view = self.view
         for number in range(100):

@@ -151,3 +151,9 @@ def test_all_beyond_the_band_of_an_fmcw_radar_is_an_error_too() -> None:
         assert ("all-echoes-outside-ranges" in codes) == code
         if code:
             assert codes["all-echoes-outside-ranges"]["stop_m"] == pytest.approx(limit_m)
+
+
+def test_paths_without_a_length_are_counted_as_a_measurement_counts_them() -> None:
+    counts = PathCounts(paths=7107, range_encoding_underflow=3)
+    assert counts.text == "7,110 paths, 3 of them without a length"
+    assert PathCounts(paths=11).text == "11 paths"

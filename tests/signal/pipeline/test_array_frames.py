@@ -7,6 +7,7 @@ import csv
 import dataclasses
 import json
 import math
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 
 from radarsim_addon import contract
 from radarsim_addon.errors import ConfigError, MissingDependencyError
-from radarsim_addon.signal import ProcessOptions, Radar, open_run, process_run
+from radarsim_addon.signal import ProcessOptions, Progress, Radar, open_run, process_run
 from radarsim_addon.signal.detection import Cfar, DirectedDetection
 from radarsim_addon.signal.echoes import Receiver
 from radarsim_addon.signal.pipeline.cli import main
@@ -74,6 +75,18 @@ def processed(run: Path, out: Path, **given: object) -> FrameResult:
 def result(run: Path, tmp_path_factory: pytest.TempPathFactory) -> FrameResult:
     out = tmp_path_factory.mktemp("products")
     return processed(run, out, radar=radar_of(), hdf5=True)
+
+
+def test_directions_are_a_step_with_its_time(run: Path, tmp_path: Path) -> None:
+    options = ProcessOptions(plots=False, radar=radar_of())
+    events = list(process_run(run, options, out=tmp_path / "out"))
+    steps = [event for event in events if isinstance(event, Progress)]
+    assert [step.done for step in steps] == list(range(1, steps[-1].total + 1))
+    texts = [re.sub(r" \(\d+\.\d s\)$", " (time)", step.text) for step in steps]
+    assert texts == [
+        f"frame 1: {step} (time)"
+        for step in ("echoes and maps of 12 channels", "directions", "products", "pictures")
+    ]
 
 
 def test_targets_have_the_directions_and_names_of_their_objects(result: FrameResult) -> None:

@@ -223,7 +223,7 @@ def test_command_line_processes_and_informs(folder: Path, capsys: pytest.Capture
     assert main(["info", str(folder)]) == 0
     shown = capsys.readouterr().out
     for words in ("8 of 8 are there", "encoding length    1000 m", "mixed pixels     0.00 %",
-                  "1 Blender unit = 100 m", "range rounding", "paths            11"):  # fmt: skip
+                  "1 Blender unit = 100 m", "range rounding", "  11 paths\n"):  # fmt: skip
         assert words in shown
 
 
@@ -427,3 +427,21 @@ def test_what_fails_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     with pytest.raises(FrameFileError):
         results(folder, drawn, out=out)
     assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("noise_seed", r"give receiver=signal\.Receiver\(noise_seed=\.\.\.\)"),
+        ("spectrogram_object", r"give spectrogram=signal\.SpectrogramOptions\(object_name="),
+        ("cfar_pfa", r"give cfar=signal\.Cfar\(pfa="),
+        ("prf_hz", r"give radar=signal\.Radar\("),
+        ("out", "give the argument out of the function"),
+        ("rain_mm_per_hour", r"did you mean weather=signal\.Weather\(rain_mm_per_h="),
+        ("plot", r"did you mean plots\?"),
+        ("nothing_like_it", r"docs/signal\.md lists them"),
+    ],
+)
+def test_names_that_are_no_options_are_told_where_they_belong(name: str, hint: str) -> None:
+    with pytest.raises(errors.SettingNameError, match=f"no option '{name}'; {hint}"):
+        ProcessOptions(**{name: 1})  # type: ignore[arg-type]

@@ -12,7 +12,8 @@ import pytest
 from radarsim_addon import contract, typed_json
 from radarsim_addon.errors import ConfigError, FrameFileError, RadarSimError, SchemaError
 from radarsim_addon.signal import open_run
-from radarsim_addon.signal.runs import exr
+from radarsim_addon.signal.radar import Burst, array_preset, channels_to_dict
+from radarsim_addon.signal.runs import exr, plan_changes
 from tests.signal.synthetic import (
     PAPER_RADAR,
     Setup,
@@ -187,3 +188,39 @@ def test_damaged_plan(folder: Path) -> None:
 def test_ring_out_of_range_is_the_callers_mistake(folder: Path) -> None:
     with pytest.raises(IndexError):
         open_run(folder).frame(1).image(2)
+
+
+def test_changes_of_a_plan_are_short_texts() -> None:
+    """An array, a PRF, frames and a link budget; nothing of what follows from other fields."""
+    earlier = run_record(Setup(frames=(1, 2, 3)))
+    board = channels_to_dict(array_preset("3x4", 0.0039).channels(Burst(1e4, 64), 1e-5))
+    waveform = {**earlier.waveform, "bandwidth_hz": 5e8}
+    burst = {**earlier.burst, "prf_hz": 2.5e4}
+    now = dataclasses.replace(
+        earlier,
+        frames=[1, 2, 3, 4],
+        frame_times_s=[0.0, 0.1, 0.2, 0.3],
+        waveform=waveform,
+        burst=burst,
+        channels=board,
+        link_budget=contract.LinkBudget(),
+        versions={"radarsim": "0"},
+    )
+    assert plan_changes(earlier, earlier) == []
+    prf, bandwidth = earlier.burst["prf_hz"], earlier.waveform["bandwidth_hz"]
+    assert plan_changes(earlier, now) == [
+        "frames: 1-3 -> 1-4",
+        f"waveform.bandwidth_hz: {bandwidth:.12g} -> 500000000",
+        f"burst.prf_hz: {prf:.12g} -> 25000",
+        "link_budget: none -> set",
+        "array: none -> 3x4",
+    ]
+    assert "array: 3x4 -> none" in plan_changes(now, earlier)
+    moved = [{**channel, "start_offset_s": channel["start_offset_s"] + 1e-6} for channel in board]
+    other = dataclasses.replace(
+        now, channels=moved, link_budget=contract.LinkBudget(noise_figure_db=7.0)
+    )
+    assert plan_changes(now, other) == [
+        "link_budget.noise_figure_db: 0 -> 7",
+        "array: other values",
+    ]
