@@ -272,7 +272,34 @@ def pairs(_: Bench) -> list[Check]:
                     f"power, {name}", power, 10 ** (target.level_db / 10), 0.02, "given"
                 ),
             ]  # fmt: skip
+    rng = np.random.default_rng(8)
+    for apart_deg in (8.0, 15.0, 25.0):
+        worst = max(_pair_error_deg(radar, apart_deg, rng) for _ in range(20))
+        name = f"azimuths of 20 equal pairs, {apart_deg:g} degrees apart"
+        checks.append(absolute_check(name, 0.0, worst, 0.5, "geometry", unit="degrees"))
     return checks
+
+
+def _pair_error_deg(radar: Radar, apart_deg: float, rng: np.random.Generator) -> float:
+    """Larger error of two equal targets at 40 dB anywhere, whose phases add up by chance; infinite
+    where they are not two.
+    """
+    azimuth_deg, range_m = rng.uniform(-40, 40 - apart_deg), rng.uniform(8, 25)
+    expected = [azimuth_deg, azimuth_deg + apart_deg]
+    places = [
+        (range_m + later) * scenes.direction_of(angle)
+        for later, angle in zip((0.0, rng.uniform(0, 0.05)), expected, strict=True)
+    ]
+    echoes = scenes.echoes_of(radar, places, radial_mps=rng.uniform(-3, 3))
+    noise = rng.standard_normal((2, *echoes.samples.shape)) * 1e-2
+    echoes = dataclasses.replace(echoes, samples=echoes.samples + noise[0] + 1j * noise[1])
+    geometry = scenes.geometry_at(radar, time_s=_MIDDLE_S)
+    targets = detect_in_directions(scenes.map_of(echoes), geometry, np.eye(4), dynamics_db=30.0)
+    near = [one for one in targets.targets if one.level_db > -30]
+    if len(near) != 2:
+        return math.inf
+    found = sorted(scenes.angles_of(one)[0] for one in near)
+    return max(abs(one - other) for one, other in zip(found, expected, strict=True))
 
 
 def ghosts(_: Bench) -> list[Check]:

@@ -41,6 +41,10 @@ MAX_SOURCES = 2
 #: Least fraction of the residual power, after the sources found so far, that one more source must
 #: explain. A smaller one is taken as the error of a target that is no point.
 _EXPLAINED = 0.7
+#: Where sources leave more than the first fraction of the amplitudes, other folds are tried whose
+#: beams have more than the second fraction of the strongest one's amplitude. One is taken that
+#: leaves less than the third fraction of what is left.
+_MUCH, _WORTH, _BETTER = 0.2, 0.6, 0.7
 #: Beam widths below which two directions fit the roughness of one target, not two targets.
 _RESOLVED = 0.25
 #: Folds of the Doppler that are tried at most, where slots are very short.
@@ -452,25 +456,49 @@ class DirectionFinder:
         most
             Number of sources at most.
         """
-        fold, place = self._strongest(samples, range_m, doppler_hz, self.folds)
+        starts = self._strongest(samples, range_m, doppler_hz, self.folds)
+        fold, best = (
+            starts[0][0],
+            self._sources(samples, starts[0], range_m, doppler_hz, least_w, most),
+        )
+        # Of two targets, the beam of another fold may be the strongest: what is left tells them.
+        much = _MUCH * np.linalg.norm(samples)
+        for start in starts[1:] if most > 1 and np.linalg.norm(best[2]) > much else []:
+            other = self._sources(samples, start, range_m, doppler_hz, least_w, most)
+            if np.linalg.norm(other[2]) < _BETTER * np.linalg.norm(best[2]):
+                fold, best = start[0], other
+        places, amplitudes, _ = best
         offsets = self._offsets(doppler_hz, np.array([fold]))[0]
-        turned = samples * offsets.conj()
-        places, amplitudes, rest = self._fitted(turned, [place], range_m)
-        # each takes a direction and an amplitude: more unknowns than channels have no solution
-        for _ in range(1, min(most, len(samples) // (2 + self._free.size))):
-            _, place = self._strongest(rest, range_m, 0.0, np.zeros(1, dtype=np.intp))
-            trial = self._fitted(turned, [*places, place], range_m)
-            explained = 1 - (np.linalg.norm(trial[2]) / (np.linalg.norm(rest) or 1.0)) ** 2
-            weak = np.abs(trial[1]).min() ** 2 < least_w
-            if weak or explained < _EXPLAINED or not self.are_apart(trial[0]):
-                break
-            places, amplitudes, rest = trial
         directions = unit_vectors(*places.T)
         weights = np.linalg.pinv((self.geometry.steering(directions, range_m) * offsets).T)
         return [
             Source(directions[n], complex(amplitudes[n]), fold, weights[n], len(places) > 1)
             for n in np.argsort(-np.abs(amplitudes)).tolist()
         ]
+
+    def _sources(
+        self,
+        samples: Complex,
+        start: tuple[int, Real],
+        range_m: float,
+        doppler_hz: float,
+        least_w: float,
+        most: int,
+    ) -> tuple[Real, Complex, Complex]:
+        """Return places and amplitudes of the sources of one fold, and what they leave."""
+        fold, place = start
+        turned = samples * self._offsets(doppler_hz, np.array([fold]))[0].conj()
+        places, amplitudes, rest = self._fitted(turned, [place], range_m)
+        # each takes a direction and an amplitude: more unknowns than channels have no solution
+        for _ in range(1, min(most, len(samples) // (2 + self._free.size))):
+            ((_, place),) = self._strongest(rest, range_m, 0.0, np.zeros(1, dtype=np.intp))
+            trial = self._fitted(turned, [*places, place], range_m)
+            explained = 1 - (np.linalg.norm(trial[2]) / (np.linalg.norm(rest) or 1.0)) ** 2
+            weak = np.abs(trial[1]).min() ** 2 < least_w
+            if weak or explained < _EXPLAINED or not self.are_apart(trial[0]):
+                break
+            places, amplitudes, rest = trial
+        return places, amplitudes, rest
 
     def are_apart(self, directions: Real | Sequence[Real]) -> bool:
         """Return whether directions (k, 2 or 3) are so far apart that they are several."""
@@ -481,15 +509,21 @@ class DirectionFinder:
 
     def _strongest(
         self, samples: Complex, range_m: float, doppler_hz: float, folds: Integers
-    ) -> tuple[int, Real]:
-        """Return fold, and parts to the right and upwards, of the strongest beam of the search."""
+    ) -> list[tuple[int, Real]]:
+        """Return folds, and parts to the right and upwards of the strongest beam of the search of
+        each, the strongest first. Folds of much weaker beams are left out.
+        """
         # what turns spherical into plane wavefronts, as it is straight ahead
         ahead = np.array([[0.0, 0.0, -1.0]])
         curved = (self.geometry.steering(ahead) / self.geometry.steering(ahead, range_m))[0]
         turned = samples * self._offsets(doppler_hz, folds).conj()
         power = np.abs((turned * curved) @ self._plane.conj().T)
-        best, place = np.unravel_index(int(power.argmax()), power.shape)
-        return int(folds[best]), self._directions[place][:2]
+        places, best = power.argmax(axis=1), power.max(axis=1)
+        return [
+            (int(folds[n]), self._directions[places[n]][:2])
+            for n in np.argsort(-best, kind="stable").tolist()
+            if best[n] >= _WORTH * best.max()
+        ]
 
     def _offsets(self, doppler_hz: float, folds: Integers) -> Complex:
         all_hz = np.asarray(doppler_hz + folds * self.geometry.prf_hz, dtype=np.float64)

@@ -321,3 +321,17 @@ def test_far_plane_wavefronts_are_those_of_spheres() -> None:
     plane = dataclasses.replace(geometry, chirp_hz_per_m=0.0)
     apart = np.angle(plane.steering(directions, 1e3) / plane.steering(directions))
     assert np.abs(apart).max() < 2e-4
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("apart_deg", [8.0, 15.0, 25.0])
+def test_two_equal_targets_keep_their_fold(seed: int, apart_deg: float) -> None:
+    """Three transmitters in turn: their sum may look like one target of another fold."""
+    rng = np.random.default_rng(seed)
+    azimuth_deg, range_m = rng.uniform(-40, 40 - apart_deg), rng.uniform(8, 25)
+    expected = [azimuth_deg, azimuth_deg + apart_deg]
+    points = [range_m * direction_of(expected[0]), (range_m + 0.013) * direction_of(expected[1])]
+    radar = radar_of("3x4")
+    found = detected(radar, echoes_of(radar, points, radial_mps=rng.uniform(-3, 3)), 1e-3)
+    near = sorted(one.azimuth_deg for one in found if one.level_db > -60)
+    assert near == pytest.approx(expected, abs=0.5)
