@@ -323,7 +323,7 @@ def test_far_plane_wavefronts_are_those_of_spheres() -> None:
     assert np.abs(apart).max() < 2e-4
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("apart_deg", [8.0, 15.0, 25.0])
 def test_two_equal_targets_keep_their_fold(seed: int, apart_deg: float) -> None:
     """Three transmitters in turn: their sum may look like one target of another fold."""

@@ -329,3 +329,22 @@ def test_channels_in_turns_meet_the_oscillator_at_their_times() -> None:
     for number in range(2):
         np.testing.assert_allclose(in_turns[number], one[number::2], rtol=0, atol=1e-9 * largest)
     assert abs(one[1::2] - one[::2]).max() > 1e-3 * largest
+
+
+def test_an_array_is_what_each_of_its_channels_is_alone() -> None:
+    """Antennas apart whose elements are at the same places in their axes: values that channels
+    share are those of the right end.
+    """
+    paths, antennas = paths_of(True)
+    elements = [Element((0.0, 0.02, 0.0)), Element((0.04, 0.0, 0.01))]
+    channels = tuple(Channel(tx, rx) for tx in elements for rx in elements)
+
+    def samples_of(*chosen: Channel) -> np.ndarray:
+        radar = Radar(PMCW, BURST, chosen)
+        synthesizer = synthesizer_for(radar, (0.0, 60.0), antennas=antennas)
+        synthesizer.add(paths)
+        return synthesizer.result().samples
+
+    together = samples_of(*channels)
+    for found, channel in zip(together, channels, strict=True):
+        np.testing.assert_array_equal(found, samples_of(channel)[0])

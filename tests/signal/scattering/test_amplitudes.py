@@ -18,7 +18,7 @@ from radarsim_addon.signal.decoding import frame_paths, open_frame
 from radarsim_addon.signal.detection import FrameBudget
 from radarsim_addon.signal.echoes import pulse_times_s, synthesize
 from radarsim_addon.signal.motion import BodyMotion, FrameMotion, body_record
-from radarsim_addon.signal.motion.body_motion import Segment
+from radarsim_addon.signal.motion.body_motion import Segment, rotation
 from radarsim_addon.signal.paths import (
     PathRows,
     geometry_of,
@@ -118,6 +118,24 @@ def test_a_turning_radar_draws_its_pattern(name: str) -> None:
     assert link.apply(paths).gain[0] == pytest.approx(
         np.mean(two_way_gain(system, times_s)) / EIRP_W, rel=1e-12
     )
+
+
+def test_elements_in_one_place_that_look_elsewhere_keep_their_gains() -> None:
+    """An array's channels are those of a radar with each of them alone."""
+    paths, link, _ = swept(next(iter(ANTENNAS)), 3)
+    turn = tuple(map(tuple, rotation(np.array([0.0, 0.1, 0.0])).tolist()))
+    ahead, aside = Element((0.01, 0.0, 0.0)), Element((0.01, 0.0, 0.0), turn)
+    channels = Channel(ahead, ahead), Channel(ahead, aside), Channel(aside, aside)
+
+    def samples_of(*chosen: Channel) -> np.ndarray:
+        radar = Radar(WAVEFORM, BURST, chosen)
+        return synthesize(paths, radar, range_limits_m=(250.0, 350.0), link=link).samples
+
+    together = samples_of(*channels)
+    for found, channel in zip(together, channels, strict=True):
+        np.testing.assert_array_equal(found, samples_of(channel)[0])
+    power = np.sum(np.abs(together) ** 2, axis=(1, 2))
+    assert power[1] != pytest.approx(power[0], rel=1e-3)
 
 
 @pytest.mark.parametrize("slower", [1.0, 10.0, 1000.0])
