@@ -272,10 +272,15 @@ def pairs(_: Bench) -> list[Check]:
                     f"power, {name}", power, 10 ** (target.level_db / 10), 0.02, "given"
                 ),
             ]  # fmt: skip
-    rng = np.random.default_rng(8)
+    return checks
+
+
+def equal_pairs(_: Bench) -> list[Check]:
+    """Two equal points in one cell at random places: their sum may look like one of another fold."""
+    radar, rng, checks = scenes.radar_of("3x4"), np.random.default_rng(8), []
     for apart_deg in (8.0, 15.0, 25.0):
         worst = max(_pair_error_deg(radar, apart_deg, rng) for _ in range(20))
-        name = f"azimuths of 20 equal pairs, {apart_deg:g} degrees apart"
+        name = f"azimuths of 20 pairs, {apart_deg:g} degrees apart"
         checks.append(absolute_check(name, 0.0, worst, 0.5, "geometry", unit="degrees"))
     return checks
 
@@ -488,6 +493,7 @@ GROUP = Group(
         Case("transmitters in turn", turns, 20.0),
         Case("transmitters at once", at_once, 10.0),
         Case("two points in one cell", pairs, 10.0),
+        Case("two equal points in one cell", equal_pairs, 120.0),
         Case("balls at random places", balls, 200.0),
         Case("ghosts over a wall", ghosts, 20.0),
         Case("a wall that an edge hides", hidden, 60.0),
