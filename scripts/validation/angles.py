@@ -276,7 +276,7 @@ def pairs(_: Bench) -> list[Check]:
 
 
 def equal_pairs(_: Bench) -> list[Check]:
-    """Two equal points in one cell at random places: their sum may look like one of another fold."""
+    """Two equal points in one cell at random places: the sum may look like one of another fold."""
     radar, rng, checks = scenes.radar_of("3x4"), np.random.default_rng(8), []
     for apart_deg in (8.0, 15.0, 25.0):
         worst = max(_pair_error_deg(radar, apart_deg, rng) for _ in range(20))
