@@ -216,7 +216,7 @@ def at_once(_: Bench) -> list[Check]:
         alone = scenes.echoes_of(radar, points_m).samples[:, : scenes.BURST.pulses]
         away = _told_apart(radar, scenes.echoes_of(radar, points_m)) - alone
         error = float(np.linalg.norm(away) / np.linalg.norm(alone))
-        checks.append(absolute_check(f"{name} at rest", 0.0, error, 1e-6, "sent one by one"))
+        checks.append(absolute_check(f"{name}, stationary", 0.0, error, 1e-6, "sent one by one"))
         for speed_mps in (0.5, 3.0, -7.0):
             echoes = scenes.echoes_of(radar, points_m[:1], radial_mps=speed_mps)
             only = np.zeros_like(echoes.samples)

@@ -211,6 +211,11 @@ class Measurement:
             object.__setattr__(
                 self, "channels", array.channels(self.burst, self.waveform.duration_s)
             )
+        elif self.array_schedule != "tdm" and len({one.tx for one in self.channels}) > 1:
+            raise ConfigError(
+                f"The schedule {self.array_schedule} is asked for, but the elements are those of a "
+                'radar file, which has its own. Put "schedule" into its array, or choose a preset.'
+            )
         self.radar  # noqa: B018  # the chirp must fit into the pulse interval
         check_settings(self)
         if not self.frames:

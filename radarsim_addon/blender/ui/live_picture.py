@@ -484,8 +484,8 @@ def drag_live(
 def _free_corner(context: bpy.types.Context) -> tuple[float, tuple[float, float]]:
     """Return the scale of the display, and the lower right corner that nothing overlaps [px]."""
     scale = float(context.preferences.system.ui_scale)
-    beside = _over_px(context, "width", "UI")
-    return scale, (context.region.width - beside - _MARGIN_PX * scale, _MARGIN_PX * scale)
+    sidebar_px = _over_px(context, "width", "UI")
+    return scale, (context.region.width - sidebar_px - _MARGIN_PX * scale, _MARGIN_PX * scale)
 
 
 def _over_px(context: bpy.types.Context, side: str, *kinds: str) -> int:

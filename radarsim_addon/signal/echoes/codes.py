@@ -9,7 +9,7 @@ Poor, IEEE Signal Process. Mag. 37, 98, 2020). Other codes are taken off in bloc
 
     x_t[p] = 1/L sum_q conj(c_t[q]) y[p L + q],
 
-with the time of the block's middle. Both are exact for scenes at rest. Of a target whose phase
+with the time of the block's middle. Both are exact for stationary scenes. Of a target whose phase
 turns by w from pulse to pulse, transmitter s leaks into t by |1/L sum_q conj(c_t[q]) c_s[q]
 exp(j w q)| in blocks (`crosstalk`); in bands by the sidelobes of the burst's spectrum alone.
 """
@@ -104,7 +104,7 @@ def separate(received: ReceivedSignal, radar: Radar) -> ReceivedSignal:
 
 
 def crosstalk(radar: Radar, range_rate_mps: float) -> float:
-    """Return the largest share of one transmitter in another after separation, relative to its
+    """Return the largest part of one transmitter in another after separation, relative to its
     amplitude, for a point at a constant range rate.
 
     Parameters
@@ -117,8 +117,8 @@ def crosstalk(radar: Radar, range_rate_mps: float) -> float:
     Returns
     -------
     float
-        0 at rest. For phases that rise evenly: 0 at the target's own Doppler up to the range rate
-        at which its echo leaves its share of the Doppler axis, 1 beyond.
+        0 if it is stationary. For phases that rise evenly: 0 at the target's own Doppler up to the range rate
+        at which its echo leaves its part of the Doppler axis, 1 beyond.
     """
     turn = -4 * math.pi * range_rate_mps * radar.waveform.carrier_hz / SPEED_OF_LIGHT_MPS
     turn /= radar.sent.burst.prf_hz
