@@ -117,8 +117,8 @@ def crosstalk(radar: Radar, range_rate_mps: float) -> float:
     Returns
     -------
     float
-        0 if it is stationary. For phases that rise evenly: 0 at the target's own Doppler up to the range rate
-        at which its echo leaves its part of the Doppler axis, 1 beyond.
+        0 if it is stationary. For phases that rise evenly: 0 at the target's own Doppler up to the
+        range rate at which its echo leaves its part of the Doppler axis, 1 beyond.
     """
     turn = -4 * math.pi * range_rate_mps * radar.waveform.carrier_hz / SPEED_OF_LIGHT_MPS
     turn /= radar.sent.burst.prf_hz
