@@ -263,7 +263,7 @@ class RADARSIM_PT_waveform(ActiveRadarPanel, bpy.types.Panel):
         labels = {"pulses": tr("Chirps")} if group.waveform_kind == "fmcw" else {}
         draw_fields(layout, group, RADAR_SETTINGS, "prf_hz", "pulses", after=after, labels=labels)
         draw_fields(layout, group, RADAR_SETTINGS, "array")
-        if group.array in ("3x4", "12x16"):
+        if group.array in ("3x4", "12x16") or group.array_schedule != "tdm":
             draw_fields(layout, group, RADAR_SETTINGS, "array_schedule")
         if measurement is None and not shown_at_field(group, wrong):
             wrapped(context, layout, wrong, "ERROR")

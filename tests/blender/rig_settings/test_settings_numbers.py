@@ -30,7 +30,7 @@ from radarsim_addon.blender.plan.run_plan import range_encoding_length_m
 from radarsim_addon.blender.rings.ring_job import verify_exr
 from radarsim_addon.blender.scene.ground_truth import nearest_distances
 from radarsim_addon.errors import ConfigError, OutputError, RenderError
-from radarsim_addon.signal.radar import Burst, Waveform
+from radarsim_addon.signal.radar import Burst, Channel, Element, Waveform
 
 PAPER = Measurement(
     Waveform(5.3e9, 50e6, 2.5e-6, 60e6),
@@ -40,6 +40,10 @@ PAPER = Measurement(
     250.0,
     snapshot_interval_s=0.01,
 )
+
+
+#: Two transmitters of a radar file, in turn.
+TWO = tuple(Channel(Element((0.01 * n, 0.0, 0.0)), start_offset_s=2e-4 * n) for n in range(2))
 
 
 def test_frames() -> None:
@@ -70,6 +74,7 @@ def test_frames() -> None:
         ({"seed": -1}, "Seed is -1"),
         ({"extinction_length_m": -1.0}, "Extinction length is -1.0"),
         ({"burst": Burst(1e6, 1)}, "Chirp of 2.5e-06 s is longer"),
+        ({"array_schedule": "bpm", "channels": TWO}, "schedule bpm is asked for, but the elements"),
     ],
 )
 def test_numbers_that_cannot_be_measured(change: dict[str, Any], message: str) -> None:
