@@ -229,6 +229,7 @@ class _Points:
     bend_m: Real  #: of the bend at the time [m]
     slope_mps: Real  #: of the bend at the time [m/s]
     reference_m: float  #: from which delays are counted
+    middle_m: Real  #: coefficients of the middle of all bends [m]
 
     @classmethod
     def of(cls, rows: SmoothRows, bases: AllPulses, time_s: float) -> _Points:
@@ -253,11 +254,12 @@ class _Points:
         middle = MiddleMotion.of(delay_s, rate, reference_m / SPEED_OF_LIGHT_MPS, sums)
         cycles += middle.path_cycles()
         phasors = unit_phasors(cycles)
+        middle_m = (rows.bend_m.min(axis=0) + rows.bend_m.max(axis=0)) / 2
         if sums.pulse is not None:
             phasors *= sums.pulse.stretch(tangent_mps)
         return cls(
             rows, bases, time_s, middle, phasors, length_m, tangent_mps, bend_m, slope_mps,
-            reference_m,
+            reference_m, middle_m,
         )  # fmt: skip
 
     @property
@@ -274,7 +276,7 @@ class _Points:
         """Return e_c at times from the middle, in their shape [m]."""
         if self.bases.lengths is None or self.straight:
             return np.zeros(since_s.shape)
-        middle_m = (self.rows.bend_m.min(axis=0) + self.rows.bend_m.max(axis=0)) / 2
+        middle_m = self.middle_m
         now, slope = _bends(self.bases.lengths, middle_m.size, np.array([self.time_s]))
         later, _ = _bends(self.bases.lengths, middle_m.size, self.time_s + since_s.ravel())
         found = ((later - now) @ middle_m).reshape(since_s.shape)
